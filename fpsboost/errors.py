@@ -1,0 +1,28 @@
+"""What can go wrong, as one tree.
+
+::
+
+    FpsboostError
+    ├── OptionError     a value that can never work: factor 0, an unknown method
+    ├── InputError      the source cannot be read, or holds too little
+    └── OutputError     the target exists, cannot be written, or cannot hold the streams
+
+Every message is one sentence that names the file or the option and says what to do. The library raises;
+only the command line prints and chooses an exit code (2 for `OptionError`, 1 for the others).
+"""
+
+
+class FpsboostError(Exception):
+    """Base of everything that fpsboost raises on purpose."""
+
+
+class OptionError(FpsboostError, ValueError):
+    """An option or argument has a value that can never work."""
+
+
+class InputError(FpsboostError):
+    """The source is missing, unreadable, damaged beyond use, or too short."""
+
+
+class OutputError(FpsboostError):
+    """The target exists already, cannot be written, or cannot hold what it should."""

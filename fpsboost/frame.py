@@ -1,0 +1,116 @@
+"""Frames, clips, and the conventions that every module of the package keeps.
+
+Images
+    Arrays of shape (height, width, channels), C-contiguous, channels 1 (gray), 3 (BGR) or 4 (BGRA) in OpenCV's
+    order; uint8 and uint16 use their whole range, float32 has 1.0 for white. Indexed ``[y, x]``, sizes given as
+    (height, width).
+Motion
+    ``flow01[y, x] = (dx, dy)`` in pixels, float32: ``image1[y + dy, x + dx]`` looks like ``image0[y, x]``. The
+    direction is in the name: ``flow01`` from frame 0 to frame 1, ``flow10`` back.
+Time
+    Presentation times are `fractions.Fraction` seconds, exactly as the container's ticks say. ``t`` in [0, 1] is a
+    place between two frames: 0 is ``frame0``, 1 is ``frame1``. A frame rate is a Fraction, never a float.
+Words
+    *offset* an integer candidate of motion; *search_radius* the largest one; *patch_radius* r for a patch of
+    (2r + 1) x (2r + 1) pixels; *similarity* higher is better; *warp* gathers, *splat* scatters and leaves *holes*;
+    *scene_cut* no motion leads across it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import InputError
+
+type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
+
+Image = NDArray[Any]
+"""(height, width, channels) uint8, uint16 or float32; see the module's conventions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One picture and when it is shown.
+
+    Attributes
+    ----------
+    image : (H, W, C) uint8, uint16 or float32
+    time : Fraction
+        Presentation time in seconds.
+    duration : Fraction
+        How long it is shown, in seconds; 0 where the source does not say.
+    original : object or None
+        The decoder's own picture, kept so that a sink of the same kind can write it without any conversion.
+        None for frames that were made.
+    """
+
+    image: Image
+    time: Fraction
+    duration: Fraction = Fraction(0)
+    original: object | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ClipInfo:
+    """What a source knows before its first frame is read.
+
+    Attributes
+    ----------
+    name : str
+        The path or pattern as the user gave it.
+    height, width : int
+        Pixels, as stored (a rotation tag is not applied).
+    rate : Fraction
+        Nominal frames per second.
+    time_base : Fraction
+        Seconds per tick: every frame time is a multiple of it.
+    frame_count : int or None
+        Frames that the source declares; None where it does not say.
+    """
+
+    name: str
+    height: int
+    width: int
+    rate: Fraction
+    time_base: Fraction
+    frame_count: int | None
+
+
+def check_pair(image0: Image, image1: Image) -> None:
+    """Raise `InputError` unless both arrays are images of this package and of one size and type.
+
+    Parameters
+    ----------
+    image0, image1 : (H, W, C) uint8, uint16 or float32
+
+    Raises
+    ------
+    InputError
+        Wrong number of axes or channels, unknown type, or the two differ.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> check_pair(np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6, 3), np.uint8))
+    """
+    for image in (image0, image1):
+        if image.ndim != 3 or image.shape[2] not in (1, 3, 4) or 0 in image.shape:
+            raise InputError(f"An image must have the shape (height, width, 1, 3 or 4), not {image.shape}.")
+        if image.dtype not in type_names:
+            raise InputError(f"An image must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
+    if image0.shape != image1.shape or image0.dtype != image1.dtype:
+        raise InputError(
+            f"Two frames of one clip must be alike, but one is {describe(image0)} and the other {describe(image1)}; "
+            "make them one size and type first."
+        )
+
+
+def describe(image: Image) -> str:
+    """Say an image's size and type the way people do: ``640x360, 3 channels, 8-bit``."""
+    height, width, channels = image.shape
+    return f"{width}x{height}, {channels} channel{'s' if channels > 1 else ''}, {type_names[image.dtype]}"

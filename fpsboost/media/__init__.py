@@ -1,0 +1,84 @@
+"""Where frames come from and go to.
+
+Two contracts, `FrameSource` and `FrameSink`, and the two functions that pick an implementation by looking at a path:
+`open_source` and `open_sink`. A path names a video file, a folder of images, or a pattern of images
+(``shot_%04d.png``, ``shot_####.png``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from types import TracebackType
+from typing import Protocol, Self
+
+from fpsboost.frame import ClipInfo, Frame
+
+
+class FrameSource(Protocol):
+    """Contract: a clip that is read once, in presentation order.
+
+    Opening reads only headers. Iterating yields frames whose times strictly increase and whose images all have one
+    shape and dtype, and raises `InputError` where the material does not allow that. A source is a context manager;
+    leaving it closes the file.
+    """
+
+    @property
+    def info(self) -> ClipInfo: ...
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about what was lost or guessed so far (damage, missing duration); complete after the last frame."""
+        ...
+
+    def __iter__(self) -> Iterator[Frame]: ...
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+class FrameSink(Protocol):
+    """Contract: a target that appears whole or not at all.
+
+    Frames are written in order, each with its time and duration set. A sink is a context manager: leaving it normally
+    finishes the output and gives it its final name; leaving it by an exception removes every trace. What stood under
+    the final name before stays untouched until then. Raises `OutputError`, never a bare OSError.
+    """
+
+    holds_last_frame: bool
+    """True where the last frame must be shown for its duration (video); False where a clip ends with it (images)."""
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about what the target could not hold."""
+        ...
+
+    def write(self, frame: Frame) -> None: ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+@dataclass(frozen=True)
+class OutputTiming:
+    """The clock of an output.
+
+    Parameters
+    ----------
+    rate : Fraction
+        Nominal frames per second.
+    time_base : Fraction
+        Seconds per tick; frame times are multiples of it (or rounded to it where the container is coarser).
+    """
+
+    rate: Fraction
+    time_base: Fraction

@@ -1,0 +1,180 @@
+"""Which output frame falls between which two source frames, and where.
+
+Pure arithmetic on exact fractions: nothing here knows about images or files, and no rounding ever happens, so hours of
+23.976 frames per second stay exact.
+
+A schedule is asked pair by pair for the output frames in the half-open interval [time0, time1), so that a stream needs
+to know no more than two frames at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple, Protocol
+
+from fpsboost.errors import OptionError
+
+LARGEST_FACTOR = 1000
+LARGEST_RATE = 100_000
+LARGEST_TICKS_PER_SECOND = 2**31 - 1  # containers keep the time scale in 32 bits
+
+
+class Step(NamedTuple):
+    """One output frame: when it is shown, and how far it lies between its two source frames."""
+
+    time: Fraction
+    t: Fraction
+
+
+class Schedule(Protocol):
+    """Contract: where output frames lie. Implementations are `ByFactor` and `ByRate`."""
+
+    def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        """Yield the output frames in [time0, time1), in order.
+
+        Parameters
+        ----------
+        index : int
+            Number of the source frame at `time0`, counted from 0.
+        start : Fraction
+            Time of source frame 0, seconds.
+        time0, time1 : Fraction
+            Times of this source frame and the next one, seconds; time0 < time1.
+        """
+        ...
+
+    def rate(self, source_rate: Fraction) -> Fraction:
+        """Nominal output frames per second."""
+        ...
+
+    def time_base(self, source_time_base: Fraction) -> Fraction:
+        """Seconds per tick that represent every output time exactly (where 32 bits suffice)."""
+        ...
+
+
+@dataclass(frozen=True)
+class ByFactor:
+    """Multiply the frames: each source interval is divided evenly, whatever its length.
+
+    Output frame k lies at source position k / factor, so variable frame rates keep their rhythm and every source frame
+    that is hit keeps its exact time.
+
+    Parameters
+    ----------
+    factor : Fraction
+        Output frames per source frame, 0 < factor <= 1000.
+
+    Raises
+    ------
+    OptionError
+        The factor is out of range.
+
+    Examples
+    --------
+    >>> [float(step.time) for step in ByFactor(Fraction(5, 2)).steps(0, Fraction(0), Fraction(0), Fraction(1))]
+    [0.0, 0.4, 0.8]
+    """
+
+    factor: Fraction
+
+    def __post_init__(self) -> None:
+        if not 0 < self.factor <= LARGEST_FACTOR:
+            raise OptionError(f"--factor must be above 0 and at most {LARGEST_FACTOR}, not {self.factor}.")
+
+    def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        for k in range(math.ceil(index * self.factor), math.ceil((index + 1) * self.factor)):
+            t = k / self.factor - index
+            yield Step(time0 + t * (time1 - time0), t)
+
+    def rate(self, source_rate: Fraction) -> Fraction:
+        return source_rate * self.factor
+
+    def time_base(self, source_time_base: Fraction) -> Fraction:
+        return _representable(source_time_base / self.factor.numerator, source_time_base)
+
+
+@dataclass(frozen=True)
+class ByRate:
+    """A constant output rate, counted from the first source frame; real source times decide t.
+
+    Parameters
+    ----------
+    frames_per_second : Fraction
+        Output rate, above 0 and at most 100000.
+
+    Raises
+    ------
+    OptionError
+        The rate is out of range.
+
+    Examples
+    --------
+    >>> [str(step.t) for step in ByRate(Fraction(60)).steps(0, Fraction(0), Fraction(0), Fraction(1, 24))]
+    ['0', '2/5', '4/5']
+    """
+
+    frames_per_second: Fraction
+
+    def __post_init__(self) -> None:
+        if not 0 < self.frames_per_second <= LARGEST_RATE:
+            raise OptionError(f"--fps must be above 0 and at most {LARGEST_RATE}, not {self.frames_per_second}.")
+
+    def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
+        first = math.ceil((time0 - start) * self.frames_per_second)
+        last = math.ceil((time1 - start) * self.frames_per_second)
+        for k in range(first, last):
+            time = start + k / self.frames_per_second
+            yield Step(time, (time - time0) / (time1 - time0))
+
+    def rate(self, source_rate: Fraction) -> Fraction:
+        return self.frames_per_second
+
+    def time_base(self, source_time_base: Fraction) -> Fraction:
+        ticks = Fraction(1, self.frames_per_second.numerator)
+        return _representable(Fraction(1, math.lcm(ticks.denominator, source_time_base.denominator)), ticks)
+
+
+def _representable(time_base: Fraction, otherwise: Fraction) -> Fraction:
+    return time_base if time_base.denominator <= LARGEST_TICKS_PER_SECOND else otherwise
+
+
+def parse_rate(text: str) -> Fraction:
+    """Read a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001.
+
+    Parameters
+    ----------
+    text : str
+        ``60``, ``59.94`` or ``60000/1001``.
+
+    Raises
+    ------
+    OptionError
+        Not a number.
+
+    Examples
+    --------
+    >>> parse_rate("59.94")
+    Fraction(60000, 1001)
+    """
+    value = parse_number(text, "frame rate")
+    nearest = round(value * 1001 / 1000)
+    ntsc = Fraction(nearest * 1000, 1001)
+    is_ntsc = "/" not in text and value.denominator > 1 and nearest % 6 == 0 and abs(value - ntsc) < Fraction(1, 200)
+    return ntsc if is_ntsc else value
+
+
+def parse_number(text: str, meaning: str) -> Fraction:
+    """Read a whole number, a decimal or a fraction such as ``5/2`` exactly.
+
+    Raises
+    ------
+    OptionError
+        Not a number; `meaning` names it in the message.
+    """
+    try:
+        return Fraction(text.strip())
+    except (ValueError, ZeroDivisionError):
+        raise OptionError(f"The {meaning} {text!r} is not a number; write it like 2, 2.5, 5/2 or 60000/1001.") from None
