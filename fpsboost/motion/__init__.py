@@ -1,1 +1,32 @@
-"""."""
+"""Motion between two frames.
+
+One contract, `MotionEstimator`, and its implementations: `ExhaustiveSearch` (the report's), `CoarseToFine` (the
+default), `Dis` and `Farneback` (OpenCV's optical flow) and `Still` (no motion at all). Each is a frozen dataclass whose
+fields are its options.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from fpsboost.frame import Image
+from fpsboost.motion.field import MotionField
+
+
+class MotionEstimator(Protocol):
+    """Contract: where do the pixels of each frame go in the other one?"""
+
+    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+        """Estimate the motion in both directions.
+
+        Parameters
+        ----------
+        image0, image1 : (H, W, C) uint8, uint16 or float32
+            Two frames of one size and type.
+
+        Returns
+        -------
+        field01, field10 : MotionField
+            From frame 0 to frame 1 and back; two independent fields, not each other's inverse.
+        """
+        ...

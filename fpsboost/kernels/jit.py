@@ -1,0 +1,13 @@
+"""Compiler options of the kernels.
+
+Contraction to fused multiply-add is allowed everywhere; reordering of sums nowhere, so that results do not depend on how
+a loop was cut into vectors or threads.
+"""
+
+JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+
+FINITE_JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz", "nnan", "ninf"}}
+"""For inner loops whose values are known to be finite: minimum and maximum become single instructions."""
+
+LANES = 16
+"""Rows are processed in whole groups of this many pixels; a scalar rest loop would cost as much as ten vectors."""

@@ -1,0 +1,181 @@
+"""The report's two searches for the source pixel of an in-between pixel (section 3)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from fpsboost.kernels.jit import JIT
+
+FARTHEST = np.float32(np.finfo(np.float32).max)
+
+
+@njit(inline="always", **JIT)
+def nearest_inside(value, size):  # type: ignore[no-untyped-def]
+    """Round half up, then clamp to an index."""
+    return min(max(int(np.floor(value + np.float32(0.5))), 0), size - 1)
+
+
+@njit(inline="always", **JIT)
+def misses(flow, t, source_y, source_x, y, x):  # type: ignore[no-untyped-def]
+    """How far the source lands from the target at t: ``(dx, dy)``."""
+    return (
+        np.float32(source_x) + t * flow[source_y, source_x, 0] - np.float32(x),
+        np.float32(source_y) + t * flow[source_y, source_x, 1] - np.float32(y),
+    )
+
+
+@njit(parallel=True, cache=True, **JIT)
+def search_iteratively(flow, t, iterations, source, found):  # type: ignore[no-untyped-def]
+    """Fixed-point search of Yang et al. 2011: q <- p - t m(q), from q = p, until q lands on p.
+
+    Parameters
+    ----------
+    flow : (H, W, 2) float32
+        Motion of the source frame.
+    t : float32
+        Distance in time from the source frame, in intervals.
+    iterations : int
+        Limit; beyond it the result of the first iteration stands.
+    source : (H, W) int32
+        Out: ``y * W + x`` of the source pixel.
+    found : (H, W) bool
+        Out: whether it lands on the target's pixel.
+    """
+    height, width = flow.shape[:2]
+    half = np.float32(0.5)
+    for y in prange(height):
+        for x in range(width):
+            source_y, source_x = y, x
+            first = 0
+            success = False
+            for iteration in range(iterations):
+                miss_x, miss_y = misses(flow, t, source_y, source_x, y, x)
+                if abs(miss_x) <= half and abs(miss_y) <= half:
+                    success = True
+                    break
+                dx, dy = flow[source_y, source_x, 0], flow[source_y, source_x, 1]
+                source_x = nearest_inside(np.float32(x) - t * dx, width)
+                source_y = nearest_inside(np.float32(y) - t * dy, height)
+                if iteration == 0:
+                    first = source_y * width + source_x
+            if not success:
+                miss_x, miss_y = misses(flow, t, source_y, source_x, y, x)
+                success = abs(miss_x) <= half and abs(miss_y) <= half
+            source[y, x] = source_y * width + source_x if success else first
+            found[y, x] = success
+
+
+@njit(cache=True, **JIT)
+def bin_landings(flow, t, starts, members):  # type: ignore[no-untyped-def]
+    """Sort all source pixels by the pixel they land on at t (a counting sort, in raster order within a cell).
+
+    Landings outside of the frame go to the nearest cell inside.
+
+    Parameters
+    ----------
+    flow : (H, W, 2) float32
+    t : float32
+    starts : (H * W + 1,) int32
+        Out: the members of cell c are ``members[starts[c]:starts[c + 1]]``.
+    members : (H * W,) int32
+        Out: source pixels, ``y * W + x``.
+    """
+    height, width = flow.shape[:2]
+    starts[:] = 0
+    cells = np.empty(height * width, np.int32)
+    for y in range(height):
+        for x in range(width):
+            cell_x = nearest_inside(np.float32(x) + t * flow[y, x, 0], width)
+            cell_y = nearest_inside(np.float32(y) + t * flow[y, x, 1], height)
+            cell = cell_y * width + cell_x
+            cells[y * width + x] = cell
+            starts[cell + 1] += 1
+    for cell in range(height * width):
+        starts[cell + 1] += starts[cell]
+    cursor = starts[:-1].copy()
+    for pixel in range(height * width):
+        cell = cells[pixel]
+        members[cursor[cell]] = pixel
+        cursor[cell] += 1
+
+
+@njit(parallel=True, cache=True, **JIT)
+def search_nearest_landing(  # type: ignore[no-untyped-def]
+    flow, t, search_radius, starts, members, source, found
+):
+    """Exact brute force of the report: of all sources within the search radius, the one that lands nearest.
+
+    Cells are visited in square rings around the target until no further ring can hold anything nearer, so the cost
+    depends on how evenly the landings are spread and not on the radius. Ties go to the first source in raster order.
+
+    Parameters
+    ----------
+    flow : (H, W, 2) float32
+    t : float32
+    search_radius : int
+        Sources further than this in x or y do not count.
+    starts, members
+        From `bin_landings`.
+    source, found
+        Out: as in `search_iteratively`.
+    """
+    height, width = flow.shape[:2]
+    half = np.float32(0.5)
+    for y in prange(height):
+        for x in range(width):
+            nearest = FARTHEST
+            winner = y * width + x
+            for ring in range(max(height, width)):
+                # a landing in this ring is at least so far away in x or in y
+                bound = np.float32(max(0.0, ring - 0.5))
+                if bound * bound > nearest:
+                    break
+                for cell_y in range(max(0, y - ring), min(height - 1, y + ring) + 1):
+                    step = 1 if ring == 0 or abs(cell_y - y) == ring else 2 * ring
+                    for cell_x in range(x - ring, x + ring + 1, step):
+                        if cell_x < 0 or cell_x >= width:
+                            continue
+                        cell = cell_y * width + cell_x
+                        for k in range(starts[cell], starts[cell + 1]):
+                            pixel = members[k]
+                            source_y, source_x = pixel // width, pixel % width
+                            if abs(source_y - y) > search_radius or abs(source_x - x) > search_radius:
+                                continue
+                            miss_x, miss_y = misses(flow, t, source_y, source_x, y, x)
+                            distance = miss_x * miss_x + miss_y * miss_y
+                            if distance < nearest or (distance == nearest and pixel < winner):
+                                nearest = distance
+                                winner = pixel
+            source[y, x] = winner
+            miss_x, miss_y = misses(flow, t, winner // width, winner % width, y, x)
+            found[y, x] = abs(miss_x) <= half and abs(miss_y) <= half
+
+
+@njit(parallel=True, cache=True, **JIT)
+def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):  # type: ignore[no-untyped-def]
+    """Colour every target from its two sources: blended in time, or from the only one that lands on it.
+
+    Parameters
+    ----------
+    image0, image1 : (H, W, C)
+    t : float32
+    half : float32
+        0.5 where the output is rounded to integers, else 0.
+    source0, found0, source1, found1
+        From the searches in frame 0 and frame 1.
+    out : (H, W, C), dtype of the images
+    """
+    height, width, channels = image0.shape
+    for y in prange(height):
+        for x in range(width):
+            weight = t
+            if found0[y, x] and not found1[y, x]:
+                weight = np.float32(0)
+            elif found1[y, x] and not found0[y, x]:
+                weight = np.float32(1)
+            y0, x0 = source0[y, x] // width, source0[y, x] % width
+            y1, x1 = source1[y, x] // width, source1[y, x] % width
+            for c in range(channels):
+                value = (np.float32(1) - weight) * np.float32(image0[y0, x0, c]) + weight * np.float32(image1[y1, x1, c])
+                out[y, x, c] = out.dtype.type(value + half)

@@ -1,0 +1,169 @@
+"""Search by tiles over the distinct offsets that a coarser level proposes.
+
+Neighbouring pixels mostly propose the same few offsets. So for each tile the distinct proposals in and around it are
+gathered once, each with its neighbours, and the summed similarity of every one of them is computed over the whole tile
+with running sums: the cost a pixel is that of a few dozen offsets, whatever the search radius.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from numba import njit, prange
+
+from fpsboost.kernels.jit import FINITE_JIT, LANES
+from fpsboost.kernels.similarity import UNIT, similarity
+
+TILE = 32
+"""Side of a tile, pixels."""
+
+AROUND = 8
+"""Proposals are gathered this far beyond the tile, pixels."""
+
+EVERY = 4
+"""One pixel in so many, along x and y, has its proposal gathered."""
+
+PADDING = TILE + LANES
+"""How far beyond the frame a tile may be compared, pixels."""
+
+
+@njit(inline="always", **FINITE_JIT)
+def gather_offsets(  # type: ignore[no-untyped-def]
+    guess_x, guess_y, top, left, bottom, right, reach, limit, seen, offsets
+):
+    """List the distinct offsets within `reach` of any guess in a window; returns how many.
+
+    `seen` is (2 limit + 1)^2 flags, false at the start and at the end; `offsets` (2, capacity) out.
+    """
+    count = 0
+    for y in range(top, bottom, EVERY):
+        for x in range(left, right, EVERY):
+            dy, dx = guess_y[y, x], guess_x[y, x]
+            for oy in range(max(dy - reach, -limit), min(dy + reach, limit) + 1):
+                for ox in range(max(dx - reach, -limit), min(dx + reach, limit) + 1):
+                    if count < offsets.shape[1] and not seen[oy + limit, ox + limit]:
+                        seen[oy + limit, ox + limit] = True
+                        offsets[0, count], offsets[1, count] = oy, ox
+                        count += 1
+    for k in range(count):
+        seen[offsets[0, k] + limit, offsets[1, k] + limit] = False
+    return count
+
+
+@lru_cache(maxsize=8)
+def tile_kernel(patch_radius: int) -> Callable[..., None]:
+    """Compile the tile search for one patch size.
+
+    Parameters
+    ----------
+    patch_radius : int
+        r; the patch has (2r + 1) x (2r + 1) pixels.
+
+    Returns
+    -------
+    callable
+        ``search(planes0, planes1, guess_x, guess_y, reach, limit, penalty, best, flow_x, flow_y)``:
+
+        planes0, planes1 : (3, H + 2 p, W + 2 p + LANES) float32 with p = PADDING + r, scaled by `colour_scale`
+        guess_x, guess_y : (H, W) int32, proposed motion
+        reach : int, how far around each proposal to search; limit : int, largest offset
+        penalty : float32, what a pixel of distance from the own proposal costs, in units of similarity (0 to 1)
+        best : (H, W) float32 out, mean similarity less the penalty
+        flow_x, flow_y : (H, W) int32 out
+    """
+    size = 2 * patch_radius + 1
+    fives, rest = divmod(size, 5)
+    spread = (TILE + 2 * patch_radius + LANES - 1) // LANES * LANES
+    room = spread + size + LANES
+    share = np.float32(1 / (UNIT * size * size))
+
+    @njit(parallel=True, cache=True, **FINITE_JIT)
+    def search(  # type: ignore[no-untyped-def]
+        planes0, planes1, guess_x, guess_y, reach, limit, penalty, best, flow_x, flow_y
+    ):
+        height, width = guess_x.shape
+        rows, columns_of_tiles = (height + TILE - 1) // TILE, (width + TILE - 1) // TILE
+        capacity = (2 * limit + 1) ** 2
+        for tile in prange(rows * columns_of_tiles):
+            top, left = tile // columns_of_tiles * TILE, tile % columns_of_tiles * TILE
+            bottom, right = min(top + TILE, height), min(left + TILE, width)
+            seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
+            offsets = np.empty((2, capacity), np.int32)
+            count = gather_offsets(
+                guess_x,
+                guess_y,
+                max(0, top - AROUND),
+                max(0, left - AROUND),
+                min(height, bottom + AROUND),
+                min(width, right + AROUND),
+                reach,
+                limit,
+                seen,
+                offsets,
+            )
+            ring = np.empty((size, room), np.int32)
+            column = np.empty(room, np.int32)
+            partial = np.empty(room, np.int32)
+            tile_best = np.full((TILE, TILE), np.float32(-2))
+            tile_x = np.zeros((TILE, TILE), np.int32)
+            tile_y = np.zeros((TILE, TILE), np.int32)
+            tile_guess_x = np.zeros((TILE, TILE), np.float32)
+            tile_guess_y = np.zeros((TILE, TILE), np.float32)
+            tile_guess_x[: bottom - top, : right - left] = guess_x[top:bottom, left:right]
+            tile_guess_y[: bottom - top, : right - left] = guess_y[top:bottom, left:right]
+            for k in range(count):
+                dy, dx = offsets[0, k], offsets[1, k]
+                # the first pixel of the patch around the tile's first pixel, in padded coordinates
+                x0, x1 = left + PADDING, left + PADDING + dx
+                if not (
+                    -TILE <= top + dy and bottom + dy <= height + TILE and -TILE <= left + dx and right + dx <= width + TILE
+                ):
+                    continue
+                ring[:] = 0
+                column[:] = 0
+                float_x, float_y = np.float32(dx), np.float32(dy)
+                for row in range(bottom - top + size - 1):
+                    y0 = top + PADDING + row
+                    y1 = y0 + dy
+                    a0, a1, a2 = (
+                        planes0[0, y0, x0 : x0 + spread],
+                        planes0[1, y0, x0 : x0 + spread],
+                        planes0[2, y0, x0 : x0 + spread],
+                    )
+                    b0, b1, b2 = (
+                        planes1[0, y1, x1 : x1 + spread],
+                        planes1[1, y1, x1 : x1 + spread],
+                        planes1[2, y1, x1 : x1 + spread],
+                    )
+                    oldest = ring[row % size]
+                    for x in range(spread):
+                        w = np.int32(similarity(a0[x], a1[x], a2[x], b0[x], b1[x], b2[x]))
+                        column[x] += w - oldest[x]
+                        oldest[x] = w
+                    if row < size - 1:
+                        continue
+                    for x in range(spread):
+                        partial[x] = column[x] + column[x + 1] + column[x + 2] + column[x + 3] + column[x + 4]
+                    y = row - size + 1
+                    row_best, row_x, row_y = tile_best[y], tile_x[y], tile_y[y]
+                    row_guess_x, row_guess_y = tile_guess_x[y], tile_guess_y[y]
+                    for x in range(TILE):
+                        total = np.int32(0)
+                        for j in range(fives):
+                            total += partial[x + 5 * j]
+                        for j in range(rest):
+                            total += column[x + 5 * fives + j]
+                        distance = abs(float_x - row_guess_x[x]) + abs(float_y - row_guess_y[x])
+                        value = np.float32(total) * share - penalty * distance
+                        previous = row_best[x]
+                        better = value > previous
+                        row_best[x] = value if better else previous
+                        row_x[x] = dx if better else row_x[x]
+                        row_y[x] = dy if better else row_y[x]
+            best[top:bottom, left:right] = tile_best[: bottom - top, : right - left]
+            flow_x[top:bottom, left:right] = tile_x[: bottom - top, : right - left]
+            flow_y[top:bottom, left:right] = tile_y[: bottom - top, : right - left]
+
+    return search

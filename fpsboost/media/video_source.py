@@ -1,0 +1,585 @@
+"""Read a video file: frames in presentation order, exact times, no silent loss.
+
+FFmpeg decodes, through PyAV, because times stay exact ticks, deep formats stay deep, and damage is reported packet by
+packet. Only YCbCr <-> BGR is done here instead of by FFmpeg's scaler, which is off by half a level in full range and by
+up to 255 of 65535 in deep formats: the scaler brings a picture to 4:4:4, a 3x4 matrix does the rest, and the sink
+applies its exact inverse.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, cast
+
+import av
+import av.container
+import av.error
+import cv2
+import numpy as np
+from av.video.reformatter import VideoReformatter
+from numpy.typing import NDArray
+
+from fpsboost.errors import InputError
+from fpsboost.frame import ClipInfo, Frame, Image
+
+SMPTE170M, BT709 = 6, 1  # AVColorSpace
+FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
+
+luma_weights = {
+    1: (0.2126, 0.0722),
+    4: (0.30, 0.11),
+    5: (0.299, 0.114),
+    6: (0.299, 0.114),
+    7: (0.212, 0.087),
+    9: (0.2627, 0.0593),
+}
+"""(red, blue) share of luma by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
+
+SCALER_FLAGS = 0x4 | 0x40000 | 0x2000 | 0x4000
+"""Bicubic, accurate rounding, full chroma interpolation and input: without them chroma drifts by half a level."""
+
+chroma_locations = {
+    (0.0, 0.5): "left",
+    (0.5, 0.5): "center",
+    (0.0, 0.0): "topleft",
+    (0.5, 0.0): "top",
+    (0.0, 1.0): "bottomleft",
+    (0.5, 1.0): "bottom",
+}
+
+STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
+DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
+HIGHEST_RATE = 1000
+ASSUMED_RATE = Fraction(25)
+DEMUX_RETRIES = 10
+
+
+@dataclass(frozen=True)
+class VideoTraits:
+    """What a video's pictures mean beyond their numbers; a sink keeps it.
+
+    Attributes
+    ----------
+    pixel_format : str
+        FFmpeg's name, ``yuv420p``.
+    color_space : int
+        AVColorSpace that the pictures are converted with: as tagged, otherwise BT.709 from 720 lines, BT.601 below.
+    tagged_color_space, color_range, color_primaries, color_transfer : int
+        The tags themselves, FFmpeg's numbers, 2 (range: 0) for unspecified.
+    full_range : bool
+        Black is 0 rather than 16 (in 8 bits).
+    chroma_location : str
+        Where a subsampled chroma sample sits: ``left``, ``center``, ``topleft``...
+    tagged_chroma_location : bool
+        False where that is only FFmpeg's guess.
+    sample_aspect_ratio : Fraction or None
+        Width of a pixel over its height.
+    display_matrix : tuple of 9 int or None
+        Rotation and flip for display, 16.16 and 2.30 fixed point.
+    interlaced : bool
+        Two fields in one picture.
+    has_mastering_data : bool
+        HDR mastering display or content light levels.
+    """
+
+    pixel_format: str
+    color_space: int
+    tagged_color_space: int
+    color_range: int
+    color_primaries: int
+    color_transfer: int
+    full_range: bool
+    chroma_location: str
+    tagged_chroma_location: bool
+    sample_aspect_ratio: Fraction | None
+    display_matrix: tuple[int, ...] | None
+    interlaced: bool
+    has_mastering_data: bool
+
+
+class VideoSource:
+    """Frames of a video file's first real video stream.
+
+    Parameters
+    ----------
+    path : str or path
+        A file that FFmpeg can read. Opening reads headers only.
+
+    Raises
+    ------
+    InputError
+        Missing, not a video, or coded in a way that cannot be decoded; while iterating also: nothing decodes, or the
+        picture's size or pixel format changes.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._name = os.fspath(path)
+        self.path = Path(path)
+        self._container = open_video(self.path, self._name)
+        try:
+            self._stream = _first_video(self._container, self._name)
+            self._rate, rate_is_known = _nominal_rate(self._stream)
+        except BaseException:
+            self._container.close()
+            raise
+        self._stream.thread_type = "AUTO"
+        self._reformatter = VideoReformatter()
+        self._remarks = _left_out(self._container, self._stream, self._name)
+        if not rate_is_known:
+            self._remarks.append(f"{self._name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed.")
+        self._undecodable = self._damaged = self._misplaced = self._untimed = self._unreadable = 0
+        self._furthest = Fraction(0)
+        self._ahead: list[av.VideoFrame] = []
+        self._pictures = self._decode()
+        self._started = False
+        self._traits: VideoTraits | None = None
+        context = self._stream.codec_context
+        self._info = ClipInfo(
+            name=self._name,
+            height=context.height,
+            width=context.width,
+            rate=self._rate,
+            time_base=_fraction(self._stream.time_base) or 1 / self._rate,
+            frame_count=self._stream.frames or None,
+        )
+
+    @property
+    def info(self) -> ClipInfo:
+        return self._info
+
+    @property
+    def stream_index(self) -> int:
+        """Number of the converted stream in its file."""
+        return self._stream.index
+
+    @property
+    def remarks(self) -> list[str]:
+        return list(self._remarks)
+
+    @property
+    def traits(self) -> VideoTraits:
+        """Colour, pixel shape, orientation; decodes the first frame and keeps it for the iteration.
+
+        Raises
+        ------
+        InputError
+            Nothing decodes, or the colour matrix is one that is not supported.
+        """
+        if self._traits is None:
+            picture = next(self._pictures, None)
+            if picture is None:
+                raise InputError(f"{self._name} holds no frame that can be decoded; check it with a player.")
+            self._ahead.append(picture)
+            self._traits = self._read_traits(picture)
+        return self._traits
+
+    def __iter__(self) -> Iterator[Frame]:
+        if self._started:
+            raise InputError(f"{self._name} can be read only once; open it again.")
+        self._started = True
+        return self._frames()
+
+    def close(self) -> None:
+        self._pictures.close()
+        self._container.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _frames(self) -> Iterator[Frame]:
+        """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
+        traits = self.traits
+        first = last = None
+        count = 0
+        for picture in self._in_order():
+            self._check_unchanged(picture, traits, count)
+            time = self._time_of(picture, last)
+            if last is not None and time <= last.time:
+                self._misplaced += 1
+                continue
+            if last is not None:
+                yield last
+            count += 1
+            last = Frame(self._convert(picture), time, self._duration_of(picture), picture)
+            first = time if first is None else first
+        if last is None or first is None:
+            raise InputError(f"{self._name} holds no frame that can be decoded; check it with a player.")
+        yield Frame(last.image, last.time, self._last_duration(last), last.original)
+        self._conclude(count, first, last.time + last.duration)
+
+    def _in_order(self) -> Iterator[av.VideoFrame]:
+        while self._ahead:
+            yield self._ahead.pop(0)
+        yield from self._pictures
+
+    def _decode(self) -> Generator[av.VideoFrame, None, None]:
+        hidden_alpha = False
+        for packet in self._packets():
+            # VP8 and VP9 keep alpha beside the picture, where the decoder does not look.
+            if not hidden_alpha and packet.has_sidedata("matroska_block_additional"):
+                hidden_alpha = self._stream.metadata.get("alpha_mode") == "1"
+                self._remarks += [f"{self._name} has an alpha channel, which was left out."] * hidden_alpha
+            try:
+                pictures = packet.decode()
+            except av.error.EOFError:
+                continue
+            except av.error.FFmpegError:
+                self._undecodable += 1
+                continue
+            for picture in cast(list[av.VideoFrame], pictures):
+                self._damaged += picture.is_corrupt
+                yield picture
+
+    def _packets(self) -> Iterator[av.Packet[av.stream.Stream]]:
+        """Yield the stream's packets; read past damage, and note how far every stream reaches."""
+        failures = 0
+        while failures < DEMUX_RETRIES:
+            try:
+                for packet in self._container.demux():
+                    failures = 0
+                    start = packet.pts if packet.pts is not None else packet.dts
+                    if start is not None and packet.time_base:
+                        end = (start + (packet.duration or 0)) * Fraction(packet.time_base)
+                        self._furthest = max(end, self._furthest)
+                    if packet.stream.index == self._stream.index:  # the packets that flush have no stream_index
+                        yield packet
+                return
+            except av.error.FFmpegError:
+                failures += 1
+                self._unreadable += failures == 1
+
+    def _convert(self, picture: av.VideoFrame) -> Image:
+        try:
+            return to_bgr(picture, self._reformatter)
+        except (av.error.FFmpegError, ValueError):
+            raise InputError(
+                f"{self._name} has the pixel format {picture.format.name}, which cannot be converted to BGR; "
+                "convert it to yuv444p16le first."
+            ) from None
+
+    def _time_of(self, picture: av.VideoFrame, last: Frame | None) -> Fraction:
+        if picture.pts is not None:
+            return picture.pts * (_fraction(picture.time_base) or self._info.time_base)
+        self._untimed += 1
+        if last is None:
+            return Fraction(0)
+        ticks = max(1, round((last.duration or 1 / self._rate) / self._info.time_base))
+        return last.time + ticks * self._info.time_base
+
+    def _duration_of(self, picture: av.VideoFrame) -> Fraction:
+        time_base = _fraction(picture.time_base) or self._info.time_base
+        return picture.duration * time_base if picture.duration > 0 else 1 / self._rate
+
+    def _last_duration(self, last: Frame) -> Fraction:
+        """How long the last frame is shown so that the clip ends where the container says, if that is plausible."""
+        if self._stream.duration is not None and self._stream.start_time is not None:
+            end = (self._stream.start_time + self._stream.duration) * self._info.time_base
+            if 0 < end - last.time <= 4 / self._rate:
+                return end - last.time
+        return last.duration
+
+    def _check_unchanged(self, picture: av.VideoFrame, traits: VideoTraits, index: int) -> None:
+        before = (self._info.width, self._info.height, traits.pixel_format)
+        now = (picture.width, picture.height, picture.format.name)
+        if now != before:
+            raise InputError(
+                f"{self._name} changes from {before[0]}x{before[1]} {before[2]} to {now[0]}x{now[1]} {now[2]} at frame "
+                f"{index}; cut it there and convert the parts one by one."
+            )
+
+    def _read_traits(self, picture: av.VideoFrame) -> VideoTraits:
+        context = self._stream.codec_context
+        # The header may be wrong or silent about the size; the first picture is not.
+        self._info = ClipInfo(
+            self._name, picture.height, picture.width, self._rate, self._info.time_base, self._info.frame_count
+        )
+        sides = {side.type.name: bytes(side) for side in _side_data(picture)}
+        matrix = sides.get("DISPLAYMATRIX")
+        interlaced = picture.interlaced_frame
+        if interlaced:
+            self._remarks.append(
+                f"{self._name} is interlaced and its fields were taken as whole pictures; deinterlace it first for "
+                "smooth motion."
+            )
+        if any(component.is_alpha for component in picture.format.components):
+            self._remarks.append(f"{self._name} has an alpha channel, which was left out.")
+        aspect = _fraction(self._stream.sample_aspect_ratio)
+        try:
+            color_space = color_space_of(picture)
+        except ValueError:
+            raise InputError(
+                f"{self._name} uses the colour matrix number {picture.colorspace}, which is not supported; convert it "
+                "to BT.709 or BT.2020 first."
+            ) from None
+        location = chroma_location_of(picture, self._reformatter)
+        return VideoTraits(
+            pixel_format=picture.format.name,
+            color_space=color_space,
+            tagged_color_space=picture.colorspace,
+            color_range=picture.color_range,
+            color_primaries=picture.color_primaries,
+            color_transfer=picture.color_trc,
+            full_range=is_full_range(picture),
+            chroma_location=location,
+            # FFmpeg takes an unsaid place for the centre; only these two formats always say.
+            tagged_chroma_location=location != "center" or context.codec.canonical_name in ("h264", "hevc"),
+            sample_aspect_ratio=aspect,
+            display_matrix=tuple(np.frombuffer(matrix, np.int32).tolist()) if matrix else None,
+            interlaced=interlaced,
+            has_mastering_data="MASTERING_DISPLAY_METADATA" in sides or "CONTENT_LIGHT_LEVEL" in sides,
+        )
+
+    def _conclude(self, count: int, start: Fraction, end: Fraction) -> None:
+        """Say what was wrong with the file, now that all of it was read."""
+        damage = []
+        if self._undecodable:
+            damage.append(f"{_counted(self._undecodable, 'packet')} could not be decoded")
+        if self._unreadable:
+            damage.append(f"{_counted(self._unreadable, 'place')} could not be read")
+        if self._damaged:
+            damage.append(f"{_counted(self._damaged, 'frame')} decoded with errors")
+        if damage:
+            self._remarks.append(
+                f"{self._name} is damaged: {' and '.join(damage)}; {_counted(count, 'frame')} were converted."
+            )
+        if self._misplaced:
+            self._remarks.append(
+                f"{self._name} shows {_counted(self._misplaced, 'frame')} no later than the one before; left out."
+            )
+        if self._untimed:
+            self._remarks.append(
+                f"{self._name} gives no time for {_counted(self._untimed, 'frame')}; the nominal rate was used."
+            )
+        promised, got = self._promise(start, end)
+        if promised - got > max(5 / self._rate, promised / 20):
+            self._remarks.append(
+                f"{self._name} ends after {float(got):.1f} s of the {float(promised):.1f} s its header promises; what "
+                "decodes was converted."
+            )
+
+    def _promise(self, start: Fraction, end: Fraction) -> tuple[Fraction, Fraction]:
+        """Return the duration that the header declares and the one that was found, from the same clock."""
+        promised, got = Fraction(0), Fraction(0)
+        if self._stream.duration is not None:
+            promised, got = self._stream.duration * self._info.time_base, end - min(start, Fraction(0))
+        # The whole file may outlast its video, so it is short only if no stream reaches its end.
+        if self._container.duration and self._container.format.name.startswith(DURATION_IN_HEADER):
+            whole = Fraction(self._container.duration, 1_000_000)
+            if whole - self._furthest > promised - got:
+                promised, got = whole, self._furthest
+        return promised, got
+
+
+def open_video(path: Path, name: str) -> av.container.InputContainer:
+    """Open a file for demuxing, or raise `InputError` with a sentence about `name`."""
+    if path.is_dir():
+        raise InputError(f"{name} is a folder; name a video file, or a pattern of images inside it.")
+    if not path.exists():
+        raise InputError(f"{name} does not exist; check the path.")
+    try:
+        # An absolute path, because FFmpeg takes what stands before a colon in a relative one for a protocol.
+        container = av.open(str(path.absolute()), "r", metadata_errors="replace")
+    except PermissionError:
+        raise InputError(f"{name} may not be read; check its permissions.") from None
+    except (av.error.FFmpegError, OSError, ValueError):
+        raise InputError(f"{name} is not a video file that can be read, or it is damaged at its beginning.") from None
+    if container.format.name == "tty":  # FFmpeg shows any text file as a terminal session
+        container.close()
+        raise InputError(f"{name} is a text file; name a video file.")
+    return container
+
+
+def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
+    """Convert a decoded picture by its own colour matrix and range; `from_bgr` of the sink is the inverse.
+
+    Parameters
+    ----------
+    picture : av.VideoFrame
+        Any pixel format; alpha is dropped.
+    reformatter : VideoReformatter, optional
+        Keeps the scaler's tables from one frame to the next.
+
+    Returns
+    -------
+    (H, W, 3) uint8, or uint16 where the format has more than 8 bits.
+
+    Raises
+    ------
+    ValueError
+        The colour matrix is not supported.
+    """
+    scaler = reformatter or VideoReformatter()
+    bits = picture.format.components[0].bits
+    top = 255 if bits <= 8 else 65535
+    if picture.format.is_rgb:
+        packed = scaler.reformat(picture, format="bgr24" if bits <= 8 else "bgr48le", interpolation=SCALER_FLAGS)
+        return np.ascontiguousarray(packed.to_ndarray())
+    full = is_full_range(picture)
+    colour_range = FULL_RANGE if full else LIMITED_RANGE
+    planar = scaler.reformat(
+        picture,
+        format=full_chroma(bits),
+        interpolation=SCALER_FLAGS,
+        src_color_range=colour_range,
+        dst_color_range=colour_range,
+    )
+    bits = planar.format.components[0].bits
+    forward = bgr_to_ycc(color_space_of(picture), full, bits, top)
+    inverse = np.linalg.inv(forward[:, :3])
+    backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
+    image: Image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
+    return image
+
+
+def full_chroma(bits: int) -> str:
+    """Name the 4:4:4 format that holds this many bits per sample."""
+    if bits <= 8:
+        return "yuv444p"
+    return f"yuv444p{bits}le" if bits in (9, 10, 12, 14) else "yuv444p16le"
+
+
+def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
+    """Views of a planar picture's planes, without the padding that FFmpeg adds to every row."""
+    dtype: np.dtype[Any] = np.dtype(np.uint8 if picture.format.components[0].bits <= 8 else np.uint16)
+    return [
+        np.frombuffer(memoryview(plane), dtype).reshape(-1, plane.line_size // dtype.itemsize)[
+            : plane.height, : plane.width
+        ]
+        for plane in picture.planes
+    ]
+
+
+def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: int) -> NDArray[np.float64]:
+    """The matrix from BGR in [0, top] to the code values of Y, Cb, Cr.
+
+    Returns
+    -------
+    (3, 4) float64
+        Linear part and, as the last column, the offset.
+    """
+    red, blue = luma_weights[color_space]
+    luma = np.array([blue, 1 - red - blue, red])
+    chroma_blue = (np.array([1, 0, 0]) - luma) / (2 * (1 - blue))
+    chroma_red = (np.array([0, 0, 1]) - luma) / (2 * (1 - red))
+    unit = 2.0 ** (bits - 8)
+    luma_scale, chroma_scale, black = (219 * unit, 224 * unit, 16 * unit)
+    if full_range:
+        luma_scale, chroma_scale, black = (2.0**bits - 1, 2.0**bits - 1, 0.0)
+    linear = np.stack([luma * luma_scale, chroma_blue * chroma_scale, chroma_red * chroma_scale]) / top
+    return np.column_stack([linear, [black, 128 * unit, 128 * unit]])
+
+
+def color_space_of(picture: av.VideoFrame) -> int:
+    """The AVColorSpace to convert with: the tag, or what an untagged video of this size means.
+
+    Raises
+    ------
+    ValueError
+        A tag that is no plain luma-chroma matrix (YCgCo, ICtCp...).
+    """
+    tag = int(picture.colorspace)
+    if picture.format.is_rgb or tag in (0, 2, 3):
+        return BT709 if picture.height >= 720 else SMPTE170M
+    if tag not in luma_weights:
+        raise ValueError(f"colour matrix {tag}")
+    return tag
+
+
+def is_full_range(picture: av.VideoFrame) -> bool:
+    """Whether code values use the whole range; untagged YCbCr does not."""
+    return int(picture.color_range) == FULL_RANGE or picture.format.name.startswith("yuvj") or picture.format.is_rgb
+
+
+def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) -> str:
+    """Find where the scaler takes this picture's chroma samples to be.
+
+    PyAV does not show the tag, so a ramp is subsampled under the picture's own properties, and the values that come
+    out tell their place.
+    """
+    size, step = 32, 4
+    if picture.format.is_rgb or len(picture.planes) < 2:
+        return "left"
+    ramp = reformatter.reformat(
+        picture,
+        width=size,
+        height=size,
+        format="yuv444p",
+        interpolation=SCALER_FLAGS,
+        src_color_range=FULL_RANGE,
+        dst_color_range=FULL_RANGE,
+    )
+    if ramp is picture:  # already of this size and kind: never write into a decoded picture
+        return "left"
+    rows, columns = np.mgrid[0:size, 0:size]
+    for plane, values in zip(plane_arrays(ramp), (128, 64 + step * columns, 64 + step * rows), strict=True):
+        plane[:] = values
+    small = reformatter.reformat(
+        ramp, format="yuv420p", interpolation=SCALER_FLAGS, src_color_range=FULL_RANGE, dst_color_range=FULL_RANGE
+    )
+    _, across, down = plane_arrays(small)
+    place = tuple((float(samples[8, 8]) - 64) / step - 16 for samples in (across, down))
+    return min(chroma_locations.items(), key=lambda item: abs(item[0][0] - place[0]) + abs(item[0][1] - place[1]))[1]
+
+
+def is_cover_art(stream: av.stream.Stream) -> bool:
+    """Whether a video stream is only a picture attached to the file."""
+    if stream.disposition & (av.stream.Disposition.attached_pic | av.stream.Disposition.timed_thumbnails):
+        return True
+    return bool(
+        stream.codec_context is not None
+        and stream.codec_context.codec.canonical_name in STILL_CODECS
+        and (stream.frames == 1 or "mimetype" in stream.metadata)
+    )
+
+
+def _first_video(container: av.container.InputContainer, name: str) -> av.VideoStream:
+    videos = [stream for stream in container.streams.video if not is_cover_art(stream)]
+    if not videos:
+        raise InputError(f"{name} has no video stream; name a file that has one.")
+    stream = videos[0]
+    if stream.codec_context is None:
+        raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
+    return stream
+
+
+def _nominal_rate(stream: av.VideoStream) -> tuple[Fraction, bool]:
+    average, guessed = _fraction(stream.average_rate), _fraction(stream.guessed_rate)
+    sane = [rate for rate in (average, guessed) if rate is not None and 0 < rate <= HIGHEST_RATE]
+    if len(sane) == 2 and abs(sane[0] - sane[1]) * 100 < sane[1]:
+        return sane[1], True
+    return (sane[0], True) if sane else (ASSUMED_RATE, False)
+
+
+def _left_out(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
+    others = [
+        f"stream {stream.index} ({stream.name or 'unknown'} {stream.codec_context.width}x{stream.codec_context.height})"
+        for stream in container.streams.video
+        if stream.index != chosen.index and not is_cover_art(stream) and stream.codec_context is not None
+    ]
+    return [f"{name} has more than one video stream; left out: {', '.join(others)}."] if others else []
+
+
+def _side_data(picture: av.VideoFrame) -> list[Any]:
+    held: Any = picture.side_data
+    return [held[index] for index in range(len(held))]
+
+
+def _fraction(value: Any) -> Fraction | None:
+    """An exact Fraction of FFmpeg's rational, which may also be absent, 0/1 or 1/0."""
+    if not value:
+        return None
+    return Fraction(value.numerator, value.denominator)
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -1,0 +1,96 @@
+"""Images as the three float components that motion is estimated on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image
+
+Components = NDArray[Any]
+"""(H, W, 3) float32."""
+
+
+def colour_components(image: Image) -> Components:
+    """Colours in [0, 1], multiplied by alpha so that the colour of a transparent pixel does not matter.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Gray images have their value in the first component and zero in the others.
+    """
+    values = normalised(image)
+    if image.shape[2] == 1:
+        return np.dstack([values, np.zeros_like(values), np.zeros_like(values)])
+    if image.shape[2] == 4:
+        return values[..., :3] * values[..., 3:]
+    return values
+
+
+def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
+    """Half luma, doubled high-pass luma, mean chroma: sees low contrast and forgives slow brightness changes.
+
+    The report's plain colours are blind to low contrast at v = 0.25; these components are not.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32
+    high_pass_size : int
+        Side of the box whose mean is taken off, pixels.
+
+    Returns
+    -------
+    (H, W, 3) float32
+    """
+    colours = colour_components(image)
+    if image.shape[2] == 1:
+        luma, chroma = colours[..., 0], colours[..., 1]
+    else:
+        converted = cv2.cvtColor(colours, cv2.COLOR_BGR2YCrCb)
+        luma, chroma = converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
+    high_pass = (luma - cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))) * 2
+    return np.dstack([luma * 0.5, high_pass, chroma])
+
+
+def normalised(image: Image) -> NDArray[Any]:
+    """The image as float32 with 1.0 for white, shape unchanged."""
+    scale = 1.0 if image.dtype == np.float32 else 1.0 / np.iinfo(image.dtype).max
+    return image.astype(np.float32) * np.float32(scale)
+
+
+def padded_planes(
+    components: Components, padding: int, extra_left: int, extra_right: int, scale: float
+) -> NDArray[Any]:
+    """Planes with repeated edges, as the search kernels want them.
+
+    Parameters
+    ----------
+    components : (H, W, 3) float32
+    padding : int
+        Pixels on every side.
+    extra_left, extra_right : int
+        Further columns.
+    scale : float
+        Factor on every value.
+
+    Returns
+    -------
+    (3, H + 2 padding, W + 2 padding + extra_left + extra_right) float32, contiguous
+    """
+    height, width = components.shape[:2]
+    left = padding + extra_left
+    planes = np.empty((3, height + 2 * padding, left + width + padding + extra_right), np.float32)
+    rows = planes[:, padding : padding + height]
+    np.multiply(components.transpose(2, 0, 1), np.float32(scale), out=rows[:, :, left : left + width])
+    rows[:, :, :left] = rows[:, :, left : left + 1]
+    rows[:, :, left + width :] = rows[:, :, left + width - 1 : left + width]
+    planes[:, :padding] = planes[:, padding : padding + 1]
+    planes[:, padding + height :] = planes[:, padding + height - 1 : padding + height]
+    return planes

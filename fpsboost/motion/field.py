@@ -1,0 +1,24 @@
+"""A motion field: one vector and one similarity a pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class MotionField:
+    """Motion of every pixel of one frame towards another.
+
+    Attributes
+    ----------
+    flow : (H, W, 2) float32
+        ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``, ``field10``).
+    similarity : (H, W) float32
+        How alike the patches at both ends are, in [0, 1]; 1 everywhere where an estimator does not know.
+    """
+
+    flow: NDArray[Any]
+    similarity: NDArray[Any]

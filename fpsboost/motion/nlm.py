@@ -1,0 +1,134 @@
+"""The default search: the report's patch similarity, coarse to fine.
+
+A small copy of the frames is searched in full; each finer level searches only around what the coarser one found in the
+neighbourhood of a tile. The data term is the report's at every level; the components are chosen to see low contrast, and
+an offset pays a little for its distance from the coarser level's proposal, which holds flat areas together.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import OptionError
+from fpsboost.frame import Image, check_pair
+from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.similarity import colour_scale
+from fpsboost.kernels.tiles import PADDING, tile_kernel
+from fpsboost.motion.colour import Components, contrast_components, padded_planes
+from fpsboost.motion.field import MotionField
+
+Pyramid = list[Image]
+
+
+@dataclass(frozen=True)
+class CoarseToFine:
+    """Non-local means motion, coarse to fine.
+
+    Parameters
+    ----------
+    reach : float
+        Largest motion that can be found, as a share of the frame's longer side.
+    patch_radius : int
+        r of the patch at the finest level, 1 to 10.
+    coarse_patch_radius : int
+        The same at the coarser levels.
+    v : float
+        Width of the similarity measure, for colours in [0, 1].
+    penalty : float
+        What a pixel of distance from the coarser level's proposal costs, in units of similarity.
+    coarsest_side : int
+        The pyramid ends where the longer side would fall below this many pixels, and at 1/16 at the latest: small
+        fast things vanish in smaller copies.
+
+    Raises
+    ------
+    OptionError
+        A value is out of range.
+    """
+
+    reach: float = 1 / 6
+    patch_radius: int = 5
+    coarse_patch_radius: int = 7
+    v: float = 0.06
+    penalty: float = 0.004
+    coarsest_side: int = 80
+
+    def __post_init__(self) -> None:
+        if not 0 < self.reach <= 1:
+            raise OptionError(f"reach must be above 0 and at most 1 of the frame, not {self.reach}.")
+        if not (1 <= self.patch_radius <= 10 and 1 <= self.coarse_patch_radius <= 10):
+            raise OptionError("--patch-radius must be 1 to 10 pixels for the method nlm.")
+        if not self.v > 0:
+            raise OptionError(f"--v must be above 0, not {self.v}.")
+
+    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`; flows are whole pixels."""
+        check_pair(image0, image1)
+        levels0, levels1 = (
+            [contrast_components(image) for image in pyramid(image, self.coarsest_side)] for image in (image0, image1)
+        )
+        return self._one_way(levels0, levels1), self._one_way(levels1, levels0)
+
+    def _one_way(self, levels0: list[Components], levels1: list[Components]) -> MotionField:
+        coarsest = len(levels0) - 1
+        flow_x = flow_y = np.zeros(levels0[-1].shape[:2], np.int32)
+        best = np.zeros((0, 0), np.float32)
+        for level in range(coarsest, -1, -1):
+            height, width = levels0[level].shape[:2]
+            limit = math.ceil(self.reach * max(height, width)) + 1
+            if level < coarsest:
+                flow_x, flow_y = (_doubled(flow, height, width) for flow in (flow_x, flow_y))
+            radius = self.patch_radius if level == 0 else self.coarse_patch_radius
+            best, flow_x, flow_y = _search(
+                levels0[level],
+                levels1[level],
+                (flow_x, flow_y),
+                limit if level == coarsest else 1,
+                limit,
+                radius,
+                self.v,
+                self.penalty,
+            )
+        return MotionField(np.dstack([flow_x, flow_y]).astype(np.float32), np.clip(best, 0, 1))
+
+
+def pyramid(image: Image, coarsest_side: int) -> Pyramid:
+    """The image and its halves, until the longer side would fall below `coarsest_side`; at most five levels."""
+    levels = [image]
+    while len(levels) < 5 and max(levels[-1].shape[:2]) >= 2 * coarsest_side:
+        height, width = levels[-1].shape[:2]
+        half = cv2.resize(levels[-1], ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
+        levels.append(half.reshape(half.shape[0], half.shape[1], -1))
+    return levels
+
+
+def _search(
+    components0: Components,
+    components1: Components,
+    guess: tuple[NDArray[Any], NDArray[Any]],
+    reach: int,
+    limit: int,
+    patch_radius: int,
+    v: float,
+    penalty: float,
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    height, width = components0.shape[:2]
+    padding, scale = PADDING + patch_radius, colour_scale(v)
+    planes0, planes1 = (padded_planes(each, padding, 0, LANES, scale) for each in (components0, components1))
+    best = np.empty((height, width), np.float32)
+    flow_x, flow_y = np.empty((height, width), np.int32), np.empty((height, width), np.int32)
+    tile_kernel(patch_radius)(planes0, planes1, *guess, reach, limit, np.float32(penalty), best, flow_x, flow_y)
+    return best, flow_x, flow_y
+
+
+def _doubled(flow: NDArray[Any], height: int, width: int) -> NDArray[Any]:
+    """A coarser level's motion for the next finer one: outliers out, size and vectors doubled."""
+    cleaned = cv2.medianBlur(flow.astype(np.int16), 5)
+    doubled = cv2.resize(cleaned, (width, height), interpolation=cv2.INTER_NEAREST)
+    return doubled.astype(np.int32) * 2

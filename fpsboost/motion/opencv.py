@@ -1,0 +1,103 @@
+"""Optical flow of OpenCV behind the contract of this package, and no motion at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image, check_pair
+from fpsboost.motion.colour import colour_components
+from fpsboost.motion.field import MotionField
+
+DIS_PRESETS = {
+    "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
+    "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
+    "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
+}
+SMALLEST_SIDE = 32  # below this the pyramid of DIS has no level left
+
+
+@dataclass(frozen=True)
+class Dis:
+    """Dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29), as OpenCV has it.
+
+    Parameters
+    ----------
+    preset : {'ultrafast', 'fast', 'medium'}
+        OpenCV's presets.
+    """
+
+    preset: Literal["ultrafast", "fast", "medium"] = "medium"
+
+    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        gray0, gray1 = _gray_pair(image0, image1)
+        flow = cv2.DISOpticalFlow_create(DIS_PRESETS[self.preset])
+        return _field(_unpadded(flow.calc(gray0, gray1, None), image0)), _field(
+            _unpadded(flow.calc(gray1, gray0, None), image0)
+        )
+
+
+@dataclass(frozen=True)
+class Farneback:
+    """Polynomial expansion (Farnebäck 2003, doi:10.1007/3-540-45103-X_50), as OpenCV has it.
+
+    Parameters
+    ----------
+    levels : int
+        Levels of the pyramid, each half the size of the one before.
+    window_size : int
+        Side of the averaging window, pixels.
+    iterations : int
+        Iterations a level.
+    """
+
+    levels: int = 5
+    window_size: int = 15
+    iterations: int = 3
+
+    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        gray0, gray1 = _gray_pair(image0, image1)
+        options = (0.5, self.levels, self.window_size, self.iterations, 5, 1.1, cv2.OPTFLOW_FARNEBACK_GAUSSIAN)
+        return _field(_unpadded(cv2.calcOpticalFlowFarneback(gray0, gray1, None, *options), image0)), _field(
+            _unpadded(cv2.calcOpticalFlowFarneback(gray1, gray0, None, *options), image0)
+        )
+
+
+@dataclass(frozen=True)
+class Still:
+    """Every pixel stays where it is: the motion of `blend` and `nearest`."""
+
+    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        check_pair(image0, image1)
+        nothing = np.zeros((*image0.shape[:2], 2), np.float32)
+        return _field(nothing), _field(nothing)
+
+
+def _gray_pair(image0: Image, image1: Image) -> tuple[NDArray[Any], NDArray[Any]]:
+    check_pair(image0, image1)
+    first, second = (_gray(image) for image in (image0, image1))
+    return first, second
+
+
+def _gray(image: Image) -> NDArray[Any]:
+    colours = colour_components(image)
+    gray = colours[..., 0] if image.shape[2] == 1 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
+    eight_bit = np.clip(gray * 255 + 0.5, 0, 255).astype(np.uint8)
+    height, width = gray.shape
+    below, right = max(0, SMALLEST_SIDE - height), max(0, SMALLEST_SIDE - width)
+    return cv2.copyMakeBorder(eight_bit, 0, below, 0, right, cv2.BORDER_REPLICATE)
+
+
+def _unpadded(flow: NDArray[Any], image: Image) -> NDArray[Any]:
+    return np.ascontiguousarray(flow[: image.shape[0], : image.shape[1]], np.float32)
+
+
+def _field(flow: NDArray[Any]) -> MotionField:
+    return MotionField(flow, np.ones(flow.shape[:2], np.float32))

@@ -1,0 +1,590 @@
+"""Numbered images: what is read, what is refused, and that output appears whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import struct
+import zlib
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.media import images
+from fpsboost.media.images import ImageSink, ImageSource, Numbering, is_pattern, read_image
+
+RATE = Fraction(24000, 1001)
+HEIGHT, WIDTH = 12, 18
+
+
+def make_image(channels: int = 3, dtype: type = np.uint8, seed: int = 0) -> Image:
+    random = np.random.default_rng(seed)
+    shape = (HEIGHT, WIDTH, channels)
+    if dtype is np.float32:
+        return random.normal(0.5, 2, shape).astype(np.float32)  # below black and far above white
+    return random.integers(0, np.iinfo(dtype).max, shape, dtype, endpoint=True)
+
+
+def save(path: Path, image: Image | None = None) -> Path:
+    path.write_bytes(cv2.imencode(path.suffix, make_image() if image is None else image)[1].tobytes())
+    return path
+
+
+def fill(folder: Path, *names: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for seed, name in enumerate(names):
+        save(folder / name, make_image(seed=seed))
+    return folder
+
+
+def clip_info(height: int = HEIGHT, width: int = WIDTH) -> ClipInfo:
+    return ClipInfo("clip.mp4", height, width, RATE, 1 / RATE, 2)
+
+
+def make_sink(
+    path: Path | str, source: ImageSource | None = None, frame_count: int | None = 2, overwrite: bool = False
+) -> ImageSink:
+    return ImageSink(str(path), clip_info(), source, frame_count, overwrite)
+
+
+def write(sink: ImageSink, *pictures: Image) -> None:
+    with sink:
+        for index, image in enumerate(pictures):
+            sink.write(Frame(image, index / RATE))
+
+
+def names_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+# ---------------------------------------------------------------------------------------------------------------- names
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        ("shot_%04d.png", True),
+        ("shot_%d.png", True),
+        ("shot_####.png", True),
+        ("shot_#.TIF", True),
+        ("shot_%04d.exr", True),
+        ("a/####/0001.png", False),
+        ("take #2.mp4", False),
+        ("100%done.mkv", False),
+        ("frames", False),
+        ("50%.png", False),
+    ],
+)
+def test_is_pattern(path: str, expected: bool) -> None:
+    """Only the last component decides, and ordinary names with # and % stay ordinary."""
+    assert is_pattern(path) is expected
+
+
+@given(st.sampled_from(["", "shot ", "-x_", "ü%_", "a.b_"]), st.integers(1, 9), st.integers(0, 10**12))
+def test_pattern_round_trip(prefix: str, digits: int, number: int) -> None:
+    """A name made by a pattern is read back by it, whether written with % or #."""
+    by_hash = Numbering.parse(f"some/{prefix}{'#' * digits}_l.png")
+    by_percent = Numbering.parse(f"some/{prefix}%0{digits}d_l.png")
+    assert by_hash == by_percent
+    assert by_hash.number_in(by_hash.path(number).name) == number
+    assert len(by_hash.path(number).name) >= len(prefix) + digits + len("_l.png")
+
+
+@given(st.integers(0, 99999), st.integers(1, 200_000), st.integers(1, 6))
+def test_folder_names_sort_by_time(first: int, count: int, digits: int) -> None:
+    """With the digits that a folder gets, the order of names is the order of frames."""
+    source = object.__new__(ImageSource)
+    source.numbering, source.first_number = Numbering(Path("in"), "f_", digits, ".png"), first
+    numbering = images._name_in_folder(Path("out"), source, count)
+    assert numbering.digits >= digits
+    assert len(numbering.path(first).name) == len(numbering.path(first + count - 1).name)
+
+
+def test_parse_without_place() -> None:
+    """A pattern needs a place for the number."""
+    with pytest.raises(OptionError, match="no place for a number"):
+        Numbering.parse("shot.png")
+
+
+# -------------------------------------------------------------------------------------------------------------- reading
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern", "first"),
+    [
+        (["0001.png", "0002.png"], "####.png", 1),
+        (["frame_0099.png", "frame_0100.png"], "frame_####.png", 99),
+        (["img9.png", "img10.png", "img11.png"], "img#.png", 9),
+        (["998.png", "999.png", "1000.png"], "###.png", 998),
+        (["shot2_01_v3.png", "shot2_02_v3.png"], "shot2_##_v3.png", 1),
+        (["take1.png"], "take#.png", 1),
+        (["-0.PNG", "-1.PNG"], "-#.PNG", 0),
+    ],
+)
+def test_folder_naming(tmp_path: Path, names: list[str], pattern: str, first: int) -> None:
+    """A folder's naming is found, and numbers decide the order."""
+    fill(tmp_path, *names)
+    for clutter in (".DS_Store", "._0001.png", "notes.txt", "Thumbs.db"):
+        (tmp_path / clutter).write_text("no image")
+    (tmp_path / "0007.png.d").mkdir()
+    source = ImageSource(str(tmp_path), RATE)
+    assert source.numbering is not None
+    assert (source.numbering.pattern, source.first_number) == (pattern, first)
+    assert [path.name for path in source.files] == names
+    assert source.suffix == Path(names[0]).suffix
+
+
+def test_names_without_numbers(tmp_path: Path) -> None:
+    """Images without any number go by the alphabet, and a folder of output gets numbers."""
+    source = ImageSource(str(fill(tmp_path / "in", "c.png", "B.png", "a.png")), RATE)
+    assert [path.name for path in source.files] == ["a.png", "B.png", "c.png"]
+    assert source.numbering is None
+    write(make_sink(tmp_path / "out", source), make_image(), make_image())
+    assert names_in(tmp_path / "out") == ["000001.png", "000002.png"]
+
+
+def test_frames_and_info(tmp_path: Path) -> None:
+    """Times and durations are exact, pixels are the file's, and a second reading gives the same."""
+    fill(tmp_path, "1.png", "2.png", "3.png")
+    with ImageSource(str(tmp_path / "%d.png"), RATE) as source:
+        assert source.info == ClipInfo(str(tmp_path / "%d.png"), HEIGHT, WIDTH, RATE, 1 / RATE, 3)
+        for _ in range(2):
+            frames = list(source)
+            assert [frame.time for frame in frames] == [0, 1 / RATE, 2 / RATE]
+            assert all(frame.duration == 1 / RATE and frame.original is None for frame in frames)
+            assert all(np.array_equal(frame.image, make_image(seed=i)) for i, frame in enumerate(frames))
+    assert source.remarks == []
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ([], "holds no images"),
+        (["0001.png", "0002.png", "0004.png"], "0003.png is missing"),
+        (["a_1.png", "a_2.png", "b_1.png"], r"several sequences .*\(a_#.png, b_#.png\); choose one .*a_#.png"),
+        (["1.png", "2.png", "1.jpg"], r"\(#.png, #.jpg\)"),
+        (["1.png", "2.png", "thumb.png"], r"\(#.png, \*.png\)"),
+        (["a.png", "b.jpg"], "keep one type of file"),
+        (["1.png", "02.png"], "different widths"),
+        (["001.png", "0002.png"], "different widths"),
+        (["a1_1.png", "a2_2.png", "b1_1.png", "c.png", "d1.jpg"], "and 2 more"),
+    ],
+)
+def test_refused_folders(tmp_path: Path, names: list[str], message: str) -> None:
+    """A folder that is not one gapless sequence is refused, and the message names what is in the way."""
+    with pytest.raises(InputError, match=message):
+        ImageSource(str(fill(tmp_path, *names)), RATE)
+
+
+def test_refused_paths(tmp_path: Path) -> None:
+    """What is no folder and no pattern of images is refused."""
+    fill(tmp_path, "1.png")
+    (tmp_path / "1.exr").write_bytes(b"v/1")
+    for path, message in {
+        "none": "does not exist",
+        "1.png": "single file",
+        "x_##.png": "No image is named like",
+        "none/##.png": "No such file",
+        "%01d.exr": "no type of image",
+    }.items():
+        with pytest.raises(InputError, match=message):
+            ImageSource(str(tmp_path / path), RATE)
+    with pytest.raises(OptionError, match="above 0"):
+        ImageSource(str(tmp_path), Fraction(0))
+
+
+def test_pattern_picks_one_sequence(tmp_path: Path) -> None:
+    """A pattern reads its own sequence out of a folder that holds several, and its padding is strict."""
+    fill(tmp_path, "a_08.png", "a_09.png", "a_10.png", "a_7.png", "b_1.png", "a_11.tif")
+    assert [path.name for path in ImageSource(str(tmp_path / "a_##.png"), RATE).files] == [
+        "a_08.png",
+        "a_09.png",
+        "a_10.png",
+    ]
+
+
+def test_unlike_images(tmp_path: Path) -> None:
+    """Images of two sizes or types are refused with both names and both descriptions."""
+    fill(tmp_path, "1.png", "2.png")
+    save(tmp_path / "2.png", make_image(1, np.uint16))
+    with pytest.raises(InputError, match=r"2\.png \(18x12, 1 channel, 16-bit\).*1\.png \(18x12, 3 channels, 8-bit\)"):
+        list(ImageSource(str(tmp_path), RATE))
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".bmp"])
+@pytest.mark.parametrize("kept", [0, 9, 0.7])
+def test_damaged_images(tmp_path: Path, suffix: str, kept: float) -> None:
+    """An empty, a foreign and a truncated file are refused by name, when their turn comes."""
+    fill(tmp_path, f"1{suffix}", f"2{suffix}")
+    path = save(tmp_path / f"2{suffix}", make_image())
+    data = path.read_bytes()
+    path.write_bytes(data[: int(kept * len(data)) if kept < 1 else int(kept)])
+    frames = iter(ImageSource(str(tmp_path), RATE))
+    next(frames)
+    with pytest.raises(InputError, match=f"2{suffix} is damaged"):
+        next(frames)
+
+
+def test_jpeg_with_appendix(tmp_path: Path) -> None:
+    """What phones append to a JPEG does not make it a damaged one; a thumbnail does not make a damaged one whole."""
+    path = save(tmp_path / "1.jpg")
+    data = path.read_bytes()
+    path.write_bytes(data + b"\xff\xda appendix")
+    assert read_image(path).shape == (HEIGHT, WIDTH, 3)
+    thumbnail = b"\xff\xe1" + struct.pack(">H", len(data) + 2) + data
+    path.write_bytes(data[:2] + b"\xff" + thumbnail + data[2:])
+    assert read_image(path).shape == (HEIGHT, WIDTH, 3)
+    path.write_bytes(data[:2] + thumbnail + data[2:-30])
+    with pytest.raises(InputError, match="damaged"):
+        read_image(path)
+
+
+def png(depth: int, colour_type: int, row: bytes, *chunks: tuple[bytes, bytes]) -> bytes:
+    """Build a PNG of equal rows by hand, of the kinds that OpenCV does not write."""
+    header = struct.pack(">IIBBBBB", 8, 4, depth, colour_type, 0, 0, 0)
+    parts = [(b"IHDR", header), *chunks, (b"IDAT", zlib.compress((b"\0" + row) * 4)), (b"IEND", b"")]
+    data = io.BytesIO(b"\x89PNG\r\n\x1a\n")
+    data.seek(0, io.SEEK_END)
+    for name, body in parts:
+        data.write(struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)))
+    return data.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("data", "channels", "dtype", "pixel"),
+    [
+        (png(1, 0, b"\xff"), 1, np.uint8, [255]),
+        (png(4, 0, b"\x33" * 4), 1, np.uint8, [51]),
+        (png(8, 4, b"\x20\x80" * 8), 4, np.uint8, [32, 32, 32, 128]),
+        (png(16, 4, b"\x20\x01\x80\x02" * 8), 4, np.uint16, [0x2001, 0x2001, 0x2001, 0x8002]),
+        (png(8, 3, b"\1" * 8, (b"PLTE", bytes([0, 0, 0, 1, 2, 3]))), 3, np.uint8, [3, 2, 1]),
+        (png(8, 3, b"\1" * 8, (b"PLTE", bytes([0, 0, 0, 1, 2, 3])), (b"tRNS", b"\0\7")), 4, np.uint8, [3, 2, 1, 7]),
+    ],
+)
+def test_unusual_png(tmp_path: Path, data: bytes, channels: int, dtype: type, pixel: list[int]) -> None:
+    """One bit, gray with alpha and palettes arrive as gray, colour or colour with alpha."""
+    (tmp_path / "1.png").write_bytes(data)
+    image = read_image(tmp_path / "1.png")
+    assert image.shape == (4, 8, channels)
+    assert image.dtype == dtype
+    assert image[0, 0].tolist() == pixel
+
+
+def test_foreign_type(tmp_path: Path) -> None:
+    """Pixels of a type that the package does not know are refused."""
+    save(tmp_path / "1.tif", make_image(1, np.uint8).astype(np.float64))
+    with pytest.raises(InputError, match=r"1\.tif has 1 channels of float64"):
+        ImageSource(str(tmp_path), RATE)
+
+
+# -------------------------------------------------------------------------------------------------------------- writing
+
+kept = [(suffix, dtype, n) for suffix in (".tif", ".tiff", ".TIF") for dtype in (np.uint8, np.uint16, np.float32)
+        for n in (1, 3, 4)]  # fmt: skip
+kept += [(".png", dtype, n) for dtype in (np.uint8, np.uint16) for n in (1, 3, 4)]
+kept += [(".bmp", np.uint8, 1), (".bmp", np.uint8, 3), (".webp", np.uint8, 3)]
+
+
+@pytest.mark.parametrize(("suffix", "dtype", "channels"), kept)
+def test_exact_round_trip(tmp_path: Path, suffix: str, dtype: type, channels: int) -> None:
+    """Depth, channels and every value survive writing and reading."""
+    pictures = [make_image(channels, dtype, seed) for seed in range(2)]
+    if channels == 4:
+        pictures[0][:4, :, 3] = 0  # transparent, but not without colour
+    sink = make_sink(tmp_path / f"x_##{suffix}")
+    write(sink, *pictures)
+    again = [frame.image for frame in ImageSource(str(tmp_path), RATE)]
+    assert sink.remarks == []
+    for image, expected in zip(again, pictures, strict=True):
+        assert image.dtype == dtype
+        assert image.flags.c_contiguous
+        np.testing.assert_array_equal(image, expected)
+
+
+def test_webp_alpha(tmp_path: Path) -> None:
+    """WebP keeps alpha and all visible colour; where it loses invisible colour or grayness, it says so."""
+    image = make_image(4)
+    image[:4, :, 3] = 0
+    sink = make_sink(tmp_path / "a_#.webp")
+    write(sink, image, image)
+    again = read_image(tmp_path / "a_1.webp")
+    np.testing.assert_array_equal(again[..., 3], image[..., 3])
+    np.testing.assert_array_equal(again[4:], image[4:])
+    assert len(sink.remarks) == (0 if np.array_equal(again, image) else 1)
+    sink = make_sink(tmp_path / "b_#.webp")
+    write(sink, make_image(1), make_image(1))
+    np.testing.assert_array_equal(read_image(tmp_path / "b_1.webp"), np.repeat(make_image(1), 3, axis=2))
+    assert len(sink.remarks) == 1
+
+
+def test_jpeg_quality(tmp_path: Path) -> None:
+    """JPEG keeps a smooth picture within a few steps."""
+    ramp = np.linspace(0, 255, WIDTH).astype(np.uint8)[None, :, None].repeat(HEIGHT, 0).repeat(3, 2)
+    write(make_sink(tmp_path / "a_#.jpg"), ramp)
+    assert np.abs(read_image(tmp_path / "a_1.jpg").astype(int) - ramp).max() <= 4
+
+
+@pytest.mark.parametrize(
+    ("suffix", "dtype", "channels", "advice"),
+    [
+        (".jpg", np.uint16, 3, "16-bit.*png or .tif"),
+        (".webp", np.uint16, 3, "16-bit.*png or .tif"),
+        (".bmp", np.uint16, 1, "16-bit"),
+        (".png", np.float32, 3, "float.*use .tif"),
+        (".jpeg", np.uint8, 4, "alpha"),
+        (".bmp", np.uint8, 4, "alpha"),
+    ],
+)
+def test_refused_formats(tmp_path: Path, suffix: str, dtype: type, channels: int, advice: str) -> None:
+    """A format that would lose depth or alpha is refused at the first frame, and nothing is left."""
+    with pytest.raises(OutputError, match=advice):
+        write(make_sink(tmp_path / f"x_##{suffix}"), make_image(channels, dtype))
+    assert names_in(tmp_path) == []
+
+
+def test_folder_continues_source(tmp_path: Path) -> None:
+    """A folder takes over prefix, file type, padding and first number, with more digits where needed."""
+    source = ImageSource(str(fill(tmp_path / "in", "img9.png", "img10.png")), RATE)
+    write(make_sink(tmp_path / "out", source, frame_count=3), *[make_image()] * 3)
+    assert names_in(tmp_path / "out") == ["img09.png", "img10.png", "img11.png"]
+    source = ImageSource(str(fill(tmp_path / "in2", "s_0004_left.jpg", "s_0005_left.jpg")), RATE)
+    write(make_sink(tmp_path / "out2", source), *[make_image()] * 2)
+    assert names_in(tmp_path / "out2") == ["s_0004_left.jpg", "s_0005_left.jpg"]
+
+
+def test_names_for_video(tmp_path: Path) -> None:
+    """Frames of a video are counted from 1 with at least six digits; a pattern is taken as given."""
+    write(make_sink(tmp_path / "out", frame_count=None), make_image())
+    assert names_in(tmp_path / "out") == ["000001.png"]
+    assert make_sink(tmp_path / "new", frame_count=10**6).numbering.digits == 7
+    assert make_sink(tmp_path / "new", frame_count=10**6 - 1).numbering.digits == 6
+    write(make_sink(tmp_path / "out" / "f%d.tif"), make_image(), make_image())
+    assert names_in(tmp_path / "out") == ["000001.png", "f1.tif", "f2.tif"]
+
+
+def test_short_pattern_is_remarked(tmp_path: Path) -> None:
+    """A padded pattern with too few digits is obeyed and remarked; an unpadded one is the user's wish."""
+    assert "too few digits" in make_sink(tmp_path / "##.png", frame_count=100).remarks[0]
+    assert make_sink(tmp_path / "##.png", frame_count=99).remarks == []
+    assert make_sink(tmp_path / "%d.png", frame_count=100).remarks == []
+
+
+def test_pattern_starts_like_source(tmp_path: Path) -> None:
+    """A pattern continues with the first number of an image source."""
+    source = ImageSource(str(fill(tmp_path / "in", "0998.png", "0999.png")), RATE)
+    write(make_sink(tmp_path / "in" / "new_###.png", source), *[make_image()] * 3)
+    assert [name for name in names_in(tmp_path / "in") if "new" in name] == [
+        "new_1000.png",
+        "new_998.png",
+        "new_999.png",
+    ]
+
+
+@pytest.mark.parametrize("name", ["ünï 雪", "-frames", "100% #1", "a.b", "%s {x}"])
+def test_odd_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Unicode, spaces, leading dashes, % and # in names and folders are nothing special."""
+    monkeypatch.chdir(tmp_path)
+    write(make_sink(name), make_image(), make_image(seed=1))
+    source = ImageSource(name, RATE)
+    write(make_sink(f"{name}/{name}_%03d.png", source), *(frame.image for frame in source))
+    again = ImageSource(f"{name}/{name}_%03d.png", RATE)
+    assert [path.name for path in again.files] == [f"{name}_001.png", f"{name}_002.png"]
+    np.testing.assert_array_equal([frame.image for frame in again], [make_image(), make_image(seed=1)])
+
+
+# ----------------------------------------------------------------------------------------------------- whole or nothing
+
+
+@pytest.mark.parametrize("target", ["out", "empty", "full", "empty/x_##.png"])
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_nothing_left_after_exception(tmp_path: Path, target: str, error: type[BaseException]) -> None:
+    """While frames come nothing is visible; after an exception nothing is left and old frames still stand."""
+    (tmp_path / "empty").mkdir()
+    fill(tmp_path / "full", "000001.png")
+    before = sorted(tmp_path.rglob("*"))
+
+    def fail() -> None:
+        with make_sink(tmp_path / target, overwrite=True) as sink:
+            sink.write(Frame(make_image(seed=5), Fraction(0)))
+            shown = [path for path in tmp_path.rglob("*") if "/." not in path.as_posix()]
+            assert sorted(shown) == before
+            raise error
+
+    with pytest.raises(error):
+        fail()
+    assert sorted(tmp_path.rglob("*")) == before
+    np.testing.assert_array_equal(read_image(tmp_path / "full" / "000001.png"), make_image())
+
+
+def test_no_frames_no_output(tmp_path: Path) -> None:
+    """A sink that got no frame leaves nothing."""
+    write(make_sink(tmp_path / "out"))
+    assert names_in(tmp_path) == []
+
+
+@pytest.mark.parametrize("target", ["out", "old"])
+def test_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str) -> None:
+    """An error of the system becomes an OutputError with the file's final name and the system's reason."""
+    (tmp_path / "old").mkdir()
+
+    def fail(path: Path, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    with pytest.raises(OutputError, match=f"{target}/000001.png .No space left"):
+        write(make_sink(tmp_path / target), make_image())
+    assert [path.name for path in tmp_path.rglob("*")] == ["old"]
+
+
+def test_failed_moves_are_undone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If the last of the files cannot get its name, the earlier frames stand again as before."""
+    fill(tmp_path, "x_01.png", "x_02.png", "x_03.png")
+    true_replace = os.replace
+
+    def fail(here: Path, there: Path) -> None:
+        if there.name == "x_02.png" and there.parent == tmp_path and here.parent.name != "replaced":
+            raise PermissionError(errno.EACCES, "Permission denied")
+        true_replace(here, there)
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(OutputError, match="Permission denied"):
+        write(make_sink(tmp_path / "x_##.png", overwrite=True), make_image(seed=8), make_image(seed=9))
+    assert names_in(tmp_path) == ["x_01.png", "x_02.png", "x_03.png"]
+    for i in range(3):
+        np.testing.assert_array_equal(read_image(tmp_path / f"x_0{i + 1}.png"), make_image(seed=i))
+
+
+def test_frames_that_cannot_be_moved_back_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Earlier frames are never deleted by a failed replacement, even where they cannot get their names back."""
+    fill(tmp_path, "x_01.png")
+    true_replace = os.replace
+
+    def fail(here: Path, there: Path) -> None:
+        if there.parent == tmp_path:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        true_replace(here, there)
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(OutputError, match="Permission denied"):
+        write(make_sink(tmp_path / "x_##.png", overwrite=True), make_image(seed=8))
+    (kept_frame,) = tmp_path.rglob("replaced/x_01.png")
+    np.testing.assert_array_equal(read_image(kept_frame), make_image())
+
+
+def test_unencodable_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An image that OpenCV cannot encode is an OutputError that names the file."""
+    monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
+    with pytest.raises(OutputError, match=r"x_01\.png cannot be encoded"):
+        write(make_sink(tmp_path / "x_##.png"), make_image())
+
+
+# ---------------------------------------------------------------------------------------------- what stood there before
+
+
+def test_existing_is_refused(tmp_path: Path) -> None:
+    """A folder with anything visible in it, and images that match a pattern, need --overwrite."""
+    fill(tmp_path / "full", "x_01.png")
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "notes.txt").write_text("mine")
+    for target in ("full", "notes", "full/x_##.png"):
+        with pytest.raises(OutputError, match="--overwrite"):
+            make_sink(tmp_path / target)
+    write(make_sink(tmp_path / "full" / "y_##.png"), make_image())
+    assert names_in(tmp_path / "full") == ["x_01.png", "y_01.png"]
+
+
+def test_empty_folder_is_kept(tmp_path: Path) -> None:
+    """An empty folder, and one with hidden files only, is filled and stays the same folder."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / ".DS_Store").write_text("")
+    before = folder.stat().st_ino
+    write(make_sink(folder), make_image())
+    assert names_in(folder) == [".DS_Store", "000001.png"]
+    assert folder.stat().st_ino == before
+
+
+def test_folder_that_fills_meanwhile(tmp_path: Path) -> None:
+    """What appears under the final name while frames are made is not replaced."""
+    sink = make_sink(tmp_path / "out").__enter__()
+    sink.write(Frame(make_image(seed=1), Fraction(0)))
+    fill(tmp_path / "out", "000001.png")
+    with pytest.raises(OutputError, match="--overwrite"):
+        sink.__exit__(None, None, None)
+    assert names_in(tmp_path) == ["out"]
+    np.testing.assert_array_equal(read_image(tmp_path / "out" / "000001.png"), make_image())
+
+
+def test_overwrite_folder(tmp_path: Path) -> None:
+    """Overwriting replaces and removes the frames of the same naming, whatever their padding, and nothing else."""
+    mine = ["notes.txt", "other_0001.png", "0001.jpg", "0001_small.png"]
+    fill(tmp_path, "0001.png", "0002.png", "000002.png", "000003.png", *mine[1:])
+    (tmp_path / "notes.txt").write_text("mine")
+    write(make_sink(tmp_path, overwrite=True), make_image(seed=7), make_image(seed=8))
+    assert names_in(tmp_path) == sorted(["000001.png", "000002.png", *mine])
+    np.testing.assert_array_equal(read_image(tmp_path / "000002.png"), make_image(seed=8))
+
+
+def test_overwrite_pattern(tmp_path: Path) -> None:
+    """With a pattern, later frames of exactly this pattern go; another padding is another sequence."""
+    fill(tmp_path, "x_01.png", "x_02.png", "x_100.png", "x_0002.png")
+    write(make_sink(tmp_path / "x_##.png", overwrite=True), make_image())
+    assert names_in(tmp_path) == ["x_0002.png", "x_01.png"]
+
+
+def test_inputs_are_never_touched(tmp_path: Path) -> None:
+    """Output into the input's folder or over its names is refused, with --overwrite and through links too."""
+    folder = fill(tmp_path / "in", "x_01.png", "x_02.png")
+    (tmp_path / "link").symlink_to(folder, target_is_directory=True)
+    source = ImageSource(str(folder), RATE)
+    for target in ("in", "link", "in/../in", "in/x_##.png", "link/x_##.png", "in/x_%02d.png", "in/X_##.PNG"):
+        with pytest.raises(OutputError, match=r"also the input|would replace the input"):
+            make_sink(tmp_path / target, source, overwrite=True)
+    fill(tmp_path / "far", "x_01.png")
+    (tmp_path / "near").mkdir()
+    (tmp_path / "near" / "x_01.png").symlink_to(tmp_path / "far" / "x_01.png")
+    source = ImageSource(str(tmp_path / "near"), RATE)
+    with pytest.raises(OutputError, match="would replace the input"):
+        make_sink(tmp_path / "far", source, overwrite=True)
+
+
+def test_output_beside_and_inside_the_input(tmp_path: Path) -> None:
+    """Another naming in the input's folder, and a folder within it, are fine."""
+    folder = fill(tmp_path / "in", "x_01.png", "x_02.png")
+    source = ImageSource(str(folder), RATE)
+    write(make_sink(folder / "out", source), make_image())
+    write(make_sink(folder / "y_##.png", source), make_image())
+    assert names_in(folder) == ["out", "x_01.png", "x_02.png", "y_01.png"]
+
+
+def test_refused_places(tmp_path: Path) -> None:
+    """A missing parent, a file in the way and an unknown type are refused before anything is made."""
+    (tmp_path / "file").write_text("")
+    for target, message in {
+        "none/out": "create it first",
+        "none/x_##.png": "create it first",
+        "file": "is a file",
+        "file/x_##.png": "is a file",
+        "x_##.exr": "no type of image",
+    }.items():
+        with pytest.raises(OutputError, match=message):
+            make_sink(tmp_path / target, overwrite=True)
+    with pytest.raises(OutputError, match="16383"):
+        ImageSink(str(tmp_path / "x_##.webp"), clip_info(width=20000), None, None, False)
+    assert names_in(tmp_path) == ["file"]
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
+def test_read_only_parent(tmp_path: Path) -> None:
+    """A folder that may not be written is reported before the first frame."""
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="Permission denied"):
+        make_sink(tmp_path / "out").__enter__()

@@ -1,0 +1,432 @@
+"""VideoSink: exact times, untouched companions, whole files or none."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from video_truth import QUARTER_TURN, packets_of, pictures_of, png, samples_of, scene, spoil_packets, write_clip
+
+from fpsboost.errors import OptionError, OutputError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.media import OutputTiming
+from fpsboost.media.video_sink import VIDEO_SUFFIXES, Encoding, VideoSink, from_bgr
+from fpsboost.media.video_source import VideoSource
+from fpsboost.timing import ByFactor
+
+FAST = Encoding(preset="ultrafast")
+LOSSLESS = Encoding(crf=0, preset="ultrafast")
+B_FRAMES = Encoding(preset="veryfast")
+TWICE = ByFactor(Fraction(2))
+
+
+def double(source_path: Path, target: Path, encoding: Encoding = FAST, overwrite: bool = False) -> list[str]:
+    """Show every source frame twice, each time for half as long; return the remarks of the sink."""
+    with VideoSource(source_path) as source:
+        info = source.info
+        timing = OutputTiming(TWICE.rate(info.rate), TWICE.time_base(info.time_base))
+        with VideoSink(target, info, timing, encoding, source, overwrite=overwrite) as sink:
+            last = None
+            for frame in itertools.chain(source, [None]):
+                if last is not None:
+                    half = ((frame.time if frame else last.time + last.duration) - last.time) / 2
+                    sink.write(Frame(last.image, last.time, half, last.original))
+                    sink.write(Frame(last.image, last.time + half, half, last.original))
+                last = frame
+    return sink.remarks
+
+
+def write_images(target: Path, images: list[np.ndarray], encoding: Encoding = FAST) -> list[str]:
+    """Write images as a clip of 25 frames per second that has no source."""
+    height, width = images[0].shape[:2] if images else (48, 64)
+    info = ClipInfo("images", height, width, Fraction(25), Fraction(1, 25), len(images))
+    with VideoSink(target, info, OutputTiming(Fraction(25), Fraction(1, 25)), encoding, None, overwrite=False) as sink:
+        for index, image in enumerate(images):
+            sink.write(Frame(image, Fraction(index, 25), Fraction(1, 25)))
+    return sink.remarks
+
+
+def facts(path: Path) -> tuple[Fraction, list[Fraction]]:
+    """Length of the first video stream as its container tells it, and the times of its frames."""
+    with av.open(str(path)) as file:
+        stream = file.streams.video[0]
+        length = stream.duration * Fraction(stream.time_base) if stream.duration else None
+        times = sorted(packet.pts * Fraction(packet.time_base) for packet in file.demux(stream) if packet.size)
+    return length, times
+
+
+def only(folder: Path, *names: str) -> bool:
+    return sorted(path.name for path in folder.iterdir()) == sorted(names)
+
+
+@pytest.mark.parametrize("encoding", [FAST, B_FRAMES], ids=["plain", "b-frames"])
+@pytest.mark.parametrize("suffix", [".mp4", ".m4v", ".mov"])
+def test_doubling_keeps_times_and_length(tmp_path, suffix, encoding):
+    """Twice the frames, each exactly halfway, and the stream as long as before."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(30), time_base=Fraction(1001, 24000))
+    assert double(clip, tmp_path / f"out{suffix}", encoding) == []
+    length, times = facts(tmp_path / f"out{suffix}")
+    assert length == facts(clip)[0] == 30 * Fraction(1001, 24000)
+    assert times == [k * Fraction(1001, 48000) for k in range(60)]
+    assert only(tmp_path, "in.mp4", f"out{suffix}")
+
+
+@pytest.mark.parametrize("encoding", [FAST, B_FRAMES], ids=["plain", "b-frames"])
+def test_variable_rate_keeps_length(tmp_path, encoding):
+    """Uneven frames, a long last one and reordering still add up to the source's length."""
+    times = [0, 3, 4, 9, 10, 16, 17, 18, 30, 31, 32, 40]
+    clip = write_clip(tmp_path / "in.mp4", times=times, end=52, time_base=Fraction(1, 100))
+    double(clip, tmp_path / "out.mp4", encoding)
+    length, found = facts(tmp_path / "out.mp4")
+    assert length == Fraction(52, 100)
+    pairs = itertools.pairwise([*times, 52])
+    assert found == [t for a, b in pairs for t in (Fraction(a, 100), Fraction(a + b, 200))]
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".webm"])
+def test_matroska_keeps_milliseconds(tmp_path, suffix):
+    """Matroska rounds to its own clock of a millisecond, never by more than half of one."""
+    clip = write_clip(tmp_path / "in.mp4", time_base=Fraction(1001, 24000))
+    encoding = FAST if suffix == ".mkv" else Encoding(preset="8")
+    double(clip, tmp_path / f"out{suffix}", encoding)
+    _, times = facts(tmp_path / f"out{suffix}")
+    truth = [k * Fraction(1001, 48000) for k in range(20)]
+    assert len(times) == 20
+    assert max(abs(a - b) for a, b in zip(times, truth, strict=True)) <= Fraction(1, 2000)
+
+
+def test_late_start_is_kept_beside_the_sound(tmp_path):
+    """A video that starts two seconds after the sound still does."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(50, 60), sound="aac", sound_seconds=3)
+    double(clip, tmp_path / "out.mp4")
+    assert facts(tmp_path / "out.mp4")[1][0] == 2
+    assert packets_of(tmp_path / "out.mp4", "audio") == packets_of(clip, "audio")
+
+
+@pytest.mark.parametrize(("pixel_format", "rate"), [("yuv420p", "tv"), ("yuvj420p", "pc"), ("yuv444p", "tv")])
+def test_original_pictures_pass_bit_by_bit(tmp_path, pixel_format, rate):
+    """A lossless encoder gets the decoder's own planes, also when a picture is shown twice."""
+    clip = write_clip(tmp_path / "in.mp4", pixel_format=pixel_format, color_range=2 if rate == "pc" else 1)
+    double(clip, tmp_path / "out.mp4", LOSSLESS)
+    before, after = pictures_of(clip), pictures_of(tmp_path / "out.mp4")
+    assert len(after) == 20
+    for k, picture in enumerate(after):
+        pairs = zip(samples_of(picture), samples_of(before[k // 2]), strict=True)
+        assert all(np.array_equal(a, b) for a, b in pairs)
+        assert picture.format.name == pixel_format
+
+
+def test_writing_leaves_the_original_alone(tmp_path):
+    """Times and labels of the decoder's picture are the same before and after."""
+    clip = write_clip(tmp_path / "in.mp4")
+    with VideoSource(clip) as source:
+        timing = OutputTiming(Fraction(50), Fraction(1, 25600))
+        with VideoSink(tmp_path / "out.mp4", source.info, timing, FAST, source, overwrite=False) as sink:
+            for frame in source:
+                picture = frame.original
+                before = picture.pts, picture.duration, picture.time_base, picture.pict_type
+                sink.write(frame)
+                assert (picture.pts, picture.duration, picture.time_base, picture.pict_type) == before
+
+
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv420p10le"])
+def test_made_frames_look_like_originals(tmp_path, pixel_format):
+    """A frame that goes through BGR differs from its original by no more than rounding, and not on average."""
+    clip = write_clip(tmp_path / "in.mp4", times=[0, 1], pixel_format=pixel_format)
+    with VideoSource(clip) as source:
+        timing = OutputTiming(Fraction(25), source.info.time_base)
+        encoding = Encoding(crf=0, preset="ultrafast")
+        with VideoSink(tmp_path / "out.mp4", source.info, timing, encoding, source, overwrite=False) as sink:
+            for frame in source:
+                sink.write(Frame(frame.image, frame.time, frame.duration))
+    for before, after in zip(pictures_of(clip), pictures_of(tmp_path / "out.mp4"), strict=True):
+        assert after.format.name == pixel_format
+        for a, b in zip(samples_of(before), samples_of(after), strict=True):
+            assert abs((a.astype(float) - b).mean()) < 0.15
+            assert np.abs(a.astype(float) - b).max() <= (2 if pixel_format == "yuv420p" else 8)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv"])
+def test_what_the_picture_means_is_kept(tmp_path, suffix):
+    """Orientation, pixel shape, colour tags, title, chapters and language arrive."""
+    tags = {"sample_aspect_ratio": Fraction(4, 3), "colorspace": 1, "color_range": 2, "color_primaries": 1}
+    clip = write_clip(
+        tmp_path / "in.mp4", matrix=QUARTER_TURN, sound="aac", title="Cranes", chapters=True, color_trc=13, **tags
+    )
+    assert double(clip, tmp_path / f"out{suffix}") == []
+    with VideoSource(clip) as before, VideoSource(tmp_path / f"out{suffix}") as after:
+        assert after.traits == before.traits
+    with av.open(str(tmp_path / f"out{suffix}")) as file:
+        titles = {key.lower(): value for key, value in file.metadata.items()}
+        assert titles["title"] == "Cranes"
+        assert [chapter["metadata"]["title"] for chapter in file.chapters()] == ["opening"]
+        assert file.streams.audio[0].metadata["language"] == "fra"
+        assert len(file.streams.video) == 1
+
+
+@pytest.mark.parametrize(
+    ("sound", "suffix"), [("aac", ".mp4"), ("aac", ".mov"), ("libopus", ".mkv"), ("libopus", ".webm")]
+)
+def test_sound_is_copied_bit_by_bit(tmp_path, sound, suffix):
+    """Every sound packet arrives with its bytes and its time, also those after the last picture."""
+    clip = write_clip(tmp_path / f"in{'.mp4' if sound == 'aac' else '.mkv'}", sound=sound, sound_seconds=1.5)
+    double(clip, tmp_path / f"out{suffix}", FAST if suffix != ".webm" else Encoding(preset="8"))
+    assert packets_of(tmp_path / f"out{suffix}", "audio") == packets_of(clip, "audio")
+
+
+def test_subtitles_are_copied(tmp_path):
+    """Lines keep their words and times, or are left out when that is asked for."""
+    lines = [(0, 100, b"one"), (120, 80, b"two"), (300, 90, b"three")]
+    clip = write_clip(tmp_path / "in.mkv", subtitles=lines)
+    double(clip, tmp_path / "out.mkv")
+    expected = [(Fraction(start, 1000), text) for start, _, text in lines]
+    assert packets_of(tmp_path / "out.mkv", "subtitle") == expected
+    remarks = double(clip, tmp_path / "silent.mp4", Encoding(preset="ultrafast", subtitles=False))
+    assert remarks == []
+    with av.open(str(tmp_path / "silent.mp4")) as file:
+        assert [stream.type for stream in file.streams] == ["video"]
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".mp4"])
+def test_cover_art_is_kept(tmp_path, suffix):
+    """The attached picture goes along and does not become the video."""
+    clip = write_clip(tmp_path / "in.mkv", cover=png(), sound="aac")
+    assert double(clip, tmp_path / f"out{suffix}") == []
+    with av.open(str(tmp_path / f"out{suffix}")) as file:
+        covers = [s for s in file.streams.video if s.disposition & av.stream.Disposition.attached_pic]
+        assert [bytes(next(iter(file.demux(cover)))) for cover in covers] == [png()]
+    assert packets_of(tmp_path / f"out{suffix}", "audio") == packets_of(clip, "audio")
+    assert len(facts(tmp_path / f"out{suffix}")[1]) == 20
+
+
+def test_damaged_sound_does_not_stop_the_video(tmp_path):
+    """Nonsense in the sound is carried along as it is, and the video is whole."""
+    clip = write_clip(tmp_path / "in.mp4", sound="aac", times=range(50))
+    spoil_packets(clip, [5, 20], kind="audio")
+    double(clip, tmp_path / "out.mp4")
+    assert len(facts(tmp_path / "out.mp4")[1]) == 100
+    assert packets_of(tmp_path / "out.mp4", "audio") == packets_of(clip, "audio")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "sound", "subtitles", "sentence"),
+    [
+        (".webm", "aac", (), "cannot hold the aac sound of .*; write .mp4 or .m4v or .mov or .mkv, or .* --no-audio"),
+        (".mp4", None, ((0, 100, b"one"),), "cannot hold the subrip subtitles of .*; write .mkv, or .* --no-subtitles"),
+    ],
+)
+def test_streams_that_do_not_fit_are_refused_at_once(tmp_path, suffix, sound, subtitles, sentence):
+    """Before any frame is read, the message names the stream and only containers that hold everything."""
+    clip = write_clip(tmp_path / "in.mkv", sound=sound, subtitles=subtitles)
+    with VideoSource(clip) as source, pytest.raises(OutputError, match=sentence):
+        VideoSink(
+            tmp_path / f"out{suffix}",
+            source.info,
+            OutputTiming(Fraction(50), Fraction(1, 50)),
+            Encoding(),
+            source,
+            overwrite=False,
+        )
+    assert only(tmp_path, "in.mkv")
+
+
+def test_an_existing_file_is_safe(tmp_path):
+    """It is refused, or replaced whole when that is asked for; the input itself never is."""
+    clip = write_clip(tmp_path / "in.mp4")
+    target = tmp_path / "out.mp4"
+    target.write_bytes(b"precious")
+    with pytest.raises(OutputError, match=r"exists already; .*--overwrite"):
+        double(clip, target)
+    assert target.read_bytes() == b"precious"
+    double(clip, target, overwrite=True)
+    assert len(facts(target)[1]) == 20
+    link = tmp_path / "link.mp4"
+    os.link(clip, link)
+    for same in (clip, link):
+        with pytest.raises(OutputError, match="is the input itself"):
+            double(clip, same, overwrite=True)
+
+
+def test_places_that_cannot_be_written(tmp_path):
+    """A missing folder, a folder and an unknown suffix each get their sentence."""
+    clip = write_clip(tmp_path / "in.mp4")
+    (tmp_path / "folder.mp4").mkdir()
+    for target, sentence in (
+        (tmp_path / "none" / "out.mp4", "folder does not exist"),
+        (tmp_path / "folder.mp4", "is a folder"),
+        (tmp_path / "out.xyz", "no suffix of a video file"),
+    ):
+        with pytest.raises(OutputError, match=sentence):
+            double(clip, target)
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, KeyboardInterrupt])
+def test_an_exception_leaves_no_trace(tmp_path, kind):
+    """What stood there before stands there after, and nothing else does."""
+    clip = write_clip(tmp_path / "in.mp4", sound="aac")
+    target = tmp_path / "out.mp4"
+    target.write_bytes(b"precious")
+
+    def interrupted() -> None:
+        with VideoSource(clip) as source:
+            timing = OutputTiming(Fraction(25), source.info.time_base)
+            with VideoSink(target, source.info, timing, FAST, source, overwrite=True) as sink:
+                for frame in source:
+                    sink.write(frame)
+                    if frame.time > Fraction(1, 5):
+                        raise kind
+
+    with pytest.raises(kind):
+        interrupted()
+    assert target.read_bytes() == b"precious"
+    assert only(tmp_path, "in.mp4", "out.mp4")
+
+
+@pytest.mark.parametrize("images", [[], [scene(0), scene(0, 64, 64)]], ids=["none", "two sizes"])
+def test_what_makes_no_clip_makes_no_file(tmp_path, images):
+    """Without frames, or with frames of two sizes, there is an error and not half a video."""
+    with pytest.raises(OutputError, match=r"there were no frames|cannot take a frame of 64x64"):
+        write_images(tmp_path / "out.mp4", images)
+    assert only(tmp_path)
+
+
+def test_a_full_disk_is_explained(tmp_path):
+    """A disk that takes no more ends in one sentence and no file."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    noise = list(np.random.default_rng(0).integers(0, 256, (40, 64, 64, 3), dtype=np.uint8))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+    try:
+        with pytest.raises(OutputError, match=r"out\.mp4 grew larger than"):
+            write_images(tmp_path / "out.mp4", noise, LOSSLESS)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert only(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "name", "sentence"),
+    [
+        (Encoding(codec="h265"), "out.mp4", "--codec h265 is unknown.*h264, hevc, vp9, av1"),
+        (Encoding(codec="aac"), "out.mp4", "--codec aac is unknown"),
+        (
+            Encoding(codec="h264"),
+            "out.webm",
+            "cannot go into .*; use vp9 or av1, or write .mp4 or .m4v or .mov or .mkv",
+        ),
+        (Encoding(crf=52), "out.mp4", "--crf must be 0 to 51 for h264, not 52"),
+        (Encoding(crf=-1, codec="vp9"), "out.webm", "--crf must be 0 to 63"),
+        (Encoding(preset="turbo"), "out.mp4", "--preset turbo is unknown to h264; use one of ultrafast"),
+        (Encoding(preset="medium", codec="av1"), "out.mp4", "--preset medium is unknown to av1"),
+        (Encoding(codec="ffv1", crf=3), "out.mkv", "--crf means nothing to ffv1"),
+    ],
+)
+def test_options_that_cannot_work(tmp_path, encoding, name, sentence):
+    """Each bad codec, quality or preset is refused with what to use instead."""
+    with pytest.raises(OptionError, match=sentence):
+        write_images(tmp_path / name, [scene(0)], encoding)
+    assert only(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "name", "found"),
+    [
+        (Encoding(codec="hevc", preset="ultrafast"), "out.mp4", "hevc"),
+        (Encoding(codec="vp9", preset="8"), "out.mp4", "vp9"),
+        (Encoding(codec="av1", preset="12"), "out.webm", "av1"),
+        (Encoding(codec="libx264"), "out.mkv", "h264"),
+        (Encoding(codec="ffv1"), "out.mkv", "ffv1"),
+    ],
+)
+def test_codecs(tmp_path, encoding, name, found, capfd):
+    """Every codec that has a name writes every frame, and prints nothing."""
+    write_images(tmp_path / name, [scene(k, 64, 64) for k in range(6)], encoding)
+    with av.open(str(tmp_path / name)) as file:
+        assert file.streams.video[0].codec_context.codec.canonical_name == found
+    assert len(pictures_of(tmp_path / name)) == 6
+    assert capfd.readouterr() == ("", "")
+
+
+def test_default_codecs(tmp_path):
+    """Every suffix has a codec of its own, and .webm has VP9."""
+    for suffix in VIDEO_SUFFIXES:
+        write_images(tmp_path / f"out{suffix}", [scene(0)], Encoding())
+        with av.open(str(tmp_path / f"out{suffix}")) as file:
+            expected = "vp9" if suffix == ".webm" else "h264"
+            assert file.streams.video[0].codec_context.codec.canonical_name == expected
+
+
+@pytest.mark.parametrize("kind", ["gray", "bgra", "16-bit", "float"])
+def test_images_of_every_kind(tmp_path, kind):
+    """Gray, alpha, deep and float images become video that looks like them, and lost alpha is said."""
+    colour = scene(0)
+    image = {
+        "gray": colour[..., :1],
+        "bgra": np.dstack([colour, colour[..., :1]]),
+        "16-bit": colour.astype(np.uint16) * 257,
+        "float": colour.astype(np.float32) / 255 + np.where(colour == 255, 9, 0).astype(np.float32),
+    }[kind]
+    remarks = write_images(tmp_path / "out.mp4", [image] * 2, Encoding(crf=1, preset="ultrafast"))
+    assert remarks == ([f"{tmp_path / 'out.mp4'} cannot hold an alpha channel, which was left out."] * (kind == "bgra"))
+    with VideoSource(tmp_path / "out.mp4") as source:
+        assert source.traits.pixel_format == ("yuv420p10le" if kind in ("16-bit", "float") else "yuv420p")
+        assert (source.traits.tagged_color_space, source.traits.color_primaries) == (1, 1)
+        seen = next(iter(source)).image
+    truth = np.repeat(colour[..., :1], 3, axis=2) if kind == "gray" else colour
+    assert np.abs(seen / np.iinfo(seen.dtype).max * 255 - truth).mean() < 1
+
+
+def test_float_is_clipped():
+    """Light beyond white is white, and below black black."""
+    image = np.full((16, 16, 3), 3.5, np.float32)
+    image[:8] = -1
+    luma = samples_of(from_bgr(image, "yuv444p10le", 1, False))[0]
+    assert (luma[:8] == 64).all()
+    assert (luma[8:] == 940).all()
+
+
+def test_odd_sizes(tmp_path):
+    """H.264 cannot halve an odd size and says what it did instead; VP9 can."""
+    remarks = write_images(tmp_path / "out.mp4", [scene(0, 47, 63)])
+    assert "odd size 63x47 and was written as yuv444p" in remarks[0]
+    assert write_images(tmp_path / "out.webm", [scene(0, 47, 63)], Encoding(preset="8")) == []
+    for name in ("out.mp4", "out.webm"):
+        picture = pictures_of(tmp_path / name)[0]
+        assert (picture.width, picture.height) == (63, 47)
+
+
+def test_lost_depth_is_said(tmp_path):
+    """An encoder of 8 bits takes 10 bits with a remark."""
+    clip = write_clip(tmp_path / "in.mp4", pixel_format="yuv420p10le")
+    remarks = double(clip, tmp_path / "out.mkv", Encoding(codec="mpeg4"))
+    assert remarks == [f"{tmp_path / 'out.mkv'} has less depth than its source: mpeg4 wrote yuv420p for yuv420p10le."]
+
+
+def test_lost_pixel_shape_is_said(tmp_path):
+    """VP9 in .webm cannot say that pixels are not square."""
+    clip = write_clip(tmp_path / "in.mp4", sample_aspect_ratio=Fraction(4, 3))
+    assert "lost the pixel shape 4/3" in double(clip, tmp_path / "out.webm", Encoding(preset="8"))[0]
+
+
+def test_times_must_increase(tmp_path):
+    """Two frames on one tick of the clock are refused."""
+    info = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
+    timing = OutputTiming(Fraction(25), Fraction(1, 25))
+    with VideoSink(tmp_path / "out.mp4", info, timing, FAST, None, overwrite=False) as sink:
+        sink.write(Frame(scene(0), Fraction(0), Fraction(1, 25)))
+        with pytest.raises(OutputError, match="choose a lower rate"):
+            sink.write(Frame(scene(0), Fraction(1, 100), Fraction(1, 25)))
+
+
+def test_matroska_is_too_coarse_for_extreme_rates(tmp_path):
+    """More than a thousand frames per second do not fit a clock of milliseconds."""
+    info = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
+    with pytest.raises(OutputError, match="counts time in milliseconds and cannot hold 2500"):
+        VideoSink(
+            tmp_path / "out.mkv", info, OutputTiming(Fraction(2500), Fraction(1, 2500)), FAST, None, overwrite=False
+        )

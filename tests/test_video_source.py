@@ -1,0 +1,290 @@
+"""VideoSource: exact times, honest remarks, and colours that survive the way to BGR and back."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from av.video.reformatter import VideoReformatter
+from video_truth import QUARTER_TURN, pictures_of, png, samples_of, scene, spoil_packets, write_clip
+
+from fpsboost.errors import InputError
+from fpsboost.media.video_sink import from_bgr
+from fpsboost.media.video_source import VideoSource, bgr_to_ycc, chroma_location_of, to_bgr
+
+
+def read(path: Path) -> tuple[list, list[str]]:
+    with VideoSource(path) as source:
+        return list(source), source.remarks
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov"])
+def test_times_are_exact_ticks(tmp_path, suffix):
+    """23.976 frames per second stay multiples of 1001/24000, without any rounding."""
+    clip = write_clip(tmp_path / f"in{suffix}", time_base=Fraction(1001, 24000))
+    with VideoSource(clip) as source:
+        frames = list(source)
+        assert source.info.rate == Fraction(24000, 1001)
+        assert source.info.frame_count == 10
+        assert (source.info.height, source.info.width) == (48, 64)
+        assert source.remarks == []
+    assert [frame.time for frame in frames] == [k * Fraction(1001, 24000) for k in range(10)]
+    assert {frame.duration for frame in frames} == {Fraction(1001, 24000)}
+
+
+def test_variable_times_and_durations(tmp_path):
+    """Uneven frames keep their times, and each lasts until the next."""
+    times = [0, 3, 4, 9, 10, 16]
+    frames, _ = read(write_clip(tmp_path / "in.mp4", times=times, end=20, time_base=Fraction(1, 100)))
+    assert [frame.time for frame in frames] == [Fraction(t, 100) for t in times]
+    assert [a.time + a.duration for a in frames[:-1]] == [b.time for b in frames[1:]]
+
+
+def test_last_frame_lasts_to_the_end_of_the_stream(tmp_path):
+    """The container's end, not the usual duration, decides how long the last frame is shown."""
+    options = {"preset": "ultrafast", "crf": "0", "bf": "0"}
+    clip = write_clip(
+        tmp_path / "in.mp4", times=range(8), end=10, time_base=Fraction(1, 25), rate=Fraction(25), options=options
+    )
+    frames, _ = read(clip)
+    assert frames[-1].time + frames[-1].duration == Fraction(10, 25)
+
+
+def test_times_that_do_not_start_at_zero(tmp_path):
+    """A video that starts late keeps its start."""
+    frames, remarks = read(write_clip(tmp_path / "in.mp4", times=range(50, 60)))
+    assert frames[0].time == 2
+    assert frames[-1].time + frames[-1].duration == Fraction(60, 25)
+    assert remarks == []
+
+
+@pytest.mark.parametrize(("pixel_format", "dtype"), [("yuv420p", np.uint8), ("yuv420p10le", np.uint16)])
+def test_depth_is_kept(tmp_path, pixel_format, dtype):
+    """8 bits become uint8, more become uint16 over its whole range."""
+    frames, _ = read(write_clip(tmp_path / "in.mp4", pixel_format=pixel_format))
+    image = frames[0].image
+    assert image.dtype == dtype
+    assert image.shape == (48, 64, 3)
+    assert image.flags.c_contiguous
+    truth = scene(0).astype(float) / 255
+    assert np.abs(image / np.iinfo(dtype).max - truth).mean() < 0.01
+
+
+def test_rgb_video_is_exact(tmp_path):
+    """A video that holds BGR comes out as the very same numbers."""
+    frames, _ = read(write_clip(tmp_path / "in.mkv", codec="ffv1", pixel_format="bgr0", rate=Fraction(25)))
+    assert all(np.array_equal(frame.image, scene(k)) for k, frame in enumerate(frames))
+
+
+def test_cover_art_is_no_video(tmp_path):
+    """A picture attached to the file is skipped."""
+    frames, remarks = read(write_clip(tmp_path / "in.mkv", cover=png()))
+    assert len(frames) == 10
+    assert remarks == []
+
+
+def test_other_video_streams_are_named(tmp_path):
+    """The first video is read, and the second is said to be left out."""
+    frames, remarks = read(write_clip(tmp_path / "in.mp4", second_video=True))
+    assert len(frames) == 10
+    assert "left out: stream 1 (h264 32x32)" in remarks[0]
+
+
+def test_traits(tmp_path):
+    """Orientation, pixel shape and colour tags are read, and reading them loses no frame."""
+    tags = {"sample_aspect_ratio": Fraction(4, 3), "colorspace": 1, "color_range": 2, "color_primaries": 9}
+    clip = write_clip(tmp_path / "in.mp4", matrix=QUARTER_TURN, **tags, color_trc=16)
+    with VideoSource(clip) as source:
+        traits = source.traits
+        assert len(list(source)) == 10
+    assert traits.display_matrix == QUARTER_TURN
+    assert traits.sample_aspect_ratio == Fraction(4, 3)
+    assert (traits.color_space, traits.color_range, traits.color_primaries, traits.color_transfer) == (1, 2, 9, 16)
+    assert traits.full_range
+    assert traits.chroma_location == "left"
+
+
+def test_untagged_colour_goes_by_height(tmp_path):
+    """Without a tag, 720 lines and more are BT.709, fewer BT.601."""
+    for height, expected in ((48, 6), (720, 1)):
+        clip = write_clip(tmp_path / f"{height}.mp4", times=[0, 1], size=(height, 64))
+        with VideoSource(clip) as source:
+            assert source.traits.color_space == expected
+
+
+def test_damaged_packets_are_skipped_and_counted(tmp_path, capfd):
+    """Nonsense in the middle costs a few frames, is reported, and prints nothing."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(40), options={"preset": "ultrafast", "g": "10"})
+    spoil_packets(clip, [12, 13, 25])
+    frames, remarks = read(clip)
+    assert 30 <= len(frames) < 40
+    assert all(a.time < b.time for a, b in pairwise(frames))
+    assert "in.mp4 is damaged: " in remarks[0]
+    assert "could not be decoded" in remarks[0]
+    assert f"{len(frames)} frames were converted." in remarks[0]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_truncated_file_is_read_and_reported(tmp_path):
+    """Half a Matroska file yields half of the frames and a remark about the rest."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(100), options={"preset": "ultrafast", "g": "5"})
+    data = clip.read_bytes()
+    clip.write_bytes(data[: len(data) // 2])
+    frames, remarks = read(clip)
+    assert 30 < len(frames) < 70
+    assert "of the 4.0 s its header promises" in remarks[-1]
+
+
+def test_sound_that_outlasts_the_video_is_no_truncation(tmp_path):
+    """A file as long as its longest stream is whole."""
+    _, remarks = read(write_clip(tmp_path / "in.mkv", sound="aac", sound_seconds=3))
+    assert remarks == []
+
+
+def test_nothing_decodes(tmp_path):
+    """A file whose every packet is nonsense is an error."""
+    clip = write_clip(tmp_path / "in.mp4", options={"preset": "ultrafast", "g": "1"})
+    spoil_packets(clip, range(10))
+    with pytest.raises(InputError, match="no frame that can be decoded"):
+        read(clip)
+
+
+def test_repeated_time_is_dropped_with_a_remark(tmp_path):
+    """A frame that is shown no later than the one before it is left out."""
+    clip = tmp_path / "in.mkv"
+    with av.open(str(clip), "w") as output:
+        video = output.add_stream("ffv1", rate=25, width=32, height=32)
+        for index, milliseconds in enumerate((0, 40, 40, 80)):
+            frame = av.VideoFrame.from_ndarray(scene(index, 32, 32), format="bgr24").reformat(format="yuv420p")
+            frame.pts = index
+            for packet in video.encode(frame):
+                packet.time_base, packet.pts, packet.dts = Fraction(1, 1000), milliseconds, milliseconds
+                output.mux(packet)
+    frames, remarks = read(clip)
+    assert [frame.time for frame in frames] == [0, Fraction(40, 1000), Fraction(80, 1000)]
+    assert "1 frame no later" in remarks[0]
+
+
+def test_change_of_size_is_an_error(tmp_path):
+    """Two sizes in one stream cannot be one clip; the message names both and the place."""
+    parts = [
+        write_clip(tmp_path / f"{size[0]}.ts", size=size, options={"preset": "ultrafast"}).read_bytes()
+        for size in ((48, 64), (64, 96))
+    ]
+    clip = tmp_path / "in.ts"
+    clip.write_bytes(b"".join(parts))
+    with pytest.raises(InputError, match=r"in\.ts changes from 64x48 yuv420p to 96x64 yuv420p at frame \d+"):
+        read(clip)
+
+
+def test_what_cannot_be_opened(tmp_path):
+    """A missing file, a folder, text, emptiness and pure sound each get their sentence."""
+    text = tmp_path / "notes.txt"
+    text.write_text("hello\n" * 100)
+    empty = tmp_path / "empty.mp4"
+    empty.touch()
+    sound = tmp_path / "sound.wav"
+    with av.open(str(sound), "w") as output:
+        stream = output.add_stream("pcm_s16le", rate=48000)
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 1920), np.int16), format="s16", layout="stereo")
+        frame.sample_rate = 48000
+        output.mux(stream.encode(frame))
+    for path, sentence in (
+        (tmp_path / "none.mp4", "does not exist"),
+        (tmp_path, "is a folder"),
+        (text, "not a video file|is a text file"),
+        (empty, "not a video file"),
+        (sound, "has no video stream"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            VideoSource(path)
+
+
+def test_a_source_is_read_once(tmp_path):
+    """A second pass is refused rather than empty."""
+    with VideoSource(write_clip(tmp_path / "in.mp4")) as source:
+        assert len(list(source)) == 10
+        with pytest.raises(InputError, match="only once"):
+            iter(source)
+
+
+def test_closing_early(tmp_path):
+    """Leaving in the middle closes the file without complaint."""
+    with VideoSource(write_clip(tmp_path / "in.mp4")) as source:
+        next(iter(source))
+
+
+layouts = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le", "yuv444p10le"]
+
+
+@pytest.mark.parametrize("pixel_format", layouts)
+@pytest.mark.parametrize("color_space", [1, 5, 9])
+@pytest.mark.parametrize("full_range", [False, True])
+def test_colour_round_trip_has_no_drift(pixel_format, color_space, full_range):
+    """BGR and back leaves every plane's mean where it was, to 0.15 of a level, and each sample within few levels."""
+    picture = from_bgr(scene(0, 240, 320), pixel_format, color_space, full_range)
+    picture.colorspace, picture.color_range = color_space, 2 if full_range else 1
+    back = from_bgr(to_bgr(picture), pixel_format, color_space, full_range, chroma_location=_location(picture))
+    for before, after in zip(samples_of(picture), samples_of(back), strict=True):
+        difference = after.astype(float) - before
+        assert abs(difference.mean()) < 0.15
+        assert np.abs(difference).max() <= 3
+
+
+def _location(picture: av.VideoFrame) -> str:
+    return chroma_location_of(picture, VideoReformatter())
+
+
+@pytest.mark.parametrize("full_range", [False, True])
+@pytest.mark.parametrize("bits", [8, 10])
+def test_colours_are_the_standards_numbers(full_range, bits):
+    """White, black and pure red have the code values that the standard gives them, and come back whole."""
+    image = np.zeros((16, 48, 3), np.uint8 if bits == 8 else np.uint16)
+    top = np.iinfo(image.dtype).max
+    image[:, 16:32], image[:, 32:, 2] = top, top
+    picture = from_bgr(image, "yuv444p" if bits == 8 else "yuv444p10le", 1, full_range)
+    picture.colorspace, picture.color_range = 1, 2 if full_range else 1
+    unit, most = 2 ** (bits - 8), 2**bits - 1
+    luma, blue, red = (plane[8] for plane in samples_of(picture))
+    black, white = (0, most) if full_range else (16 * unit, 235 * unit)
+    assert (luma[8], luma[24]) == (black, white)
+    assert luma[40] == round(black + 0.2126 * (white - black))
+    assert blue[8] == blue[24] == red[24] == 128 * unit
+    assert red[40] == (most if full_range else 240 * unit)
+    assert np.abs(to_bgr(picture).astype(float) - image).max() <= top / most * 1.6
+
+
+def test_matrix_is_the_slow_formula():
+    """The 3x4 matrix agrees with BT.709 written out by hand."""
+    blue, green, red = 0.2, 0.5, 0.9
+    luma = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    expected = [16 + 219 * luma, 128 + 224 * (blue - luma) / 1.8556, 128 + 224 * (red - luma) / 1.5748]
+    matrix = bgr_to_ycc(1, False, 8, 1)
+    assert np.allclose(matrix @ [blue, green, red, 1], expected)
+
+
+@pytest.mark.parametrize("location", ["left", "center", "topleft"])
+def test_chroma_stays_in_place(location):
+    """A coloured edge is where it was, to a quarter of a pixel, wherever chroma samples sit."""
+    columns = np.arange(64)
+    image = np.full((64, 64, 3), 128, np.uint8)
+    image[..., 2] = np.rint(128 + 60 / (1 + np.exp(-(columns - 31.5) / 3)))
+    picture = from_bgr(image, "yuv420p", 1, False, chroma_location=location)
+    picture.colorspace, picture.color_range = 1, 1
+    assert _location(picture) == location
+    back = to_bgr(picture)[20:40, :, 2].mean(axis=0) - 128
+    assert abs(np.interp(30, back, columns) - np.interp(30, image[0, :, 2] - 128.0, columns)) < 0.25
+
+
+def test_decoded_picture_is_not_written_into(tmp_path):
+    """Finding the chroma location leaves even a picture of the probe's own size untouched."""
+    clip = write_clip(tmp_path / "in.mp4", size=(32, 32), pixel_format="yuv444p")
+    pure = samples_of(pictures_of(clip)[0])
+    with VideoSource(clip) as source:
+        original = next(iter(source)).original
+        assert isinstance(original, av.VideoFrame)
+        assert all(np.array_equal(a, b) for a, b in zip(samples_of(original), pure, strict=True))

@@ -1,0 +1,161 @@
+"""Tiny clips made with PyAV whose every time, pixel and packet is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+QUARTER_TURN = (0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
+LOSSLESS = {"preset": "ultrafast", "crf": "0"}
+
+
+def scene(index: int, height: int = 48, width: int = 64) -> NDArray[np.uint8]:
+    """A smooth colourful picture that moves one pixel per frame."""
+    rows, columns = np.mgrid[0:height, 0:width]
+    waves = [128 + 80 * np.sin((columns + index) / 7 + phase) * np.cos(rows / 9 + phase) for phase in (0, 1, 2)]
+    return np.rint(np.stack(waves, axis=-1)).astype(np.uint8)
+
+
+def write_clip(
+    path: Path,
+    *,
+    times: Sequence[int] = tuple(range(10)),
+    end: int | None = None,
+    time_base: Fraction = Fraction(1, 25),
+    rate: Fraction | None = None,
+    size: tuple[int, int] = (48, 64),
+    pixel_format: str = "yuv420p",
+    codec: str = "libx264",
+    options: dict[str, str] | None = None,
+    sound: str | None = None,
+    sound_seconds: float | None = None,
+    subtitles: Sequence[tuple[int, int, bytes]] = (),
+    cover: bytes | None = None,
+    second_video: bool = False,
+    matrix: tuple[int, ...] | None = None,
+    title: str | None = None,
+    chapters: bool = False,
+    container: str | None = None,
+    **tags: Any,
+) -> Path:
+    """Write a clip; `times` and `end` are ticks of `time_base`, `tags` attributes of the encoder's context."""
+    height, width = size
+    end = end if end is not None else 2 * times[-1] - times[-2] if len(times) > 1 else times[-1] + 1
+    durations = dict(zip(times, np.diff([*times, end]).tolist(), strict=True))
+    with av.open(str(path), "w", format=container) as output:
+        if title:
+            output.metadata["title"] = title
+        if chapters:
+            second = Fraction(1, 1000)
+            output.set_chapters(
+                [{"id": 1, "start": 0, "end": 200, "time_base": second, "metadata": {"title": "opening"}}]
+            )
+        video = output.add_stream(codec, rate=rate or 1 / time_base, width=width, height=height)
+        video.time_base = video.codec_context.time_base = time_base
+        video.pix_fmt = pixel_format
+        video.options = dict(LOSSLESS if options is None and codec == "libx264" else options or {})
+        for name, value in tags.items():
+            setattr(video.codec_context, name, value)
+        if matrix:
+            video.set_display_matrix(matrix)
+        other = output.add_stream("libx264", rate=5, width=32, height=32) if second_video else None
+        if cover:  # Matroska only
+            output.add_attachment("cover.png", "image/png", cover)
+        audio = output.add_stream(sound, rate=48000) if sound else None
+        if audio:
+            audio.metadata["language"] = "fra"
+        lines = output.add_mux_stream("subrip") if subtitles else None
+        packets = []
+        for index, pts in enumerate(times):
+            frame = av.VideoFrame.from_ndarray(scene(index, height, width), format="bgr24")
+            frame = frame.reformat(format=pixel_format)
+            frame.pts, frame.time_base, frame.duration = pts, time_base, durations[pts]
+            packets += video.encode(frame)
+        packets += video.encode(None)
+        for packet in packets:
+            packet.duration = durations[packet.pts]
+        if other:
+            for index in range(2):
+                frame = av.VideoFrame.from_ndarray(scene(index, 32, 32), format="bgr24").reformat(format="yuv420p")
+                frame.pts = index
+                packets += other.encode(frame)
+            packets += other.encode(None)
+        if audio:
+            seconds = sound_seconds or float((end - times[0]) * time_base)
+            packets += _sound(audio, seconds)
+        packets += [_line(lines, *line) for line in subtitles]
+        packets.sort(key=lambda packet: packet.dts * Fraction(packet.time_base))
+        output.mux(packets)
+    return path
+
+
+def _line(stream: Any, start: int, length: int, text: bytes) -> Any:
+    packet = av.Packet(text)
+    packet.pts = packet.dts = start
+    packet.duration, packet.time_base, packet.stream = length, Fraction(1, 1000), stream
+    return packet
+
+
+def _sound(stream: Any, seconds: float) -> list[Any]:
+    samples = round(seconds * 48000)
+    wave = (np.sin(np.arange(samples) / 20) * 0.3).astype(np.float32)
+    packets = []
+    for start in range(0, samples, 960):
+        part = np.ascontiguousarray(np.stack([wave[start : start + 960]] * 2))
+        frame = av.AudioFrame.from_ndarray(part, format="fltp", layout="stereo")
+        frame.sample_rate, frame.pts, frame.time_base = 48000, start, Fraction(1, 48000)
+        packets += stream.encode(frame)
+    return packets + stream.encode(None)
+
+
+def png() -> bytes:
+    """A small PNG file."""
+    encoder = av.CodecContext.create("png", "w")
+    encoder.width, encoder.height, encoder.pix_fmt, encoder.time_base = 16, 16, "rgb24", Fraction(1, 25)
+    frame = av.VideoFrame.from_ndarray(scene(0, 16, 16), format="bgr24").reformat(format="rgb24")
+    return b"".join(bytes(packet) for packet in [*encoder.encode(frame), *encoder.encode(None)])
+
+
+def packets_of(path: Path, kind: str, number: int = 0) -> list[tuple[Fraction, bytes]]:
+    """Times and bytes of one stream's packets."""
+    with av.open(str(path)) as file:
+        stream = [stream for stream in file.streams if stream.type == kind][number]
+        return [
+            (packet.pts * Fraction(packet.time_base), bytes(packet)) for packet in file.demux(stream) if packet.size
+        ]
+
+
+def pictures_of(path: Path) -> list[av.VideoFrame]:
+    """Every decoded picture of the first video stream."""
+    with av.open(str(path)) as file:
+        return list(file.decode(video=0))
+
+
+def samples_of(picture: av.VideoFrame) -> list[NDArray[Any]]:
+    """The planes of a planar picture without padding."""
+    dtype = np.dtype(np.uint8 if picture.format.components[0].bits <= 8 else np.uint16)
+    return [
+        np.frombuffer(memoryview(plane), dtype)
+        .reshape(-1, plane.line_size // dtype.itemsize)[: plane.height, : plane.width]
+        .copy()
+        for plane in picture.planes
+    ]
+
+
+def spoil_packets(path: Path, numbers: Sequence[int], kind: str = "video") -> None:
+    """Overwrite whole packets of a stream with nonsense."""
+    with av.open(str(path)) as file:
+        stream = next(stream for stream in file.streams if stream.type == kind)
+        places = [(packet.pos, packet.size) for packet in file.demux(stream) if packet.size]
+    data = bytearray(path.read_bytes())
+    for number in numbers:
+        position, length = places[number]
+        assert position is not None
+        data[position : position + length] = b"\xff" * length
+    path.write_bytes(bytes(data))
