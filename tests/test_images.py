@@ -52,7 +52,7 @@ def clip_info(height: int = HEIGHT, width: int = WIDTH) -> ClipInfo:
 def make_sink(
     path: Path | str, source: ImageSource | None = None, frame_count: int | None = 2, overwrite: bool = False
 ) -> ImageSink:
-    return ImageSink(str(path), clip_info(), source, frame_count, overwrite)
+    return ImageSink(str(path), clip_info(), source, frame_count, overwrite=overwrite)
 
 
 def write(sink: ImageSink, *pictures: Image) -> None:
@@ -578,7 +578,7 @@ def test_refused_places(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match=message):
             make_sink(tmp_path / target, overwrite=True)
     with pytest.raises(OutputError, match="16383"):
-        ImageSink(str(tmp_path / "x_##.webp"), clip_info(width=20000), None, None, False)
+        ImageSink(str(tmp_path / "x_##.webp"), clip_info(width=20000), None, None, overwrite=False)
     assert names_in(tmp_path) == ["file"]
 
 

@@ -1,7 +1,7 @@
 """Compiler options of the kernels.
 
-Contraction to fused multiply-add is allowed everywhere; reordering of sums nowhere, so that results do not depend on how
-a loop was cut into vectors or threads.
+Contraction to fused multiply-add is allowed everywhere; reordering of sums nowhere, so that results do not depend on
+how a loop was cut into vectors or threads.
 """
 
 JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}

@@ -11,13 +11,13 @@ FARTHEST = np.float32(np.finfo(np.float32).max)
 
 
 @njit(inline="always", **JIT)
-def nearest_inside(value, size):  # type: ignore[no-untyped-def]
+def nearest_inside(value, size):
     """Round half up, then clamp to an index."""
     return min(max(int(np.floor(value + np.float32(0.5))), 0), size - 1)
 
 
 @njit(inline="always", **JIT)
-def misses(flow, t, source_y, source_x, y, x):  # type: ignore[no-untyped-def]
+def misses(flow, t, source_y, source_x, y, x):
     """How far the source lands from the target at t: ``(dx, dy)``."""
     return (
         np.float32(source_x) + t * flow[source_y, source_x, 0] - np.float32(x),
@@ -26,7 +26,7 @@ def misses(flow, t, source_y, source_x, y, x):  # type: ignore[no-untyped-def]
 
 
 @njit(parallel=True, cache=True, **JIT)
-def search_iteratively(flow, t, iterations, source, found):  # type: ignore[no-untyped-def]
+def search_iteratively(flow, t, iterations, source, found):
     """Fixed-point search of Yang et al. 2011: q <- p - t m(q), from q = p, until q lands on p.
 
     Parameters
@@ -44,7 +44,8 @@ def search_iteratively(flow, t, iterations, source, found):  # type: ignore[no-u
     """
     height, width = flow.shape[:2]
     half = np.float32(0.5)
-    for y in prange(height):
+    for row in prange(height):
+        y = np.int64(row)  # the loop's own index is unsigned, and mixing the two gives floats
         for x in range(width):
             source_y, source_x = y, x
             first = 0
@@ -67,7 +68,7 @@ def search_iteratively(flow, t, iterations, source, found):  # type: ignore[no-u
 
 
 @njit(cache=True, **JIT)
-def bin_landings(flow, t, starts, members):  # type: ignore[no-untyped-def]
+def bin_landings(flow, t, starts, members):
     """Sort all source pixels by the pixel they land on at t (a counting sort, in raster order within a cell).
 
     Landings outside of the frame go to the nearest cell inside.
@@ -101,9 +102,7 @@ def bin_landings(flow, t, starts, members):  # type: ignore[no-untyped-def]
 
 
 @njit(parallel=True, cache=True, **JIT)
-def search_nearest_landing(  # type: ignore[no-untyped-def]
-    flow, t, search_radius, starts, members, source, found
-):
+def search_nearest_landing(flow, t, search_radius, starts, members, source, found):
     """Exact brute force of the report: of all sources within the search radius, the one that lands nearest.
 
     Cells are visited in square rings around the target until no further ring can hold anything nearer, so the cost
@@ -122,7 +121,8 @@ def search_nearest_landing(  # type: ignore[no-untyped-def]
     """
     height, width = flow.shape[:2]
     half = np.float32(0.5)
-    for y in prange(height):
+    for row in prange(height):
+        y = np.int64(row)
         for x in range(width):
             nearest = FARTHEST
             winner = y * width + x
@@ -153,7 +153,7 @@ def search_nearest_landing(  # type: ignore[no-untyped-def]
 
 
 @njit(parallel=True, cache=True, **JIT)
-def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):  # type: ignore[no-untyped-def]
+def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):
     """Colour every target from its two sources: blended in time, or from the only one that lands on it.
 
     Parameters
@@ -177,5 +177,7 @@ def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out): 
             y0, x0 = source0[y, x] // width, source0[y, x] % width
             y1, x1 = source1[y, x] // width, source1[y, x] % width
             for c in range(channels):
-                value = (np.float32(1) - weight) * np.float32(image0[y0, x0, c]) + weight * np.float32(image1[y1, x1, c])
+                value = (np.float32(1) - weight) * np.float32(image0[y0, x0, c]) + weight * np.float32(
+                    image1[y1, x1, c]
+                )
                 out[y, x, c] = out.dtype.type(value + half)

@@ -1,9 +1,9 @@
 """Search for the most similar patch: the report's Algorithm 1 for both directions in one pass.
 
-For one offset k the similarity image ``W_k(x) = xi(A(x), B(x + k))`` serves both fields: summed over the patch it is the
-score of k at x for A->B, and the score of -k at x + k for B->A. So every offset is computed once, row by row, and
-nothing the size of a frame is ever stored: a running column sum over the last 2r + 1 rows of W, a short horizontal sum,
-two comparisons. Offsets go in pairs of neighbours, which share what is read of A and of the best so far.
+For one offset k the similarity image ``W_k(x) = xi(A(x), B(x + k))`` serves both fields: summed over the patch it is
+the score of k at x for A->B, and the score of -k at x + k for B->A. So every offset is computed once, row by row, and
+nothing the size of a frame is ever stored: a running column sum over the last 2r + 1 rows of W, a short horizontal
+sum, two comparisons. Offsets go in pairs of neighbours, which share what is read of A and of the best so far.
 
 Rows of A are dealt to the threads in bands. All threads work on one vertical offset at a time, so the rows of B that
 they update are as disjoint as their rows of A.
@@ -32,7 +32,7 @@ PAIRS = 4
 
 
 @njit(inline="always", **FINITE_JIT)
-def centre_out(k):  # type: ignore[no-untyped-def]
+def centre_out(k):
     """0, 1, 2, 3, ... -> 0, 1, -1, -2, 2, 3, -3, -4, ...: pairs of neighbours, the smaller motion first.
 
     Comparisons are strict, so the offset that comes first wins a tie.
@@ -42,7 +42,7 @@ def centre_out(k):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always", **FINITE_JIT)
-def keep_better(total0, total1, code0, code1, width, best, index):  # type: ignore[no-untyped-def]
+def keep_better(total0, total1, code0, code1, width, best, index):
     """Where one of two totals beats `best`, take it and its code."""
     for x in range(width):
         first, second, previous = total0[x], total1[x], best[x]
@@ -90,7 +90,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     if taps is None:
 
         @njit(inline="always", **FINITE_JIT)
-        def slide(a0, a1, a2, b0, b1, b2, slot, width, ring, column):  # type: ignore[no-untyped-def]
+        def slide(a0, a1, a2, b0, b1, b2, slot, width, ring, column):
             oldest = ring[slot]
             for x in range(width):
                 w = np.int32(similarity(a0[x], a1[x], a2[x], b0[x], b1[x], b2[x]))
@@ -98,7 +98,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                 oldest[x] = w
 
         @njit(inline="always", **FINITE_JIT)
-        def across(column, width, partial, total):  # type: ignore[no-untyped-def]
+        def across(column, width, partial, total):
             for x in range(width + reach):
                 partial[x] = column[x] + column[x + 1] + column[x + 2] + column[x + 3] + column[x + 4]
             for x in range(width):
@@ -112,7 +112,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     else:
 
         @njit(inline="always", **FINITE_JIT)
-        def slide(a0, a1, a2, b0, b1, b2, slot, width, ring, column):  # type: ignore[no-untyped-def]
+        def slide(a0, a1, a2, b0, b1, b2, slot, width, ring, column):
             # every row is stored twice, a window apart, so that the window is always contiguous
             newest, again = ring[slot], ring[slot + size]
             for x in range(width):
@@ -127,7 +127,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                 column[x] = value
 
         @njit(inline="always", **FINITE_JIT)
-        def across(column, width, partial, total):  # type: ignore[no-untyped-def]
+        def across(column, width, partial, total):
             for x in range(width):
                 value = np.float32(0)
                 for k in range(size):
@@ -135,9 +135,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                 total[x] = value
 
     @njit(parallel=True, cache=True, **FINITE_JIT)
-    def search(  # type: ignore[no-untyped-def]
-        planes0, planes1, height, width, search_radius, best01, index01, best10, index10
-    ):
+    def search(planes0, planes1, height, width, search_radius, best01, index01, best10, index10):
         margin = size - 1
         side = 2 * search_radius + 1
         shift = search_radius + 2
@@ -146,7 +144,8 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         room = STRIP + margin + 2 * LANES
         for vertical in range(side):
             dy = centre_out(vertical)
-            for band in prange(bands):
+            for number in prange(bands):
+                band = np.int64(number)  # the loop's own index is unsigned
                 top, bottom = max(band * rows, -dy), min((band + 1) * rows, height, height - dy)
                 if top >= bottom:
                     continue

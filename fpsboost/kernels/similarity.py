@@ -33,7 +33,7 @@ def colour_scale(v: float) -> float:
 
 
 @njit(inline="always", **FINITE_JIT)
-def similarity(a0, a1, a2, b0, b1, b2):  # type: ignore[no-untyped-def]
+def similarity(a0, a1, a2, b0, b1, b2):
     """Fixed-point similarity of two pixels given as three scaled components each."""
     d0 = a0 - b0
     d1 = a1 - b1

@@ -30,9 +30,7 @@ PADDING = TILE + LANES
 
 
 @njit(inline="always", **FINITE_JIT)
-def gather_offsets(  # type: ignore[no-untyped-def]
-    guess_x, guess_y, top, left, bottom, right, reach, limit, seen, offsets
-):
+def gather_offsets(guess, top, left, bottom, right, reach, limit, seen, offsets):
     """List the distinct offsets within `reach` of any guess in a window; returns how many.
 
     `seen` is (2 limit + 1)^2 flags, false at the start and at the end; `offsets` (2, capacity) out.
@@ -40,7 +38,7 @@ def gather_offsets(  # type: ignore[no-untyped-def]
     count = 0
     for y in range(top, bottom, EVERY):
         for x in range(left, right, EVERY):
-            dy, dx = guess_y[y, x], guess_x[y, x]
+            dx, dy = guess[y, x, 0], guess[y, x, 1]
             for oy in range(max(dy - reach, -limit), min(dy + reach, limit) + 1):
                 for ox in range(max(dx - reach, -limit), min(dx + reach, limit) + 1):
                     if count < offsets.shape[1] and not seen[oy + limit, ox + limit]:
@@ -64,14 +62,14 @@ def tile_kernel(patch_radius: int) -> Callable[..., None]:
     Returns
     -------
     callable
-        ``search(planes0, planes1, guess_x, guess_y, reach, limit, penalty, best, flow_x, flow_y)``:
+        ``search(planes0, planes1, guess, reach, limit, penalty, best, flow)``:
 
         planes0, planes1 : (3, H + 2 p, W + 2 p + LANES) float32 with p = PADDING + r, scaled by `colour_scale`
-        guess_x, guess_y : (H, W) int32, proposed motion
+        guess : (H, W, 2) int32, proposed motion (dx, dy)
         reach : int, how far around each proposal to search; limit : int, largest offset
         penalty : float32, what a pixel of distance from the own proposal costs, in units of similarity (0 to 1)
         best : (H, W) float32 out, mean similarity less the penalty
-        flow_x, flow_y : (H, W) int32 out
+        flow : (H, W, 2) float32 out, whole pixels
     """
     size = 2 * patch_radius + 1
     fives, rest = divmod(size, 5)
@@ -80,20 +78,18 @@ def tile_kernel(patch_radius: int) -> Callable[..., None]:
     share = np.float32(1 / (UNIT * size * size))
 
     @njit(parallel=True, cache=True, **FINITE_JIT)
-    def search(  # type: ignore[no-untyped-def]
-        planes0, planes1, guess_x, guess_y, reach, limit, penalty, best, flow_x, flow_y
-    ):
-        height, width = guess_x.shape
+    def search(planes0, planes1, guess, reach, limit, penalty, best, flow):
+        height, width = guess.shape[:2]
         rows, columns_of_tiles = (height + TILE - 1) // TILE, (width + TILE - 1) // TILE
         capacity = (2 * limit + 1) ** 2
-        for tile in prange(rows * columns_of_tiles):
+        for number in prange(rows * columns_of_tiles):
+            tile = np.int64(number)  # the loop's own index is unsigned
             top, left = tile // columns_of_tiles * TILE, tile % columns_of_tiles * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
             seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
             offsets = np.empty((2, capacity), np.int32)
             count = gather_offsets(
-                guess_x,
-                guess_y,
+                guess,
                 max(0, top - AROUND),
                 max(0, left - AROUND),
                 min(height, bottom + AROUND),
@@ -111,14 +107,17 @@ def tile_kernel(patch_radius: int) -> Callable[..., None]:
             tile_y = np.zeros((TILE, TILE), np.int32)
             tile_guess_x = np.zeros((TILE, TILE), np.float32)
             tile_guess_y = np.zeros((TILE, TILE), np.float32)
-            tile_guess_x[: bottom - top, : right - left] = guess_x[top:bottom, left:right]
-            tile_guess_y[: bottom - top, : right - left] = guess_y[top:bottom, left:right]
+            tile_guess_x[: bottom - top, : right - left] = guess[top:bottom, left:right, 0]
+            tile_guess_y[: bottom - top, : right - left] = guess[top:bottom, left:right, 1]
             for k in range(count):
                 dy, dx = offsets[0, k], offsets[1, k]
                 # the first pixel of the patch around the tile's first pixel, in padded coordinates
                 x0, x1 = left + PADDING, left + PADDING + dx
                 if not (
-                    -TILE <= top + dy and bottom + dy <= height + TILE and -TILE <= left + dx and right + dx <= width + TILE
+                    top + dy >= -TILE
+                    and bottom + dy <= height + TILE
+                    and left + dx >= -TILE
+                    and right + dx <= width + TILE
                 ):
                     continue
                 ring[:] = 0
@@ -163,7 +162,7 @@ def tile_kernel(patch_radius: int) -> Callable[..., None]:
                         row_x[x] = dx if better else row_x[x]
                         row_y[x] = dy if better else row_y[x]
             best[top:bottom, left:right] = tile_best[: bottom - top, : right - left]
-            flow_x[top:bottom, left:right] = tile_x[: bottom - top, : right - left]
-            flow_y[top:bottom, left:right] = tile_y[: bottom - top, : right - left]
+            flow[top:bottom, left:right, 0] = tile_x[: bottom - top, : right - left]
+            flow[top:bottom, left:right, 1] = tile_y[: bottom - top, : right - left]
 
     return search

@@ -12,7 +12,7 @@ SPREAD_PENALTY = np.float32(0.05)
 
 
 @njit(cache=True, **JIT)
-def splat_motion(flow, similarity, sign, t, motion, score):  # type: ignore[no-untyped-def]
+def splat_motion(flow, similarity, sign, t, motion, score):
     """Carry motion vectors forward to time t: each lands on four pixels, the most similar stays.
 
     Parameters
@@ -46,7 +46,7 @@ def splat_motion(flow, similarity, sign, t, motion, score):  # type: ignore[no-u
 
 
 @njit(inline="always", **JIT)
-def cubic_weights(fraction):  # type: ignore[no-untyped-def]
+def cubic_weights(fraction):
     """Weights of the four neighbours, Catmull-Rom: Keys 1981 with a = -1/2 (doi:10.1109/TASSP.1981.1163711)."""
     f = fraction
     one, half = np.float32(1), np.float32(0.5)
@@ -60,7 +60,7 @@ def cubic_weights(fraction):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always", **JIT)
-def add_cubic(image, y, x, weight, sums):  # type: ignore[no-untyped-def]
+def add_cubic(image, y, x, weight, sums):
     """Add the image's value at a place between its pixels, times a weight, to one sum a channel; edges repeat."""
     height, width, channels = image.shape
     left, top = int(np.floor(x)), int(np.floor(y))
@@ -77,7 +77,7 @@ def add_cubic(image, y, x, weight, sums):  # type: ignore[no-untyped-def]
 
 
 @njit(parallel=True, cache=True, **JIT)
-def blend_along(image0, image1, motion, t, half, lowest, highest, out):  # type: ignore[no-untyped-def]
+def blend_along(image0, image1, motion, t, half, lowest, highest, out):
     """Fetch both frames along the motion through each pixel and blend them in time.
 
     Where one end lies outside of its frame, the other end is taken alone.

@@ -1,8 +1,7 @@
 """Where frames come from and go to.
 
-Two contracts, `FrameSource` and `FrameSink`, and the two functions that pick an implementation by looking at a path:
-`open_source` and `open_sink`. A path names a video file, a folder of images, or a pattern of images
-(``shot_%04d.png``, ``shot_####.png``).
+Two contracts, `FrameSource` and `FrameSink`. `fpsboost.media.opening` picks an implementation by looking at a path,
+which names a video file, a folder of images, or a pattern of images (``shot_%04d.png``, ``shot_####.png``).
 """
 
 from __future__ import annotations

@@ -425,7 +425,7 @@ class ImageSink:
     holds_last_frame = False
 
     def __init__(
-        self, path: str, info: ClipInfo, source: ImageSource | None, frame_count: int | None, overwrite: bool
+        self, path: str, info: ClipInfo, source: ImageSource | None, frame_count: int | None, *, overwrite: bool
     ) -> None:
         self._path = path
         self._overwrite = overwrite

@@ -30,7 +30,8 @@ def colour_components(image: Image) -> Components:
     if image.shape[2] == 1:
         return np.dstack([values, np.zeros_like(values), np.zeros_like(values)])
     if image.shape[2] == 4:
-        return values[..., :3] * values[..., 3:]
+        premultiplied: Components = values[..., :3] * values[..., 3:]
+        return premultiplied
     return values
 
 
@@ -62,7 +63,8 @@ def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
 def normalised(image: Image) -> NDArray[Any]:
     """The image as float32 with 1.0 for white, shape unchanged."""
     scale = 1.0 if image.dtype == np.float32 else 1.0 / np.iinfo(image.dtype).max
-    return image.astype(np.float32) * np.float32(scale)
+    values: NDArray[Any] = image.astype(np.float32) * np.float32(scale)
+    return values
 
 
 def padded_planes(

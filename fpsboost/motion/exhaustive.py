@@ -198,7 +198,8 @@ def expected_motion(colours0: Components, colours1: Components) -> float:
     small = [cv2.resize(colours, size, interpolation=cv2.INTER_AREA) for colours in (colours0, colours1)]
     reach = math.ceil(max(size) / 5)
     fields = search_fused(small[0], small[1], reach, 3, "box", 0.1)
-    return scale * max(float(np.percentile(np.abs(field.flow).max(axis=2), 99.5)) for field in fields)
+    largest = [float(np.percentile(np.abs(field.flow).max(axis=2), 99.5)) for field in fields]
+    return float(scale * max(largest))
 
 
 def choose_search_radius(colours0: Components, colours1: Components) -> int:

@@ -1,8 +1,9 @@
 """The default search: the report's patch similarity, coarse to fine.
 
-A small copy of the frames is searched in full; each finer level searches only around what the coarser one found in the
-neighbourhood of a tile. The data term is the report's at every level; the components are chosen to see low contrast, and
-an offset pays a little for its distance from the coarser level's proposal, which holds flat areas together.
+A small copy of the frames is searched in full; each finer level searches only around what the coarser one found in
+the neighbourhood of a tile. The data term is the report's at every level; the components are chosen to see low
+contrast, and an offset pays a little for its distance from the coarser level's proposal, which holds flat areas
+together.
 """
 
 from __future__ import annotations
@@ -35,9 +36,7 @@ class CoarseToFine:
     reach : float
         Largest motion that can be found, as a share of the frame's longer side.
     patch_radius : int
-        r of the patch at the finest level, 1 to 10.
-    coarse_patch_radius : int
-        The same at the coarser levels.
+        r of the patch, 1 to 10, the same at every level.
     v : float
         Width of the similarity measure, for colours in [0, 1].
     penalty : float
@@ -54,16 +53,15 @@ class CoarseToFine:
 
     reach: float = 1 / 6
     patch_radius: int = 5
-    coarse_patch_radius: int = 7
     v: float = 0.06
     penalty: float = 0.004
-    coarsest_side: int = 80
+    coarsest_side: int = 60
 
     def __post_init__(self) -> None:
         if not 0 < self.reach <= 1:
             raise OptionError(f"reach must be above 0 and at most 1 of the frame, not {self.reach}.")
-        if not (1 <= self.patch_radius <= 10 and 1 <= self.coarse_patch_radius <= 10):
-            raise OptionError("--patch-radius must be 1 to 10 pixels for the method nlm.")
+        if not 1 <= self.patch_radius <= 10:
+            raise OptionError(f"--patch-radius must be 1 to 10 pixels for this method, not {self.patch_radius}.")
         if not self.v > 0:
             raise OptionError(f"--v must be above 0, not {self.v}.")
 
@@ -76,26 +74,16 @@ class CoarseToFine:
         return self._one_way(levels0, levels1), self._one_way(levels1, levels0)
 
     def _one_way(self, levels0: list[Components], levels1: list[Components]) -> MotionField:
-        coarsest = len(levels0) - 1
-        flow_x = flow_y = np.zeros(levels0[-1].shape[:2], np.int32)
-        best = np.zeros((0, 0), np.float32)
-        for level in range(coarsest, -1, -1):
-            height, width = levels0[level].shape[:2]
-            limit = math.ceil(self.reach * max(height, width)) + 1
-            if level < coarsest:
-                flow_x, flow_y = (_doubled(flow, height, width) for flow in (flow_x, flow_y))
-            radius = self.patch_radius if level == 0 else self.coarse_patch_radius
-            best, flow_x, flow_y = _search(
-                levels0[level],
-                levels1[level],
-                (flow_x, flow_y),
-                limit if level == coarsest else 1,
-                limit,
-                radius,
-                self.v,
-                self.penalty,
-            )
-        return MotionField(np.dstack([flow_x, flow_y]).astype(np.float32), np.clip(best, 0, 1))
+        field = None
+        for components0, components1 in zip(reversed(levels0), reversed(levels1), strict=True):
+            limit = math.ceil(self.reach * max(components0.shape[:2])) + 1
+            if field is None:
+                field = search_full(components0, components1, limit, self.patch_radius, self.v, self.penalty)
+            else:
+                guess = _doubled(field.flow, components0.shape[0], components0.shape[1])
+                field = _search(components0, components1, guess, 1, limit, self.patch_radius, self.v, self.penalty)
+        assert field is not None, "a pyramid has at least one level"
+        return field
 
 
 def pyramid(image: Image, coarsest_side: int) -> Pyramid:
@@ -108,27 +96,46 @@ def pyramid(image: Image, coarsest_side: int) -> Pyramid:
     return levels
 
 
+def search_full(
+    components0: Components,
+    components1: Components,
+    search_radius: int,
+    patch_radius: int,
+    v: float,
+    penalty: float = 0.0,
+) -> MotionField:
+    """Search every offset within a radius, at a price for its distance from zero; meant for small images.
+
+    Parameters
+    ----------
+    components0, components1 : (H, W, 3) float32
+    search_radius, patch_radius : int
+        Pixels.
+    v, penalty : float
+        As in `CoarseToFine`.
+    """
+    still = np.zeros((*components0.shape[:2], 2), np.int32)
+    return _search(components0, components1, still, search_radius, search_radius, patch_radius, v, penalty)
+
+
 def _search(
     components0: Components,
     components1: Components,
-    guess: tuple[NDArray[Any], NDArray[Any]],
+    guess: NDArray[Any],
     reach: int,
     limit: int,
     patch_radius: int,
     v: float,
     penalty: float,
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    height, width = components0.shape[:2]
+) -> MotionField:
     padding, scale = PADDING + patch_radius, colour_scale(v)
     planes0, planes1 = (padded_planes(each, padding, 0, LANES, scale) for each in (components0, components1))
-    best = np.empty((height, width), np.float32)
-    flow_x, flow_y = np.empty((height, width), np.int32), np.empty((height, width), np.int32)
-    tile_kernel(patch_radius)(planes0, planes1, *guess, reach, limit, np.float32(penalty), best, flow_x, flow_y)
-    return best, flow_x, flow_y
+    best, flow = np.empty(guess.shape[:2], np.float32), np.empty(guess.shape, np.float32)
+    tile_kernel(patch_radius)(planes0, planes1, guess, reach, limit, np.float32(penalty), best, flow)
+    return MotionField(flow, np.clip(best, 0, 1))
 
 
 def _doubled(flow: NDArray[Any], height: int, width: int) -> NDArray[Any]:
-    """A coarser level's motion for the next finer one: outliers out, size and vectors doubled."""
-    cleaned = cv2.medianBlur(flow.astype(np.int16), 5)
-    doubled = cv2.resize(cleaned, (width, height), interpolation=cv2.INTER_NEAREST)
-    return doubled.astype(np.int32) * 2
+    """A coarser level's motion as (H, W, 2) int32 for the next finer one: outliers out, size and vectors doubled."""
+    cleaned = cv2.merge([cv2.medianBlur(axis, 5) for axis in cv2.split(flow)])
+    return (cv2.resize(cleaned, (width, height), interpolation=cv2.INTER_NEAREST) * 2).astype(np.int32)

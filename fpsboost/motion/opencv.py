@@ -36,10 +36,11 @@ class Dis:
     def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
-        flow = cv2.DISOpticalFlow_create(DIS_PRESETS[self.preset])
-        return _field(_unpadded(flow.calc(gray0, gray1, None), image0)), _field(
-            _unpadded(flow.calc(gray1, gray0, None), image0)
+        flow = cv2.DISOpticalFlow.create(DIS_PRESETS[self.preset])
+        flow01, flow10 = (
+            flow.calc(a, b, np.zeros((*a.shape, 2), np.float32)) for a, b in ((gray0, gray1), (gray1, gray0))
         )
+        return _field(_unpadded(flow01, image0)), _field(_unpadded(flow10, image0))
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,22 @@ class Farneback:
     def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
-        options = (0.5, self.levels, self.window_size, self.iterations, 5, 1.1, cv2.OPTFLOW_FARNEBACK_GAUSSIAN)
-        return _field(_unpadded(cv2.calcOpticalFlowFarneback(gray0, gray1, None, *options), image0)), _field(
-            _unpadded(cv2.calcOpticalFlowFarneback(gray1, gray0, None, *options), image0)
+        flow01, flow10 = (self._flow(a, b) for a, b in ((gray0, gray1), (gray1, gray0)))
+        return _field(_unpadded(flow01, image0)), _field(_unpadded(flow10, image0))
+
+    def _flow(self, gray0: NDArray[Any], gray1: NDArray[Any]) -> NDArray[Any]:
+        start = np.zeros((*gray0.shape, 2), np.float32)
+        return cv2.calcOpticalFlowFarneback(
+            gray0,
+            gray1,
+            start,
+            pyr_scale=0.5,
+            levels=self.levels,
+            winsize=self.window_size,
+            iterations=self.iterations,
+            poly_n=5,
+            poly_sigma=1.1,
+            flags=cv2.OPTFLOW_FARNEBACK_GAUSSIAN,
         )
 
 

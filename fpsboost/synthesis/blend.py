@@ -96,4 +96,5 @@ def fill_holes(motion: NDArray[Any], hole: NDArray[Any]) -> NDArray[Any]:
     _, label = cv2.distanceTransformWithLabels(hole.astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
     known = np.zeros((label.max() + 1, 2), np.float32)
     known[label[~hole]] = motion[~hole]
-    return known[label]
+    filled: NDArray[Any] = known[label]
+    return filled

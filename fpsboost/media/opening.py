@@ -1,0 +1,119 @@
+"""Pick a source or a sink by looking at a path."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.media import FrameSink, FrameSource, OutputTiming
+from fpsboost.media.images import IMAGE_SUFFIXES, ImageSink, ImageSource, is_pattern
+from fpsboost.media.video_sink import VIDEO_SUFFIXES, Encoding, VideoSink
+from fpsboost.media.video_source import VideoSource
+
+ASSUMED_IMAGE_RATE = Fraction(24)
+"""For images that become images: their times then only serve as an order."""
+
+
+def open_source(path: str, input_fps: Fraction | None = None, *, needs_rate: bool = False) -> FrameSource:
+    """Open a clip for reading.
+
+    Parameters
+    ----------
+    path : str
+        A video file, a folder of images, or a pattern of images.
+    input_fps : Fraction, optional
+        Frames per second of images.
+    needs_rate : bool
+        Whether images must say how fast they play.
+
+    Returns
+    -------
+    FrameSource
+
+    Raises
+    ------
+    InputError
+        Missing or unreadable.
+    OptionError
+        `input_fps` is missing for images, or given for a video.
+    """
+    if Path(path).is_dir() or is_pattern(path):
+        if input_fps is None and needs_rate:
+            raise OptionError(
+                f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
+            )
+        return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps)
+    if not Path(path).exists():
+        raise InputError(f"{path} does not exist; check the name.")
+    if Path(path).suffix.lower() in IMAGE_SUFFIXES:
+        raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
+    if input_fps is not None:
+        raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
+    return VideoSource(path)
+
+
+def makes_video(path: str) -> bool:
+    """Whether an output path names a video file rather than images.
+
+    Raises
+    ------
+    OptionError
+        It names neither.
+    """
+    if is_pattern(path) or Path(path).is_dir():
+        return False
+    suffix = Path(path).suffix.lower()
+    if suffix in VIDEO_SUFFIXES:
+        return True
+    if suffix in IMAGE_SUFFIXES:
+        raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
+    if suffix and not path.endswith(("/", "\\")):
+        raise OptionError(
+            f"{path} has an ending that cannot be written; choose {', '.join(VIDEO_SUFFIXES)}, or a folder for images."
+        )
+    return False
+
+
+def open_sink(
+    path: str,
+    *,
+    source: FrameSource,
+    timing: OutputTiming,
+    encoding: Encoding,
+    expected_frames: int | None,
+    overwrite: bool,
+) -> FrameSink:
+    """Prepare a target for writing; it appears when the sink is left without an error.
+
+    Parameters
+    ----------
+    path : str
+        A video file, a folder, or a pattern of images.
+    source : FrameSource
+        The clip it is made from, whose size, naming, colour and other streams carry over.
+    timing : OutputTiming
+        Rate and clock.
+    encoding : Encoding
+        For video.
+    expected_frames : int or None
+        How many images there will be, for the padding of their numbers.
+    overwrite : bool
+        Replace what exists.
+
+    Returns
+    -------
+    FrameSink
+
+    Raises
+    ------
+    OptionError
+        The path is neither images nor a video that can be written.
+    OutputError
+        It exists, or cannot be written, or cannot hold the source's streams.
+    """
+    if makes_video(path):
+        video = source if isinstance(source, VideoSource) else None
+        return VideoSink(path, source.info, timing, encoding, video, overwrite=overwrite)
+    images = source if isinstance(source, ImageSource) else None
+    return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite)

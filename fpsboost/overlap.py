@@ -1,0 +1,127 @@
+"""Reading ahead and writing behind: decode and encode run beside the computation, in bounded queues.
+
+Only codecs run in these two threads, never a parallel kernel. An error on either side surfaces in the caller, and no
+thread outlives the ``with`` block, however it is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
+from queue import Empty, Full, Queue
+from threading import Event, Thread
+from typing import TypeVar
+
+T = TypeVar("T")
+
+PATIENCE = 0.1
+"""Seconds between two looks at whether the other side has stopped."""
+
+
+@contextmanager
+def read_ahead(items: Iterable[T], depth: int) -> Generator[Iterator[T]]:
+    """Run an iterable in a thread, up to `depth` items ahead of the caller.
+
+    Parameters
+    ----------
+    items : iterable
+    depth : int
+
+    Yields
+    ------
+    iterator
+        The items, in order; raises what the iterable raised.
+    """
+    queue: Queue[T] = Queue(depth)
+    stopped, finished = Event(), Event()
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            for item in items:
+                while not stopped.is_set():
+                    try:
+                        queue.put(item, timeout=PATIENCE)
+                        break
+                    except Full:
+                        continue
+                if stopped.is_set():
+                    return
+        except BaseException as error:
+            errors.append(error)
+        finally:
+            finished.set()
+
+    def received() -> Iterator[T]:
+        while True:
+            try:
+                yield queue.get(timeout=PATIENCE)
+            except Empty:
+                # the flag is set after the last put, so a queue that is empty after it stays empty
+                if finished.is_set() and queue.empty():
+                    if errors:
+                        raise errors[0] from None
+                    return
+
+    thread = Thread(target=run, name="fpsboost-read")
+    thread.start()
+    try:
+        yield received()
+    finally:
+        stopped.set()
+        thread.join()
+
+
+@contextmanager
+def write_behind(write: Callable[[T], None], depth: int) -> Generator[Callable[[T], None]]:
+    """Call a function in a thread, up to `depth` items behind the caller.
+
+    Parameters
+    ----------
+    write : callable
+    depth : int
+
+    Yields
+    ------
+    callable
+        Takes one item; raises what `write` raised on an earlier one. Leaving the block waits for the rest, or drops it
+        where the block is left by an exception.
+    """
+    queue: Queue[T] = Queue(depth)
+    stopped, closed = Event(), Event()
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        while not stopped.is_set():
+            try:
+                item = queue.get(timeout=PATIENCE)
+            except Empty:
+                if closed.is_set() and queue.empty():
+                    return
+                continue
+            try:
+                write(item)
+            except BaseException as error:
+                errors.append(error)
+                stopped.set()
+
+    def send(item: T) -> None:
+        while True:
+            if errors:
+                raise errors[0]
+            try:
+                return queue.put(item, timeout=PATIENCE)
+            except Full:
+                continue
+
+    thread = Thread(target=run, name="fpsboost-write")
+    thread.start()
+    try:
+        yield send
+        closed.set()
+        thread.join()
+    finally:
+        stopped.set()
+        thread.join()
+    if errors:
+        raise errors[0]

@@ -1,0 +1,249 @@
+"""The one loop: source -> pairs -> interpolator -> sink.
+
+Everything is a stream over a few frames, so memory does not grow with length. Source frames that fall on an output time
+go to the sink as they are, decoder's picture and all.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.interpolator import Interpolator, find_method
+from fpsboost.media import FrameSink, FrameSource, OutputTiming
+from fpsboost.media.opening import makes_video, open_sink, open_source
+from fpsboost.media.video_sink import Encoding
+from fpsboost.overlap import read_ahead, write_behind
+from fpsboost.timing import ByFactor, ByRate, Schedule, Step
+
+READ_AHEAD = 4
+WRITE_BEHIND = 4
+
+
+@dataclass
+class Summary:
+    """What a conversion did.
+
+    Attributes
+    ----------
+    frames_in, frames_out : int
+        Frames read and written.
+    frames_made : int
+        Frames written that are in none of the source's places: interpolated, or repeated across a cut.
+    scene_cuts : int
+        Pairs that were not interpolated across.
+    seconds : float
+        Wall time of the loop, without compiling.
+    remarks : list of str
+        Sentences about everything that was lost or guessed.
+    """
+
+    frames_in: int = 0
+    frames_out: int = 0
+    frames_made: int = 0
+    scene_cuts: int = 0
+    seconds: float = 0.0
+    remarks: list[str] = field(default_factory=list)
+
+
+Progress = Callable[[Summary], None]
+
+
+def convert(
+    input: str,
+    output: str,
+    *,
+    factor: Fraction | int | None = None,
+    fps: Fraction | int | None = None,
+    method: str | Interpolator = "nlm",
+    input_fps: Fraction | int | None = None,
+    encoding: Encoding | None = None,
+    overwrite: bool = False,
+    before: Callable[[FrameSource, int | None], None] | None = None,
+    progress: Progress | None = None,
+) -> Summary:
+    """Convert a clip to a higher frame rate.
+
+    Parameters
+    ----------
+    input, output : str
+        Each a video file, a folder of images, or a pattern of images (``shot_%04d.png``, ``shot_####.png``).
+    factor : Fraction or int, optional
+        Output frames per source frame; 2 where neither `factor` nor `fps` is given.
+    fps : Fraction or int, optional
+        Output frames per second, instead of `factor`.
+    method : str or Interpolator
+        A name of `fpsboost.methods`, or an object.
+    input_fps : Fraction or int, optional
+        Frames per second of input images.
+    encoding : Encoding, optional
+        How to encode video, and which streams to keep.
+    overwrite : bool
+        Replace an existing output.
+    before : callable, optional
+        Called once with the opened source and the expected number of output frames (None if unknown).
+    progress : callable, optional
+        Called with the summary so far after every frame.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    OptionError, InputError, OutputError
+        See `fpsboost.errors`.
+
+    Examples
+    --------
+    >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
+    """
+    schedule = make_schedule(factor, fps)
+    interpolator = find_method(method) if isinstance(method, str) else method
+    needs_rate = fps is not None or makes_video(output)
+    with open_source(input, _fraction(input_fps), needs_rate=needs_rate) as source:
+        info = source.info
+        timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
+        sink = open_sink(
+            output,
+            source=source,
+            timing=timing,
+            encoding=encoding or Encoding(),
+            expected_frames=count_frames(schedule, info, holds_last_frame=False),
+            overwrite=overwrite,
+        )
+        if before:
+            before(source, count_frames(schedule, info, sink.holds_last_frame))
+        with sink:
+            return boost(source, interpolator, sink, schedule, progress)
+
+
+def boost(
+    source: FrameSource,
+    interpolator: Interpolator,
+    sink: FrameSink,
+    schedule: Schedule,
+    progress: Progress | None = None,
+) -> Summary:
+    """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
+
+    Parameters
+    ----------
+    source : FrameSource
+    interpolator : Interpolator
+    sink : FrameSink
+        Entered already.
+    schedule : Schedule
+        Which output times there are.
+    progress : callable, optional
+        Called with the summary so far after every frame.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    InputError
+        Fewer than two frames, and whatever source and sink raise.
+    """
+    summary = Summary()
+    begin = time.perf_counter()
+    with read_ahead(source, READ_AHEAD) as frames, write_behind(sink.write, WRITE_BEHIND) as write:
+        outputs = _output_frames(frames, source.info, interpolator, schedule, sink.holds_last_frame, summary)
+        for frame in _with_durations(outputs):
+            write(frame)
+            summary.frames_out += 1
+            summary.seconds = time.perf_counter() - begin
+            if progress:
+                progress(summary)
+    summary.remarks += [*source.remarks, *sink.remarks]
+    return summary
+
+
+def _output_frames(
+    frames: Iterator[Frame],
+    info: ClipInfo,
+    interpolator: Interpolator,
+    schedule: Schedule,
+    holds_last_frame: bool,
+    summary: Summary,
+) -> Iterator[Frame]:
+    previous: Frame | None = None
+    start = Fraction(0)
+    for frame in frames:
+        if previous is None:
+            start = frame.time
+        else:
+            index = summary.frames_in - 1
+            steps = list(schedule.steps(index, start, previous.time, frame.time))
+            yield from _between(previous, frame, steps, interpolator, summary)
+        previous = frame
+        summary.frames_in += 1
+    if previous is None or summary.frames_in < 2:
+        count = "one frame" if summary.frames_in else "no frame"
+        raise InputError(f"{info.name} holds {count} that can be read, and two are needed to make one in between.")
+    end = previous.time + (previous.duration or 1 / info.rate)
+    for step in schedule.steps(summary.frames_in - 1, start, previous.time, end):
+        if step.t == 0 or holds_last_frame:
+            summary.frames_made += step.t > 0
+            yield replace(previous, time=step.time, duration=end - step.time)
+
+
+def _between(
+    frame0: Frame, frame1: Frame, steps: list[Step], interpolator: Interpolator, summary: Summary
+) -> Iterator[Frame]:
+    inner = [step.t for step in steps if step.t > 0]
+    images: Iterator[Image] = iter(())
+    if inner:
+        images, scene_cut = interpolator.between(frame0.image, frame1.image, inner)
+        summary.scene_cuts += scene_cut
+    for step in steps:
+        if step.t == 0:
+            yield replace(frame0, time=step.time)
+        else:
+            summary.frames_made += 1
+            yield Frame(next(images), step.time)
+
+
+def _with_durations(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """Every frame lasts until the next one; the last one keeps the duration it came with."""
+    held: Frame | None = None
+    for frame in frames:
+        if held is not None:
+            yield replace(held, duration=frame.time - held.time)
+        held = frame
+    if held is not None:
+        yield held
+
+
+def make_schedule(factor: Fraction | int | None, fps: Fraction | int | None) -> Schedule:
+    """The schedule for one of the two ways to say a rate; doubling where none is given.
+
+    Raises
+    ------
+    OptionError
+        Both are given, or one is out of range.
+    """
+    if factor is not None and fps is not None:
+        raise OptionError("--factor and --fps say the same thing in two ways; give one of them.")
+    if fps is not None:
+        return ByRate(Fraction(fps))
+    return ByFactor(Fraction(2 if factor is None else factor))
+
+
+def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> int | None:
+    """How many frames the output will have, if the source's header is right; None where it does not say."""
+    if info.frame_count is None:
+        return None
+    intervals = info.frame_count if holds_last_frame else info.frame_count - 1
+    whole, rest = divmod(intervals * schedule.rate(info.rate) / info.rate, 1)
+    return int(whole) + bool(rest) + (not holds_last_frame and not rest)
+
+
+def _fraction(value: Fraction | int | None) -> Fraction | None:
+    return None if value is None else Fraction(value)
