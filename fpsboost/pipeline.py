@@ -7,9 +7,11 @@ go to the sink as they are, decoder's picture and all.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import chain
+from typing import Protocol
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame, Image
@@ -50,7 +52,33 @@ class Summary:
     remarks: list[str] = field(default_factory=list)
 
 
-Progress = Callable[[Summary], None]
+class Observer(Protocol):
+    """Contract: told how a conversion goes."""
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """Source and target are open; `expected_frames` will be written if the source's header is right."""
+        ...
+
+    def ready(self) -> None:
+        """The kernels are compiled, or loaded from the cache; the first frame comes next."""
+        ...
+
+    def wrote(self, summary: Summary) -> None:
+        """Another frame is on its way to the target."""
+        ...
+
+
+class Silent:
+    """An `Observer` that keeps quiet."""
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """See `Observer.opened`."""
+
+    def ready(self) -> None:
+        """See `Observer.ready`."""
+
+    def wrote(self, summary: Summary) -> None:
+        """See `Observer.wrote`."""
 
 
 def convert(
@@ -63,8 +91,7 @@ def convert(
     input_fps: Fraction | int | None = None,
     encoding: Encoding | None = None,
     overwrite: bool = False,
-    before: Callable[[FrameSource, int | None], None] | None = None,
-    progress: Progress | None = None,
+    observer: Observer | None = None,
 ) -> Summary:
     """Convert a clip to a higher frame rate.
 
@@ -84,10 +111,8 @@ def convert(
         How to encode video, and which streams to keep.
     overwrite : bool
         Replace an existing output.
-    before : callable, optional
-        Called once with the opened source and the expected number of output frames (None if unknown).
-    progress : callable, optional
-        Called with the summary so far after every frame.
+    observer : Observer, optional
+        Told how it goes.
 
     Returns
     -------
@@ -116,10 +141,10 @@ def convert(
             expected_frames=count_frames(schedule, info, holds_last_frame=False),
             overwrite=overwrite,
         )
-        if before:
-            before(source, count_frames(schedule, info, sink.holds_last_frame))
+        observer = observer or Silent()
+        observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:
-            return boost(source, interpolator, sink, schedule, progress)
+            return boost(source, interpolator, sink, schedule, observer)
 
 
 def boost(
@@ -127,7 +152,7 @@ def boost(
     interpolator: Interpolator,
     sink: FrameSink,
     schedule: Schedule,
-    progress: Progress | None = None,
+    observer: Observer | None = None,
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
 
@@ -139,8 +164,8 @@ def boost(
         Entered already.
     schedule : Schedule
         Which output times there are.
-    progress : callable, optional
-        Called with the summary so far after every frame.
+    observer : Observer, optional
+        Told how it goes.
 
     Returns
     -------
@@ -152,15 +177,20 @@ def boost(
         Fewer than two frames, and whatever source and sink raise.
     """
     summary = Summary()
-    begin = time.perf_counter()
-    with read_ahead(source, READ_AHEAD) as frames, write_behind(sink.write, WRITE_BEHIND) as write:
+    observer = observer or Silent()
+    with read_ahead(source, READ_AHEAD) as arriving, write_behind(sink.write, WRITE_BEHIND) as write:
+        first = next(arriving, None)
+        if first is not None:
+            interpolator.compile_for(first.image)
+        observer.ready()
+        begin = time.perf_counter()
+        frames = arriving if first is None else chain([first], arriving)
         outputs = _output_frames(frames, source.info, interpolator, schedule, sink.holds_last_frame, summary)
         for frame in _with_durations(outputs):
             write(frame)
             summary.frames_out += 1
             summary.seconds = time.perf_counter() - begin
-            if progress:
-                progress(summary)
+            observer.wrote(summary)
     summary.remarks += [*source.remarks, *sink.remarks]
     return summary
 

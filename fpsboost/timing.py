@@ -141,13 +141,15 @@ def _representable(time_base: Fraction, otherwise: Fraction) -> Fraction:
     return time_base if time_base.denominator <= LARGEST_TICKS_PER_SECOND else otherwise
 
 
-def parse_rate(text: str) -> Fraction:
+def parse_rate(text: str, option: str = "frame rate") -> Fraction:
     """Read a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001.
 
     Parameters
     ----------
     text : str
         ``60``, ``59.94`` or ``60000/1001``.
+    option : str
+        What the message calls it.
 
     Raises
     ------
@@ -159,22 +161,22 @@ def parse_rate(text: str) -> Fraction:
     >>> parse_rate("59.94")
     Fraction(60000, 1001)
     """
-    value = parse_number(text, "frame rate")
+    value = parse_number(text, option)
     nearest = round(value * 1001 / 1000)
     ntsc = Fraction(nearest * 1000, 1001)
     is_ntsc = "/" not in text and value.denominator > 1 and nearest % 6 == 0 and abs(value - ntsc) < Fraction(1, 200)
     return ntsc if is_ntsc else value
 
 
-def parse_number(text: str, meaning: str) -> Fraction:
+def parse_number(text: str, option: str) -> Fraction:
     """Read a whole number, a decimal or a fraction such as ``5/2`` exactly.
 
     Raises
     ------
     OptionError
-        Not a number; `meaning` names it in the message.
+        Not a number; `option` names it in the message.
     """
     try:
         return Fraction(text.strip())
     except (ValueError, ZeroDivisionError):
-        raise OptionError(f"The {meaning} {text!r} is not a number; write it like 2, 2.5, 5/2 or 60000/1001.") from None
+        raise OptionError(f"{option} {text!r} is not a number; write it like 2, 2.5, 5/2 or 60000/1001.") from None

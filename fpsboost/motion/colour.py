@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image
+from fpsboost.kernels.memory import aligned_empty
 
 Components = NDArray[Any]
 """(H, W, 3) float32."""
@@ -84,11 +85,11 @@ def padded_planes(
 
     Returns
     -------
-    (3, H + 2 padding, W + 2 padding + extra_left + extra_right) float32, contiguous
+    (3, H + 2 padding, W + 2 padding + extra_left + extra_right or more) float32, contiguous
     """
     height, width = components.shape[:2]
     left = padding + extra_left
-    planes = np.empty((3, height + 2 * padding, left + width + padding + extra_right), np.float32)
+    planes = aligned_empty((3, height + 2 * padding, left + width + padding + extra_right), np.float32)
     rows = planes[:, padding : padding + height]
     np.multiply(components.transpose(2, 0, 1), np.float32(scale), out=rows[:, :, left : left + width])
     rows[:, :, :left] = rows[:, :, left : left + 1]

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, check_pair
 from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.search import centre_out, exhaustive_kernel
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.colour import Components, colour_components, padded_planes
@@ -113,14 +114,17 @@ def search_fused(
     """
     height, width = colours0.shape[:2]
     taps = None if window == "box" else window_taps(window, patch_radius)
-    margin = search_radius + 2
+    margin = search_radius + 4
     scale = colour_scale(v)
     planes0 = padded_planes(colours0, patch_radius, 0, LANES, scale)
     planes1 = padded_planes(colours1, patch_radius, margin, margin + LANES, scale)
     score_type = np.int32 if taps is None else np.float32
-    best01 = np.full((height, width + LANES), -1, score_type)
-    best10 = np.full((height, width + 2 * margin + 2 * LANES), -1, score_type)
-    index01, index10 = np.zeros(best01.shape, np.int32), np.zeros(best10.shape, np.int32)
+    widths = width + LANES, width + 2 * margin + 2 * LANES
+    best01, best10 = (aligned_empty((height, each), score_type) for each in widths)
+    index01, index10 = (aligned_empty((height, each), np.int32) for each in widths)
+    for best, index in ((best01, index01), (best10, index10)):
+        best.fill(-1)
+        index.fill(0)
     search = exhaustive_kernel(patch_radius, taps)
     search(planes0, planes1, height, width, search_radius, best01, index01, best10, index10)
     full_score = UNIT if taps is not None else UNIT * (2 * patch_radius + 1) ** 2
@@ -162,7 +166,7 @@ def _passes_one_way(
     inner = slice(patch_radius, -patch_radius)
     box = np.ptp(taps) == 0
     exponent = np.full((1, 3), -1 / (2 * v * v), np.float32)
-    offsets = [order * centre_out.py_func(k) for k in range(2 * radius + 1)]
+    offsets = [order * k for k in map(centre_out.py_func, range(2 * radius + 8)) if abs(k) <= radius]
     for dy in offsets:
         for dx in offsets:
             y0, y1, x0, x1 = max(0, -dy), min(height, height - dy), max(0, -dx), min(width, width - dx)
@@ -197,7 +201,7 @@ def expected_motion(colours0: Components, colours1: Components) -> float:
     size = max(1, round(width / scale)), max(1, round(height / scale))
     small = [cv2.resize(colours, size, interpolation=cv2.INTER_AREA) for colours in (colours0, colours1)]
     reach = math.ceil(max(size) / 5)
-    fields = search_fused(small[0], small[1], reach, 3, "box", 0.1)
+    fields = search_fused(small[0], small[1], reach, 5, "box", 0.1)
     largest = [float(np.percentile(np.abs(field.flow).max(axis=2), 99.5)) for field in fields]
     return float(scale * max(largest))
 

@@ -1,0 +1,310 @@
+"""The command line: parse, build objects, call the library, show progress, choose the exit code.
+
+Exit codes: 0 done, 1 failed, 2 wrong usage, 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import traceback
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from cyclopts import App, CycloptsError, Group, Parameter
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from fpsboost import __version__
+from fpsboost.errors import FpsboostError, OptionError
+
+if TYPE_CHECKING:
+    from fpsboost.frame import ClipInfo
+    from fpsboost.interpolator import Interpolator
+    from fpsboost.pipeline import Summary
+
+EXAMPLES = """
+**Examples**
+
+    fpsboost in.mp4 out.mp4                       twice the frames, sound kept
+    fpsboost in.mp4 out.mkv --fps 59.94 --crf 16  a rate instead of a factor
+    fpsboost renders/ doubled/ --factor 2         a folder of images
+    fpsboost shot_####.png out.mp4 --input-fps 24 images to video
+    fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
+"""
+
+COMPILE_HINT_AFTER = 1.0
+"""Seconds of silence before the first frame after which a person is told why."""
+
+rate = Group("How many frames", sort_key=1)
+motion = Group("How they are made", sort_key=2)
+cuts = Group("Scene cuts", sort_key=3)
+video = Group("Video output", sort_key=4)
+general = Group("Files and messages", sort_key=5)
+
+app = App(
+    name="fpsboost",
+    help="Raise the frame rate of a video or an image sequence.",
+    help_epilogue=EXAMPLES,
+    help_format="markdown",
+    version=f"fpsboost {__version__}",
+    default_parameter=Parameter(negative=(), show_default=lambda value: value if value is not False else None),
+)
+
+
+@app.default
+def convert(
+    input: Annotated[str, Parameter(name="IN")],
+    output: Annotated[str, Parameter(name="OUT")],
+    /,
+    *,
+    factor: Annotated[str | None, Parameter(group=rate, name=["--factor", "-f"])] = None,
+    fps: Annotated[str | None, Parameter(group=rate)] = None,
+    input_fps: Annotated[str | None, Parameter(group=rate)] = None,
+    method: Annotated[str, Parameter(group=motion, name=["--method", "-m"])] = "nlm",
+    search: Annotated[Literal["iterative", "brute-force"] | None, Parameter(group=motion)] = None,
+    search_radius: Annotated[int | None, Parameter(group=motion)] = None,
+    patch_radius: Annotated[int | None, Parameter(group=motion)] = None,
+    window: Annotated[Literal["box", "gaussian"] | None, Parameter(group=motion)] = None,
+    v: Annotated[float | None, Parameter(group=motion, name="--v")] = None,
+    implementation: Annotated[Literal["fused", "passes"] | None, Parameter(group=motion)] = None,
+    at_cuts: Annotated[Literal["repeat", "blend"], Parameter(group=cuts)] = "repeat",
+    cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
+    no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
+    codec: Annotated[str | None, Parameter(group=video)] = None,
+    crf: Annotated[int | None, Parameter(group=video)] = None,
+    preset: Annotated[str | None, Parameter(group=video)] = None,
+    no_audio: Annotated[bool, Parameter(group=video)] = False,
+    no_subtitles: Annotated[bool, Parameter(group=video)] = False,
+    overwrite: Annotated[bool, Parameter(group=general, name=["--overwrite", "-y"])] = False,
+    verbose: Annotated[bool, Parameter(group=general)] = False,
+    quiet: Annotated[bool, Parameter(group=general, name=["--quiet", "-q"])] = False,
+) -> None:
+    """Raise the frame rate of a video or an image sequence.
+
+    Parameters
+    ----------
+    input
+        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+    output
+        The same. Video: mp4, m4v, mov, mkv or webm.
+    factor
+        Output frames per input frame, such as 2 or 5/2; doubles if nothing is said.
+    fps
+        Output frames per second instead: 60, 59.94, 60000/1001.
+    input_fps
+        Frames per second of input images.
+    method
+        nlm, nlm-exhaustive (the report's), dis, farneback, blend or nearest.
+    search
+        How nlm-exhaustive finds source pixels.
+    search_radius
+        Largest motion for nlm-exhaustive, pixels; else chosen for each pair.
+    patch_radius
+        Size of the compared patches, pixels each way.
+    window
+        Weights of the patches of nlm-exhaustive.
+    v
+        Width of the similarity measure, for colours from 0 to 1.
+    implementation
+        nlm-exhaustive: one fused kernel, or plain OpenCV passes.
+    at_cuts
+        Across a scene cut, repeat the nearer frame or mix both.
+    cut_threshold
+        Likeness below which a pair is a cut, 0 to 1; else 0.45.
+    no_cuts
+        Take everything for one scene.
+    codec
+        h264, hevc, vp9, av1 or any FFmpeg encoder; else h264, in webm vp9.
+    crf
+        Quality, lower is better.
+    preset
+        Encoder speed, such as slow or veryfast.
+    no_audio
+        Leave the sound out.
+    no_subtitles
+        Leave the subtitles out.
+    overwrite
+        Replace an existing output.
+    verbose
+        Say what is used, and show a traceback if something fails.
+    quiet
+        Say nothing but errors.
+    """
+    # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
+    from fpsboost import pipeline  # noqa: PLC0415
+    from fpsboost.interpolator import configure, find_method  # noqa: PLC0415
+    from fpsboost.media.video_sink import Encoding  # noqa: PLC0415
+    from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
+
+    options = {
+        "search": search,
+        "search_radius": search_radius,
+        "patch_radius": patch_radius,
+        "window": window,
+        "v": v,
+        "implementation": implementation,
+    }
+    given = {name: value for name, value in options.items() if value is not None}
+    interpolator = configure(find_method(method), method, given)
+    interpolator = with_cut_options(interpolator, at_cuts, cut_threshold, no_cuts)
+    schedule_options = {
+        "factor": None if factor is None else parse_number(factor, "--factor"),
+        "fps": None if fps is None else parse_rate(fps, "--fps"),
+        "input_fps": None if input_fps is None else parse_rate(input_fps, "--input-fps"),
+    }
+    encoding = Encoding(codec, crf, preset, audio=not no_audio, subtitles=not no_subtitles)
+    with Reporter(output, quiet=quiet, verbose=verbose) as reporter:
+        reporter.say_settings(method, interpolator)
+        summary = pipeline.convert(
+            input,
+            output,
+            **schedule_options,
+            method=interpolator,
+            encoding=encoding,
+            overwrite=overwrite,
+            observer=reporter,
+        )
+    reporter.say_summary(summary)
+
+
+def with_cut_options(
+    interpolator: Interpolator, at_cuts: Literal["repeat", "blend"], threshold: float | None, no_cuts: bool
+) -> Interpolator:
+    """The interpolator with the cut options of the command line.
+
+    Raises
+    ------
+    OptionError
+        They contradict each other.
+    """
+    from dataclasses import replace  # noqa: PLC0415
+
+    if no_cuts and threshold is not None:
+        raise OptionError("--no-cuts and --cut-threshold contradict each other; give one of them.")
+    detector = interpolator.cuts
+    if no_cuts:
+        detector = None
+    elif threshold is not None and detector is not None:
+        detector = replace(detector, threshold=threshold)
+    return replace(interpolator, cuts=detector, at_cuts=at_cuts)
+
+
+class FramesPerSecondColumn(ProgressColumn):
+    """Output frames per second so far."""
+
+    def render(self, task: Task) -> Text:
+        """See `rich.progress.ProgressColumn.render`."""
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.1f} frames/s", style="progress.data.speed")
+
+
+class Reporter:
+    """Shows a conversion to a person: a bar on a terminal, nothing when piped, a summary at the end."""
+
+    def __init__(self, output: str, *, quiet: bool, verbose: bool) -> None:
+        self._console = Console(stderr=True, quiet=quiet, highlight=False, soft_wrap=True)
+        self._output = output
+        self._verbose = verbose
+        self._info: ClipInfo | None = None
+        self._hint = threading.Timer(COMPILE_HINT_AFTER, self._say_compiling)
+        self._task: TaskID | None = None
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed}/{task.fields[frames]}"),
+            FramesPerSecondColumn(),
+            TimeRemainingColumn(compact=True),
+            console=self._console,
+            transient=True,
+            disable=quiet or not self._console.is_terminal,
+        )
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._hint.cancel()
+        self._progress.stop()
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """See `fpsboost.pipeline.Observer.opened`."""
+        self._info = info
+        if self._verbose:
+            count = "an unknown number of" if info.frame_count is None else info.frame_count
+            self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
+        self._hint.start()
+        self._task = self._progress.add_task(
+            escape(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
+        )
+
+    def ready(self) -> None:
+        """See `fpsboost.pipeline.Observer.ready`."""
+        self._hint.cancel()
+        if self._task is not None:
+            self._progress.start_task(self._task)
+
+    def wrote(self, summary: Summary) -> None:
+        """See `fpsboost.pipeline.Observer.wrote`."""
+        if self._task is not None:
+            self._progress.update(self._task, completed=summary.frames_out)
+
+    def say_settings(self, method: str, interpolator: Interpolator) -> None:
+        """With --verbose: every option in use."""
+        if self._verbose:
+            self._say(f"fpsboost {__version__}, method {method}")
+            for part in (interpolator.estimator, interpolator.synthesizer, interpolator.cuts or "no scene cuts"):
+                self._say(f"  {part}")
+
+    def say_summary(self, summary: Summary) -> None:
+        """What was done, and every remark."""
+        assert self._info is not None, "a summary comes after opening"
+        frames = f"{summary.frames_in} -> {summary.frames_out} frames"
+        if summary.scene_cuts:
+            frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
+        speed = summary.frames_out / max(summary.seconds, 1e-9)
+        self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s)")
+        for remark in summary.remarks:
+            self._say(f"Note: {remark}")
+
+    def _say_compiling(self) -> None:
+        self._say("Compiling for this machine, once; later runs start at once.")
+
+    def _say(self, text: str) -> None:
+        self._console.print(escape(text))
+
+
+def readable(number: Any) -> str:
+    """A rate as people write it: 24, 23.976."""
+    return f"{float(number):.3f}".rstrip("0").rstrip(".")
+
+
+def stop(number: int, frame: FrameType | None) -> None:
+    """Treat a request to terminate like Ctrl-C, so that nothing half-written stays behind."""
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    signal.signal(signal.SIGTERM, stop)
+    errors = Console(stderr=True, highlight=False, soft_wrap=True)
+    verbose = "--verbose" in sys.argv
+    try:
+        app(exit_on_error=False, print_error=False, result_action="return_value")
+    except KeyboardInterrupt:
+        errors.print("Stopped; nothing was written.")
+        sys.exit(130)
+    except CycloptsError as error:
+        errors.print(f"[red]fpsboost:[/] {escape(str(error))} See fpsboost --help.")
+        sys.exit(2)
+    except FpsboostError as error:
+        if verbose:
+            traceback.print_exc()
+        errors.print(f"[red]fpsboost:[/] {escape(str(error))}")
+        sys.exit(2 if isinstance(error, OptionError) else 1)

@@ -1,0 +1,37 @@
+"""Arrays whose rows start on cache lines: a vector that straddles two lines costs two accesses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+CACHE_LINE = 64
+
+
+def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Like `numpy.empty`, with the last axis rounded up to whole cache lines and the first byte on one.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    dtype : data type
+
+    Returns
+    -------
+    ndarray
+        Contiguous; the last axis may be longer than asked for.
+
+    Examples
+    --------
+    >>> aligned_empty((2, 5), np.float32).shape
+    (2, 16)
+    """
+    itemsize = np.dtype(dtype).itemsize
+    lanes = CACHE_LINE // itemsize
+    rounded = (*shape[:-1], -(-shape[-1] // lanes) * lanes)
+    size = int(np.prod(rounded)) * itemsize
+    raw = np.empty(size + CACHE_LINE, np.uint8)
+    start = -raw.ctypes.data % CACHE_LINE
+    return raw[start : start + size].view(dtype).reshape(rounded)

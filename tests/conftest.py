@@ -1,0 +1,50 @@
+"""What several test files need: small sequences of images, the contents of a folder, and a little less patience."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from video_truth import scene
+
+Snapshot = dict[str, bytes | None]
+SaveImages = Callable[..., list[NDArray[Any]]]
+
+
+@pytest.fixture
+def snapshot() -> Callable[[Path], Snapshot]:
+    """A function that tells every file below a folder with its bytes, hidden ones too, and every folder (None)."""
+
+    def take(folder: Path) -> Snapshot:
+        paths = sorted(folder.rglob("*"))
+        return {path.relative_to(folder).as_posix(): None if path.is_dir() else path.read_bytes() for path in paths}
+
+    return take
+
+
+@pytest.fixture
+def save_images() -> SaveImages:
+    """A function that writes `count` scenes as ``folder/name`` with ``{}`` for the number, and returns the pixels."""
+
+    def save(folder: Path, name: str = "shot_{:04d}.png", count: int = 5, dtype: type = np.uint8) -> list[NDArray[Any]]:
+        folder.mkdir(parents=True, exist_ok=True)
+        images = [scene(index).astype(dtype) * (257 if dtype is np.uint16 else 1) for index in range(count)]
+        if dtype is np.uint16:  # the low bytes must not follow from the high ones
+            images = [image + np.arange(image.size, dtype=dtype).reshape(image.shape) % 200 for image in images]
+        for index, image in enumerate(images):
+            path = folder / name.format(index + 1)
+            path.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
+        return images
+
+    return save
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""
+    monkeypatch.setattr("fpsboost.overlap.PATIENCE", 0.005)

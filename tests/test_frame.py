@@ -1,0 +1,59 @@
+"""What passes for a pair of images, and how images are described."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from truth import noise
+
+from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
+from fpsboost.frame import check_pair, describe
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_images_of_every_kind_pass(channels, dtype):
+    """Gray, BGR and BGRA, 8-bit, 16-bit and float, read-only too."""
+    check_pair(noise(3, 5, channels, dtype), noise(3, 5, channels, dtype, 1))
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [(4, 6), (4, 6, 2), (4, 6, 5), (4, 6, 3, 1), (0, 6, 3), (4, 0, 3), (), (4, 6, 0)],
+)
+def test_other_shapes_are_refused(shape):
+    """The message says the shape that came."""
+    image = np.zeros(shape, np.uint8)
+    with pytest.raises(InputError, match="shape"):
+        check_pair(image, image)
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.int32, np.float64, np.float16, bool, np.complex64])
+def test_other_types_are_refused(dtype):
+    """The message says the type that came."""
+    image = np.zeros((4, 6, 3), dtype)
+    with pytest.raises(InputError, match=np.dtype(dtype).name):
+        check_pair(image, image)
+
+
+@pytest.mark.parametrize(
+    "other", [np.zeros((4, 6, 4), np.uint8), np.zeros((6, 4, 3), np.uint8), np.zeros((4, 6, 3), np.uint16)]
+)
+def test_frames_must_be_alike(other):
+    """Size, channels and type of both frames are named."""
+    with pytest.raises(InputError, match="6x4, 3 channels, 8-bit"):
+        check_pair(np.zeros((4, 6, 3), np.uint8), other)
+    with pytest.raises(InputError, match="6x4, 3 channels, 8-bit"):
+        check_pair(other, np.zeros((4, 6, 3), np.uint8))
+
+
+def test_images_are_described_as_people_do():
+    """Width first, one channel in the singular."""
+    assert describe(np.zeros((360, 640, 3), np.uint8)) == "640x360, 3 channels, 8-bit"
+    assert describe(np.zeros((2, 3, 1), np.float32)) == "3x2, 1 channel, float"
+
+
+def test_errors_form_one_tree():
+    """One base catches all; a wrong option is a ValueError as well."""
+    assert all(issubclass(kind, FpsboostError) for kind in (InputError, OptionError, OutputError))
+    assert issubclass(OptionError, ValueError)

@@ -1,0 +1,149 @@
+"""The report's two searches for a source pixel, and the colours they fetch, against slow twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from truth import noise
+from twins import brute_force_search, fetched, iterative_search, landing_cells, miss
+
+from fpsboost.errors import OptionError
+from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
+from fpsboost.synthesis.reproject import Reproject
+
+
+@st.composite
+def flows(draw):
+    """Flows in eighths of pixels, so that float32 is exact and ties and half pixels are common."""
+    height, width = draw(st.integers(1, 9)), draw(st.integers(1, 9))
+    largest = draw(st.sampled_from([0, 4, 12, 40, 160]))  # eighths: up to far beyond the frame
+    random = np.random.default_rng(draw(st.integers(0, 2**32)))
+    flow = random.integers(-largest, largest + 1, (height, width, 2)) / 8
+    if draw(st.booleans()):
+        flow = np.rint(flow)
+    if draw(st.booleans()):  # two layers, so that there are holes and overlaps
+        flow[random.random((height, width)) < 0.7] = 0
+    return flow.astype(np.float32)
+
+
+exact_times = st.sampled_from([0.0, 0.25, 0.5, 0.625, 0.75, 1.0])
+
+
+def iterative(flow, t, iterations):
+    """Call the kernel."""
+    source, found = np.full(flow.shape[:2], -1, np.int32), np.zeros(flow.shape[:2], np.bool_)
+    search_iteratively(flow, np.float32(t), iterations, source, found)
+    return source, found
+
+
+def brute_force(flow, t, radius):
+    """Call both kernels."""
+    pixels = flow.shape[0] * flow.shape[1]
+    starts, members = np.full(pixels + 1, -1, np.int32), np.full(pixels, -1, np.int32)
+    bin_landings(flow, np.float32(t), starts, members)
+    source, found = np.full(flow.shape[:2], -1, np.int32), np.zeros(flow.shape[:2], np.bool_)
+    search_nearest_landing(flow, np.float32(t), radius, starts, members, source, found)
+    return source, found
+
+
+@settings(deadline=None)
+@given(flows(), exact_times, st.integers(1, 6))
+def test_iterative_search_equals_its_slow_twin(flow, t, iterations):
+    """Same sources, and the same say on whether they land."""
+    for result, expected in zip(iterative(flow, t, iterations), iterative_search(flow, t, iterations), strict=True):
+        np.testing.assert_array_equal(result, expected)
+
+
+@settings(deadline=None)
+@given(flows(), exact_times, st.integers(0, 12))
+def test_brute_force_search_equals_its_slow_twin(flow, t, radius):
+    """Binning finds exactly the nearest landing of all sources in the radius, ties in raster order."""
+    for result, expected in zip(brute_force(flow, t, radius), brute_force_search(flow, t, radius), strict=True):
+        np.testing.assert_array_equal(result, expected)
+
+
+@settings(deadline=None)
+@given(flows(), exact_times)
+def test_landings_are_binned_like_the_slow_twin(flow, t):
+    """Every source is in the cell it lands in, once, in raster order."""
+    pixels = flow.shape[0] * flow.shape[1]
+    starts, members = np.full(pixels + 1, -1, np.int32), np.full(pixels, -1, np.int32)
+    bin_landings(flow, np.float32(t), starts, members)
+    cells = [members[starts[cell] : starts[cell + 1]].tolist() for cell in range(pixels)]
+    assert cells == landing_cells(flow, t)
+
+
+def test_brute_force_search_finds_the_nearest_for_any_real_motion():
+    """With flows that float32 must round, the source found is as near as the nearest, to rounding."""
+    random = np.random.default_rng(3)
+    for scale in (0.3, 3, 30):
+        flow = (random.normal(size=(17, 23, 2)) * scale).astype(np.float32)
+        source, _ = brute_force(flow, 0.4, 40)
+        expected, _ = brute_force_search(flow, 0.4, 40)
+        for y in range(17):
+            for x in range(23):
+                here, there = (
+                    np.hypot(*miss(flow, 0.4, divmod(int(which[y, x]), 23), (y, x))) for which in (source, expected)
+                )
+                assert here == pytest.approx(there, rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize("search", ["iterative", "brute-force"])
+def test_vast_motion_stays_inside_the_frame(search):
+    """Vectors a million pixels long lead to some source of the frame, and to none that lands."""
+    flow = np.full((6, 8, 2), 1e6, np.float32)
+    flow[::2] *= -1
+    source, found = Reproject(search=search).find_sources(flow, 0.5)
+    assert not found.any()
+    assert source.min() >= 0
+    assert source.max() < 48
+
+
+@pytest.mark.parametrize("search", ["iterative", "brute-force"])
+def test_sources_of_a_translation_are_exact(search):
+    """A constant whole motion is traced back exactly; where the source lies outside of the frame, none is found."""
+    flow = np.broadcast_to(np.float32([4, -2]), (12, 16, 2)).copy()
+    source, found = Reproject(search=search).find_sources(flow, 0.5)
+    y, x = np.mgrid[0:12, 0:16]
+    traceable = (x - 2 >= 0) & (y + 1 < 12)
+    np.testing.assert_array_equal(found, traceable)
+    np.testing.assert_array_equal(source[traceable], ((y + 1) * 16 + x - 2)[traceable])
+
+
+def test_brute_force_never_lands_further_than_the_iterative_search():
+    """Brute force looks at all sources, so also at the one that the iteration ended with; and it finds more."""
+    random = np.random.default_rng(5)
+    flow = (random.integers(-24, 25, (20, 24, 2)) / 8).astype(np.float32)
+    by_iteration, found_by_iteration = Reproject("iterative").find_sources(flow, 0.5)
+    by_force, found_by_force = Reproject("brute-force").find_sources(flow, 0.5)
+    for y, x in np.argwhere(found_by_iteration):
+        distances = [np.hypot(*miss(flow, 0.5, divmod(int(of[y, x]), 24), (y, x))) for of in (by_force, by_iteration)]
+        assert distances[0] <= distances[1]
+    assert found_by_force.sum() > found_by_iteration.sum()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_fetched_colours_equal_the_slow_twin(dtype, channels):
+    """Blended where both or neither was found, alone where one was, rounded half up."""
+    random = np.random.default_rng(channels)
+    image0, image1 = (noise(7, 9, channels, dtype, seed).copy() for seed in (1, 2))
+    sources = [random.integers(0, 63, (7, 9)).astype(np.int32) for _ in range(2)]
+    founds = [random.random((7, 9)) < 0.5 for _ in range(2)]
+    half = np.float32(0 if dtype is np.float32 else 0.5)
+    for t in (0.25, 0.5, 0.75):
+        out = np.empty_like(image0)
+        fetch_both(image0, image1, np.float32(t), half, sources[0], founds[0], sources[1], founds[1], out)
+        expected = fetched(image0, image1, t, sources[0], founds[0], sources[1], founds[1])
+        if dtype is np.float32:
+            np.testing.assert_allclose(out, expected, rtol=0, atol=1e-6)
+        else:
+            np.testing.assert_array_equal(out, np.floor(expected + 0.5))
+
+
+def test_iterations_below_one_are_refused():
+    """There is nothing to fall back on without a first iteration."""
+    with pytest.raises(OptionError, match="iterations"):
+        Reproject(iterations=0)

@@ -1,0 +1,182 @@
+"""The exhaustive searches against a slow twin and against each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from truth import noise, translation, waves
+from twins import best_offset, box_weights, gaussian_weights, patch_scores, pixel_similarity
+
+from fpsboost.kernels.search import STRIP, centre_out
+from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
+from fpsboost.kernels.tiles import TILE
+from fpsboost.motion.exhaustive import search_by_passes, search_fused, window_taps
+from fpsboost.motion.nlm import search_full
+
+TOLERANCE = 1e-5
+WEIGHTS = {"box": box_weights, "gaussian": gaussian_weights}
+
+
+def colours(height: int, width: int, seed: int, dtype: type = np.float32) -> np.ndarray:
+    """Noise of low contrast, so that many similarities are far from 0."""
+    return 0.3 + 0.4 * noise(height, width, 3, dtype, seed)
+
+
+def assert_fields_agree(field, expected, tolerance=TOLERANCE):
+    """Same scores; same motion wherever the best offset leads clearly."""
+    flow, best, lead = expected
+    np.testing.assert_allclose(field.similarity, best, rtol=0, atol=tolerance)
+    clear = lead > tolerance
+    np.testing.assert_array_equal(field.flow[clear], flow[clear])
+    assert clear.mean() > 0.5
+
+
+@pytest.mark.parametrize("window", ["box", "gaussian"])
+@pytest.mark.parametrize(
+    ("height", "width", "radius"),
+    [(9, 13, 3), (16, 17, 1), (3, 5, 4), (1, 7, 2), (7, 1, 5), (2, 2, 6)],
+)
+def test_fused_search_equals_its_slow_twin(window, height, width, radius):
+    """Both directions find the twin's scores and motion, also in frames smaller than the search radius."""
+    image0, image1 = colours(height, width, 1), colours(height, width, 2)
+    weights = WEIGHTS[window](2)
+    field01, field10 = search_fused(image0, image1, radius, 2, window, 0.25)
+    assert_fields_agree(field01, best_offset(patch_scores(image0, image1, radius, weights, 0.25, False)))
+    assert_fields_agree(field10, best_offset(patch_scores(image1, image0, radius, weights, 0.25, False), -1))
+
+
+def test_fused_search_equals_its_slow_twin_across_strips():
+    """Columns are searched in strips; nothing changes where one ends."""
+    image0, image1 = colours(2, STRIP + 21, 3), colours(2, STRIP + 21, 4)
+    field01, field10 = search_fused(image0, image1, 3, 2, "box", 0.25)
+    assert_fields_agree(field01, best_offset(patch_scores(image0, image1, 3, box_weights(2), 0.25, False)))
+    assert_fields_agree(field10, best_offset(patch_scores(image1, image0, 3, box_weights(2), 0.25, False), -1))
+
+
+@pytest.mark.parametrize("window", ["box", "gaussian"])
+@pytest.mark.parametrize(("height", "width", "radius"), [(33, 47, 6), (5, 9, 7), (400, 11, 3), (11, STRIP + 40, 3)])
+def test_fused_search_equals_full_image_passes(window, height, width, radius):
+    """The kernel and the report's passes give one answer, over bands of rows and strips of columns too."""
+    image0, image1 = colours(height, width, 5), colours(height, width, 6)
+    fused = search_fused(image0, image1, radius, 2, window, 0.25)
+    passes = search_by_passes(image0, image1, radius, 2, window, 0.25)
+    for one, other in zip(fused, passes, strict=True):
+        np.testing.assert_allclose(one.similarity, other.similarity, rtol=0, atol=TOLERANCE)
+        assert (one.flow == other.flow).all(axis=-1).mean() > 0.999
+
+
+@pytest.mark.parametrize("window", ["box", "gaussian"])
+@pytest.mark.parametrize(("height", "width"), [(12, 15), (1, 1), (250, 9), (9, STRIP + 60)])
+def test_flat_frames_do_not_move(window, height, width):
+    """Where all offsets are equally similar, the smallest motion wins, in every band and strip."""
+    flat = np.full((height, width, 3), 0.4, np.float32)
+    for field in search_fused(flat, flat, 4, 2, window, 0.25):
+        assert not field.flow.any()
+        np.testing.assert_allclose(field.similarity, 1, rtol=0, atol=TOLERANCE)
+
+
+def test_flat_frames_do_not_move_in_full_image_passes():
+    """The passes resolve ties like the kernel."""
+    flat = np.full((12, 15, 3), 0.4, np.float32)
+    for field in search_by_passes(flat, flat, 4, 2, "box", 0.25):
+        assert not field.flow.any()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_ties_go_to_the_first_offset_from_the_centre(axis):
+    """Stripes of period 2 that change places fit at +1 and -1 alike; +1 is tried first, for both fields."""
+    shape = [24, 24, 3]
+    stripes = np.zeros(shape, np.float32)
+    stripes[(slice(None),) * axis + (slice(0, None, 2),)] = 1
+    field01, field10 = search_fused(stripes, 1 - stripes, 4, 2, "box", 0.25)
+    expected = [0, 1] if axis == 0 else [1, 0]
+    inner = slice(7, -7)
+    assert (field01.flow[inner, inner] == expected).all()
+    assert (field10.flow[inner, inner] == np.negative(expected)).all()
+
+
+@pytest.mark.parametrize("window", ["box", "gaussian"])
+@pytest.mark.parametrize("offset", [(4, 4), (-4, 4), (4, -4), (-4, -4), (0, 4), (-4, 0), (3, -2)])
+def test_offsets_at_the_edge_of_the_search_are_found(window, offset):
+    """The largest offsets are as good as any."""
+    clip = translation(20, 23, *offset, dtype=np.float32)
+    inner = slice(7, -7)
+    field01, field10 = search_fused(clip.image0, clip.image1, 4, 2, window, 0.25)
+    assert (field01.flow[inner, inner] == offset).all()
+    assert (field10.flow[inner, inner] == np.negative(offset)).all()
+
+
+def test_offsets_beyond_the_search_radius_are_not_found():
+    """No vector is longer than the search radius, nor leads out of the other frame."""
+    clip = translation(20, 23, 5, 0, dtype=np.float32)
+    y, x = np.mgrid[0:20, 0:23]
+    for field in search_fused(clip.image0, clip.image1, 4, 2, "box", 0.25):
+        assert np.abs(field.flow).max() <= 4
+        to_x, to_y = x + field.flow[..., 0], y + field.flow[..., 1]
+        assert to_x.min() >= 0
+        assert to_x.max() < 23
+        assert to_y.min() >= 0
+        assert to_y.max() < 20
+
+
+def test_order_of_offsets_is_a_permutation_from_the_centre_out():
+    """Zero first, every offset once, and none before one that is smaller by more than three pixels."""
+    order = [centre_out.py_func(k) for k in range(80)]
+    assert order[0] == 0
+    assert len(set(order)) == len(order)
+    assert set(order) >= set(range(-30, 31))
+    assert all(abs(earlier) <= abs(later) + 3 for k, earlier in enumerate(order) for later in order[k:])
+
+
+def test_similarity_is_the_reports_exponential():
+    """The fixed-point polynomial is within 2e-6 of the product of Gaussians, from equal to unlike colours."""
+    random = np.random.default_rng(7)
+    a, spread = random.random((4000, 3)), random.random((4000, 1)) ** 2
+    b = a + (random.random((4000, 3)) - 0.5) * spread
+    for v in (0.06, 0.25):
+        exact = pixel_similarity(a, b, v)
+        scaled0, scaled1 = (np.float32(values * colour_scale(v)) for values in (a, b))
+        found = np.array([similarity.py_func(*p, *q) for p, q in zip(scaled0, scaled1, strict=True)]) / UNIT
+        assert np.abs(found - exact).max() < 2e-6
+        assert exact.min() < 0.02
+    assert similarity.py_func(*np.float32([1, 2, 3]), *np.float32([1, 2, 3])) == UNIT == 1 << FRACTION_BITS
+
+
+def test_windows_sum_to_one_and_are_symmetric():
+    """The box is flat; the Gaussian's variance is half the area's size."""
+    for radius in (1, 5, 20):
+        box, gaussian = (np.array(window_taps(window, radius)) for window in ("box", "gaussian"))
+        np.testing.assert_allclose(box, 1 / (2 * radius + 1))
+        np.testing.assert_allclose(np.outer(gaussian, gaussian), gaussian_weights(radius), atol=1e-12)
+
+
+@pytest.mark.parametrize(("height", "width", "radius"), [(9, 13, 3), (3, 5, 2), (1, 1, 2), (2, TILE + 7, 3)])
+@pytest.mark.parametrize("penalty", [0.0, 0.01])
+def test_tile_search_equals_its_slow_twin(height, width, radius, penalty):
+    """Tiles find the twin's best similarity less the price of distance; edges repeat for targets too."""
+    image0, image1 = colours(height, width, 8), colours(height, width, 9)
+    scores = patch_scores(image0, image1, radius, box_weights(2), 0.25, True)
+    away = np.abs(np.arange(-radius, radius + 1))
+    flow, best, lead = best_offset(scores - penalty * (away[:, np.newaxis] + away))
+    field = search_full(image0, image1, radius, 2, 0.25, penalty)
+    np.testing.assert_allclose(field.similarity, best.clip(0, 1), rtol=0, atol=TOLERANCE)
+    clear = lead > TOLERANCE
+    np.testing.assert_array_equal(field.flow[clear], flow[clear])
+
+
+def test_tile_search_of_flat_frames_does_not_move():
+    """The price of distance keeps flat areas still, over several tiles."""
+    flat = np.full((TILE + 9, 2 * TILE + 3, 3), 0.7, np.float32)
+    field = search_full(flat, flat, 4, 2, 0.25, 0.004)
+    assert not field.flow.any()
+    np.testing.assert_allclose(field.similarity, 1, rtol=0, atol=TOLERANCE)
+
+
+def test_searches_of_smooth_frames_agree():
+    """Away from the edges, tiles without a price and the exhaustive search score alike."""
+    y, x = np.mgrid[0:40, 0:50].astype(float)
+    image0, image1 = (waves(x + shift, y, seed=2).astype(np.float32) for shift in (0, 1.4))
+    tiles = search_full(image0, image1, 3, 2, 0.25)
+    exhaustive, _ = search_fused(image0, image1, 3, 2, "box", 0.25)
+    inner = slice(6, -6)
+    np.testing.assert_allclose(tiles.similarity[inner, inner], exhaustive.similarity[inner, inner], atol=TOLERANCE)

@@ -1,0 +1,431 @@
+"""Every source and every sink keeps the contracts of `fpsboost.media`, whatever kind of file is behind it."""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from video_truth import packets_of, scene, write_clip
+
+from fpsboost.errors import FpsboostError, InputError, OutputError
+from fpsboost.frame import Frame
+from fpsboost.media import FrameSink, FrameSource, OutputTiming
+from fpsboost.media.opening import open_sink, open_source
+from fpsboost.media.video_sink import Encoding
+
+RATE = Fraction(24)
+COUNT = 6
+UNEVEN = (0, 3, 4, 9, 10, 16)
+GOOD_VP9 = {"crf": "4", "b": "0", "deadline": "realtime", "cpu-used": "8"}
+
+# How to make a clip of each kind in a folder: the path to open, and the type of its pixels.
+sources: dict[str, Callable[..., tuple[Path, type]]] = {
+    "mp4": lambda folder, _: (write_clip(folder / "in.mp4", times=range(COUNT)), np.uint8),
+    "mov": lambda folder, _: (write_clip(folder / "in.mov", times=range(COUNT), sound="aac"), np.uint8),
+    "mkv": lambda folder, _: (
+        write_clip(folder / "in.mkv", times=range(COUNT), time_base=Fraction(1001, 24000)),
+        np.uint8,
+    ),
+    "webm": lambda folder, _: (
+        write_clip(folder / "in.webm", times=range(COUNT), codec="libvpx-vp9", options=GOOD_VP9),
+        np.uint8,
+    ),
+    "uneven": lambda folder, _: (
+        write_clip(folder / "in.mp4", times=UNEVEN, end=20, time_base=Fraction(1, 100)),
+        np.uint8,
+    ),
+    "10-bit": lambda folder, _: (
+        write_clip(folder / "in.mp4", times=range(COUNT), pixel_format="yuv420p10le"),
+        np.uint16,
+    ),
+    "late": lambda folder, _: (write_clip(folder / "in.mp4", times=range(50, 50 + COUNT)), np.uint8),
+    "png folder": lambda folder, save: (save(folder, count=COUNT) and folder, np.uint8),
+    "jpg pattern": lambda folder, save: (
+        save(folder, "take{}.jpg", count=COUNT) and folder / "take%d.jpg",
+        np.uint8,
+    ),
+    "tiff16 pattern": lambda folder, save: (
+        save(folder, "shot_{:04d}.tif", COUNT, np.uint16) and folder / "shot_####.tif",
+        np.uint16,
+    ),
+}
+is_images = {"png folder", "jpg pattern", "tiff16 pattern"}
+
+
+@pytest.fixture(params=sources)
+def clip(request, tmp_path, save_images) -> tuple[str, Path, type]:
+    """Each kind of clip: what kind, where it is, the type of its pixels."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    path, dtype = sources[request.param](folder, save_images)
+    return request.param, path, dtype
+
+
+def opened(path: Path, kind: str) -> FrameSource:
+    return open_source(str(path), RATE if kind in is_images else None)
+
+
+def test_frames_come_in_order(clip):
+    """Every frame once, in presentation order, at times that strictly increase and are multiples of the clock."""
+    kind, path, _ = clip
+    with opened(path, kind) as source:
+        frames = list(source)
+    assert len(frames) == COUNT
+    assert all(a.time < b.time for a, b in pairwise(frames))
+    assert all((frame.time / source.info.time_base).denominator == 1 for frame in frames)
+    assert all(isinstance(value, Fraction) for frame in frames for value in (frame.time, frame.duration))
+    truth = [scene(index).astype(float) / 255 for index in range(COUNT)]
+    for index, frame in enumerate(frames):
+        image = frame.image / np.iinfo(frame.image.dtype).max
+        assert np.argmin([np.abs(image - other).mean() for other in truth]) == index
+
+
+def test_images_are_alike(clip):
+    """One size and one type for all of them, the one that the file has, contiguous."""
+    kind, path, dtype = clip
+    with opened(path, kind) as source:
+        frames = list(source)
+    assert {(frame.image.shape, frame.image.dtype) for frame in frames} == {((48, 64, 3), np.dtype(dtype))}
+    assert all(frame.image.flags.c_contiguous for frame in frames)
+
+
+def test_info_tells_the_truth(clip):
+    """Name, size, rate and count are known before the first frame and right after the last."""
+    kind, path, _ = clip
+    with opened(path, kind) as source:
+        before = source.info
+        frames = list(source)
+        assert source.info == before
+    assert before.name == str(path)
+    assert (before.height, before.width) == frames[0].image.shape[:2]
+    assert before.frame_count in (COUNT, None)
+    assert before.frame_count == COUNT or kind in ("mkv", "webm")
+    if kind != "uneven":
+        total = frames[-1].time + frames[-1].duration - frames[0].time
+        assert abs(total - COUNT / before.rate) <= before.time_base
+
+
+def test_durations_fill_the_clip(clip):
+    """Each frame lasts until the next one comes, up to one tick of the container."""
+    kind, path, _ = clip
+    with opened(path, kind) as source:
+        frames = list(source)
+    assert all(abs(a.time + a.duration - b.time) <= source.info.time_base for a, b in pairwise(frames))
+    assert frames[-1].duration > 0
+
+
+def test_whole_clips_have_no_remarks(clip):
+    """Nothing is said about a clip that nothing is wrong with."""
+    kind, path, _ = clip
+    with opened(path, kind) as source:
+        assert len(list(source)) == COUNT
+    assert source.remarks == []
+
+
+@pytest.mark.parametrize("frames_read", [0, 2, COUNT])
+def test_leaving_closes_the_file(clip, frames_read, tmp_path):
+    """After the block no file is open, whether nothing, a part or all was read, and closing again does no harm."""
+    kind, path, _ = clip
+    with opened(path, kind) as source:
+        assert sum(1 for _ in zip(range(frames_read), source, strict=False)) == frames_read
+    assert open_files_below(tmp_path) == []
+    source.close()
+
+
+def test_leaving_by_an_error_closes_the_file(clip, tmp_path):
+    """An exception in the block goes through, and the file is closed."""
+    kind, path, _ = clip
+
+    def read_and_fail() -> None:
+        with opened(path, kind) as source:
+            next(iter(source))
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        read_and_fail()
+    assert open_files_below(tmp_path) == []
+
+
+def open_files_below(folder: Path) -> list[str]:
+    if not Path("/proc/self/fd").exists():
+        pytest.skip("only Linux tells which files are open")
+    gc.collect()
+    links = []
+    for number in os.listdir("/proc/self/fd"):
+        with suppress(OSError):
+            links.append(os.readlink(f"/proc/self/fd/{number}"))
+    return [link for link in links if link.startswith(str(folder))]
+
+
+def test_reading_changes_nothing(clip, tmp_path, snapshot):
+    """The files are the same after reading, and no others have come."""
+    kind, path, _ = clip
+    before = snapshot(tmp_path)
+    with opened(path, kind) as source:
+        assert len(list(source)) == COUNT
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["none.mp4", "none.mkv", "none", "none_####.png", "none/in.mp4", "none/%04d.tif"])
+def test_what_is_missing_is_named(tmp_path, name):
+    """A missing file, folder or sequence is an InputError that names it."""
+    with pytest.raises(InputError, match="none"):
+        open_source(str(tmp_path / name), RATE if "." not in name or name.endswith((".png", ".tif")) else None)
+
+
+# --------------------------------------------------------------------------------------------------------------- sinks
+
+# What to name as the output in a folder, and whether that folder's subfolder `frames` exists before.
+targets = {
+    "mp4": ("out.mp4", False),
+    "mov": ("out.mov", False),
+    "mkv": ("out.mkv", False),
+    "webm": ("out.webm", False),
+    "new folder": ("frames", False),
+    "empty folder": ("frames", True),
+    "png pattern": ("out_####.png", False),
+    "tif pattern": ("frames/out_%02d.tif", True),
+}
+FAST = {"webm": Encoding(preset="8"), "mov": Encoding(preset="ultrafast", audio=False)}  # .mov takes no Opus
+
+
+@pytest.fixture(params=["video", "images"])
+def source_path(request, tmp_path, save_images) -> Path:
+    """A clip to convert, one with sound and one of images."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    if request.param == "video":
+        return write_clip(folder / "in.mkv", times=range(COUNT), sound="libopus")
+    save_images(folder, count=COUNT)
+    return folder
+
+
+@pytest.fixture(params=targets)
+def target(request, tmp_path) -> tuple[str, Path]:
+    """Each kind of target in an otherwise empty folder."""
+    name, is_there = targets[request.param]
+    (tmp_path / "out").mkdir()
+    if is_there:
+        (tmp_path / "out" / "frames").mkdir()
+    return request.param, tmp_path / "out" / name
+
+
+def open_pair(source_path: Path, target: tuple[str, Path], overwrite: bool = False) -> tuple[FrameSource, FrameSink]:
+    kind, path = target
+    source = open_source(str(source_path), RATE if source_path.is_dir() else None)
+    try:
+        sink = open_sink(
+            str(path),
+            source=source,
+            timing=OutputTiming(source.info.rate, source.info.time_base),
+            encoding=FAST.get(kind, Encoding(preset="ultrafast")),
+            expected_frames=COUNT,
+            overwrite=overwrite,
+        )
+    except BaseException:
+        source.close()
+        raise
+    return source, sink
+
+
+def copy(
+    source_path: Path,
+    target: tuple[str, Path],
+    *,
+    overwrite: bool = False,
+    fail_at: int | None = None,
+    kind: type[BaseException] = RuntimeError,
+    while_writing: Callable[[], None] = lambda: None,
+) -> FrameSink:
+    """Write all frames of a clip unchanged; raise after `fail_at` of them."""
+    source, sink = open_pair(source_path, target, overwrite)
+    with source, sink:
+        for index, frame in enumerate(source):
+            if index == fail_at:
+                raise kind
+            sink.write(Frame(frame.image, frame.time, frame.duration, frame.original))
+            while_writing()
+        if fail_at == COUNT:
+            raise kind
+    return sink
+
+
+def visible(folder: Path) -> list[str]:
+    """Files that a person sees, with their folders if these are not hidden."""
+    paths = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
+    return sorted(path.as_posix() for path in paths if not any(part.startswith(".") for part in path.parts))
+
+
+def frames_of(path: Path) -> int:
+    with open_source(str(path), None if path.suffix in (".mp4", ".mov", ".mkv", ".webm") else RATE) as source:
+        return len(list(source))
+
+
+def put_something(target: tuple[str, Path]) -> None:
+    """Let something precious stand under the target's name."""
+    kind, path = target
+    if "folder" in kind:
+        path.mkdir(exist_ok=True)
+        (path / "shot_0001.png").write_bytes(b"precious")
+        (path / "000001.png").write_bytes(b"precious")
+        (path / "notes.txt").write_bytes(b"precious")
+    elif "pattern" in kind:
+        name = path.name.replace("####", "0001").replace("%02d", "01")
+        (path.parent / name).write_bytes(b"precious")
+    else:
+        path.write_bytes(b"precious")
+
+
+def test_output_appears_whole_at_the_end(source_path, target, tmp_path, snapshot):
+    """Nothing is to be seen under the final name before the end, everything after it, and nothing else anywhere."""
+    source_before = snapshot(tmp_path / "in")
+    seen: list[str] = []
+    sink = copy(source_path, target, while_writing=lambda: seen.extend(visible(tmp_path / "out")))
+    assert seen == []
+    assert sink.remarks == []
+    assert frames_of(target[1]) == COUNT
+    written = snapshot(tmp_path / "out")
+    assert not [path for path in written if any(part.startswith(".") for part in path.split("/"))]
+    assert len(visible(tmp_path / "out")) == (1 if sink.holds_last_frame else COUNT)
+    assert snapshot(tmp_path / "in") == source_before
+
+
+def test_preparing_touches_nothing(source_path, target, tmp_path, snapshot):
+    """A sink that is never entered leaves no trace."""
+    before = snapshot(tmp_path)
+    source, _ = open_pair(source_path, target)
+    source.close()
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize(("fail_at", "kind"), [(0, RuntimeError), (3, KeyboardInterrupt), (COUNT, OutputError)])
+def test_an_exception_leaves_no_trace(source_path, target, tmp_path, snapshot, fail_at, kind):
+    """Whenever it comes, it goes through, and every folder is as it was, without hidden files."""
+    before = snapshot(tmp_path)
+    with pytest.raises(kind):
+        copy(source_path, target, fail_at=fail_at, kind=kind)
+    assert snapshot(tmp_path) == before
+
+
+def test_what_exists_is_refused(source_path, target, tmp_path, snapshot):
+    """Without `overwrite` an existing target is an OutputError that names it, and stays untouched."""
+    put_something(target)
+    before = snapshot(tmp_path)
+    with pytest.raises(OutputError, match=r"--overwrite") as caught:
+        copy(source_path, target)
+    assert str(tmp_path / "out") in str(caught.value)
+    assert snapshot(tmp_path) == before
+
+
+def test_overwriting_replaces_only_at_the_end(source_path, target, tmp_path, snapshot):
+    """With `overwrite` the old output stands until the new one is whole; other files in a folder stay for good."""
+    put_something(target)
+    old = {name for name in visible(tmp_path / "out") if not name.endswith(".txt")}
+    watched: list[bytes] = []
+
+    def watch() -> None:
+        watched.extend((tmp_path / "out" / name).read_bytes() for name in old)
+
+    copy(source_path, target, overwrite=True, while_writing=watch)
+    assert set(watched) == {b"precious"}
+    written = snapshot(tmp_path / "out")
+    assert b"precious" not in [written[name] for name in old if name in written and is_of_this_run(name, source_path)]
+    assert "folder" not in target[0] or written["frames/notes.txt"] == b"precious"
+    assert not [path for path in written if any(part.startswith(".") for part in path.split("/"))]
+
+
+def is_of_this_run(name: str, source_path: Path) -> bool:
+    """In a folder, frames of images are named like them and those of a video by number alone; the others stay."""
+    if not name.startswith("frames/") or "out_" in name:
+        return True
+    return name.startswith("frames/shot_") == source_path.is_dir()
+
+
+@pytest.mark.parametrize("fail_at", [0, COUNT])
+def test_a_failed_overwriting_changes_nothing(source_path, target, tmp_path, snapshot, fail_at):
+    """An exception while overwriting leaves what stood there before."""
+    put_something(target)
+    before = snapshot(tmp_path)
+    with pytest.raises(RuntimeError):
+        copy(source_path, target, overwrite=True, fail_at=fail_at)
+    assert snapshot(tmp_path) == before
+
+
+def test_without_frames_there_is_no_output(source_path, target, tmp_path, snapshot):
+    """A sink that gets no frame leaves nothing behind, with an error or without."""
+    before = snapshot(tmp_path)
+    source, sink = open_pair(source_path, target)
+    with source, suppress(FpsboostError), sink:
+        pass
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["out.mp4", "out.mkv", "frames", "out_####.png"])
+def test_a_missing_folder_is_named(source_path, tmp_path, name):
+    """The folder of the output must exist; the message says which one does not."""
+    with pytest.raises(OutputError, match=r"none.* does not exist"):
+        open_pair(source_path, (name, tmp_path / "none" / name))
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("kind", ["video", "video by link", "folder", "folder by link", "pattern"])
+def test_the_source_is_never_the_target(tmp_path, save_images, snapshot, kind, overwrite):
+    """Writing over what is being read is refused, also with `overwrite` and under another name for it."""
+    path = tmp_path / "in"
+    if kind.startswith("video"):
+        path.mkdir()
+        path = write_clip(path / "in.mp4", times=range(COUNT))
+    else:
+        save_images(path, count=COUNT)
+    same = path
+    if kind.endswith("link"):
+        same = tmp_path / f"link{path.suffix}"
+        same.symlink_to(path)
+    elif kind == "pattern":
+        path = same = path / "shot_%04d.png"
+    before = snapshot(tmp_path)
+    source = open_source(str(path), None if kind.startswith("video") else RATE)
+    timing = OutputTiming(RATE, 1 / RATE)
+    with source, pytest.raises(OutputError, match=r"input"):
+        open_sink(
+            str(same), source=source, timing=timing, encoding=Encoding(), expected_frames=COUNT, overwrite=overwrite
+        )
+    assert snapshot(tmp_path) == before
+
+
+def test_sinks_say_whether_the_last_frame_lasts(source_path, target):
+    """Videos show their last frame for its duration; image sequences end with it."""
+    source, sink = open_pair(source_path, target)
+    with source:
+        assert sink.holds_last_frame == (target[0] in ("mp4", "mov", "mkv", "webm"))
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv", ".webm"])
+@pytest.mark.parametrize("sound", ["aac", "libopus", "flac", "pcm_s16le"])
+def test_sound_is_copied_or_refused_by_name(tmp_path, sound, suffix):
+    """A container takes the sound as it is, or the message says that the sound does not fit and names --no-audio."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(COUNT), sound=sound)
+    encoding = Encoding(preset="8" if suffix == ".webm" else "ultrafast")
+    path = tmp_path / f"out{suffix}"
+    with open_source(str(clip)) as source:
+        timing = OutputTiming(source.info.rate, source.info.time_base)
+        try:
+            with open_sink(
+                str(path), source=source, timing=timing, encoding=encoding, expected_frames=None, overwrite=False
+            ) as sink:
+                for frame in source:
+                    sink.write(frame)
+        except OutputError as error:
+            assert "--no-audio" in str(error)
+            assert not path.exists()
+        else:
+            before, after = packets_of(clip, "audio"), packets_of(path, "audio")
+            assert [data for _, data in after] == [data for _, data in before]

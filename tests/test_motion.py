@@ -1,0 +1,292 @@
+"""Every estimator through the same contract, and each against constructed truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numba
+import numpy as np
+import pytest
+from truth import Clip, affine, as_type, eroded, frozen, moving_object, noise, translation
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.motion import MotionEstimator
+from fpsboost.motion.colour import colour_components, contrast_components, padded_planes
+from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius, expected_motion
+from fpsboost.motion.nlm import CoarseToFine, pyramid
+from fpsboost.motion.opencv import Dis, Farneback, Still
+
+estimators: dict[str, MotionEstimator] = {
+    "nlm": CoarseToFine(),
+    "exhaustive": ExhaustiveSearch(search_radius=8),
+    "exhaustive, own radius": ExhaustiveSearch(),
+    "exhaustive, gaussian": ExhaustiveSearch(search_radius=8, patch_radius=2, window="gaussian"),
+    "exhaustive, passes": ExhaustiveSearch(search_radius=3, implementation="passes"),
+    "dis": Dis(),
+    "farneback": Farneback(),
+    "still": Still(),
+}
+every_estimator = pytest.mark.parametrize("estimator", estimators.values(), ids=estimators.keys())
+own_kernels = pytest.mark.parametrize(
+    "estimator", [estimators["nlm"], estimators["exhaustive"]], ids=["nlm", "exhaustive"]
+)
+
+
+@pytest.fixture
+def _threads() -> Iterator[None]:
+    count = numba.get_num_threads()
+    yield
+    numba.set_num_threads(count)
+
+
+def errors(field, flow) -> np.ndarray:
+    """Length of the difference of two flows, per pixel."""
+    return np.linalg.norm(field.flow - flow, axis=-1)
+
+
+@every_estimator
+@pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (3, np.uint8), (4, np.uint16), (3, np.float32)])
+def test_fields_have_the_frames_size(estimator, channels, dtype):
+    """(H, W, 2) and (H, W) float32, finite, similarity in [0, 1]; read-only frames of every kind are taken."""
+    clip = affine(37, 45, shift=(1, 1), channels=channels, dtype=dtype)
+    for field in estimator.estimate(clip.image0, clip.image1):
+        assert field.flow.shape == (37, 45, 2)
+        assert field.similarity.shape == (37, 45)
+        assert field.flow.dtype == field.similarity.dtype == np.float32
+        assert np.isfinite(field.flow).all()
+        assert 0 <= field.similarity.min() <= field.similarity.max() <= 1
+
+
+@every_estimator
+def test_identical_frames_do_not_move(estimator):
+    """The same picture twice: nothing moves, everything is similar; flat pictures too."""
+    for image in (noise(40, 50), frozen(np.full((40, 50, 3), 90, np.uint8))):
+        for field in estimator.estimate(image, image):
+            if isinstance(estimator, Farneback):  # OpenCV's trembles a little at the frame's edge
+                assert np.abs(field.flow).mean() < 0.01
+                assert np.abs(field.flow).max() < 0.5
+            else:
+                assert not field.flow.any()
+            np.testing.assert_allclose(field.similarity, 1, atol=1e-5)
+
+
+@every_estimator
+def test_swapped_frames_swap_the_fields(estimator):
+    """Estimating backwards gives the backward field, where no two offsets tie."""
+    clip = translation(40, 48, 2, 1, seed=3)
+    field01, field10 = estimator.estimate(clip.image0, clip.image1)
+    swapped10, swapped01 = estimator.estimate(clip.image1, clip.image0)
+    for field, swapped in ((field01, swapped01), (field10, swapped10)):
+        assert (field.flow == swapped.flow).all(axis=-1).mean() > 0.99
+        np.testing.assert_allclose(field.similarity, swapped.similarity, atol=1e-5)
+
+
+@every_estimator
+def test_mismatched_frames_are_refused(estimator):
+    """Another size, another type, another number of channels, no channels."""
+    image = noise(40, 48)
+    for other in (noise(40, 47), noise(40, 48, 3, np.uint16), noise(40, 48, 1), image[..., 0]):
+        with pytest.raises(InputError):
+            estimator.estimate(image, other)
+        with pytest.raises(InputError):
+            estimator.estimate(other, image)
+
+
+@every_estimator
+@pytest.mark.parametrize("size", [(1, 1), (3, 5), (1, 40), (33, 2)])
+def test_tiny_frames_have_motion(estimator, size):
+    """Down to a single pixel, a field of the right size comes out."""
+    for image0, image1 in ((noise(*size), noise(*size)), (noise(*size, 1, seed=1), noise(*size, 1, seed=2))):
+        for field in estimator.estimate(image0, image1):
+            assert field.flow.shape == (*size, 2)
+            assert np.isfinite(field.flow).all()
+
+
+@own_kernels
+@pytest.mark.parametrize("shift", [(5, 0), (0, -6), (-7, 3), (4, 8)])
+def test_whole_translations_are_found_exactly(estimator, shift):
+    """Every pixel whose patch is in both frames has the exact vector, forward and back."""
+    clip = translation(72, 90, *shift, seed=1)
+    for field, flow, seen in zip(
+        estimator.estimate(clip.image0, clip.image1), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
+    ):
+        inner = eroded(seen, 5)
+        np.testing.assert_array_equal(field.flow[inner], flow[inner])
+
+
+@own_kernels
+def test_sub_pixel_translations_are_found_to_the_pixel(estimator):
+    """A vector of whole pixels is off by half a pixel an axis at most, and a little where the texture is weak."""
+    clip = affine(96, 120, shift=(3.4, -2.3))
+    for field, flow, seen in zip(
+        estimator.estimate(clip.image0, clip.image1), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
+    ):
+        off = np.abs(field.flow - flow)[eroded(seen, 6)]
+        assert (off > 0.61).mean() < 0.01
+        assert off.max() < 1
+
+
+@pytest.mark.parametrize("name", ["nlm", "exhaustive", "dis", "farneback"])
+@pytest.mark.parametrize("motion", [{"zoom": 1.06}, {"degrees": 4}, {"zoom": 0.96, "degrees": -3, "shift": (2.5, 1)}])
+def test_zoom_and_rotation_are_followed(name, motion):
+    """Off by less than a pixel on average where both frames show the scene."""
+    clip = affine(120, 160, **motion, seed=4)
+    for field, flow, seen in zip(
+        estimators[name].estimate(clip.image0, clip.image1),
+        (clip.flow01, clip.flow10),
+        (clip.seen0, clip.seen1),
+        strict=True,
+    ):
+        assert errors(field, flow)[eroded(seen, 6)].mean() < 1
+
+
+@own_kernels
+def test_an_object_moves_over_a_still_background(estimator):
+    """Away from its outline, old and new, the object has its motion and the background none."""
+    clip = moving_object(96, 120, box=(30, 34, 70, 74), dx=8, dy=-6)
+    for field, flow, seen in zip(
+        estimator.estimate(clip.image0, clip.image1), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
+    ):
+        moving = flow.any(axis=-1)
+        sure = eroded(moving, 5) | eroded(seen & ~moving, 5)
+        assert eroded(moving, 5).sum() > 500
+        wrong = errors(field, flow) > 0
+        assert wrong[sure].mean() < 0.01
+        assert wrong.any()  # what is hidden cannot be found
+
+
+@pytest.mark.parametrize("shift", [(40, 0), (-30, 22)])
+def test_large_motion_is_found_coarse_to_fine(shift):
+    """Motion up to a sixth of the frame survives the pyramid."""
+    clip = affine(180, 260, shift=shift, seed=6)
+    field, _ = CoarseToFine().estimate(clip.image0, clip.image1)
+    assert np.median(errors(field, clip.flow01)[eroded(clip.seen0, 6)]) <= 0.5
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+@own_kernels
+def test_the_type_of_the_pixels_does_not_matter(estimator, dtype):
+    """The same colours in 8 bits, in 16 and as floats give the same motion."""
+    clip = translation(48, 56, 3, -2, seed=2)
+    others = [as_type(image / 255.0, dtype) for image in (clip.image0, clip.image1)]
+    for field, other in zip(estimator.estimate(clip.image0, clip.image1), estimator.estimate(*others), strict=True):
+        assert (field.flow == other.flow).all(axis=-1).mean() > 0.999
+        np.testing.assert_allclose(field.similarity, other.similarity, atol=1e-4)
+
+
+@own_kernels
+@pytest.mark.usefixtures("_threads")
+def test_the_number_of_threads_does_not_matter(estimator):
+    """One thread, as many as there are, and a repeat give the same bits."""
+    clip = affine(400, 90, shift=(3, 2), degrees=1, seed=5)
+    results = []
+    for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS), 1):
+        numba.set_num_threads(count)
+        results.append(estimator.estimate(clip.image0, clip.image1))
+    for result in results[1:]:
+        for field, first in zip(result, results[0], strict=True):
+            np.testing.assert_array_equal(field.flow, first.flow)
+            np.testing.assert_array_equal(field.similarity, first.similarity)
+
+
+@pytest.mark.parametrize(
+    "clip",
+    [
+        translation(120, 160, 14, -6, seed=1),
+        affine(180, 320, shift=(-25, 10), seed=2),
+        affine(90, 120, shift=(1, 0), seed=3),
+        moving_object(120, 160, box=(40, 40, 80, 80), dx=12, dy=8),
+    ],
+    ids=["noise", "smooth", "slow", "object"],
+)
+def test_the_search_radius_covers_the_motion(clip: Clip):
+    """The chosen radius holds the true motion, is not twice as large and a bit, and the search with it succeeds."""
+    true = float(np.abs(clip.flow01).max())
+    radius = choose_search_radius(colour_components(clip.image0), colour_components(clip.image1))
+    assert radius >= max(4, true)
+    assert radius <= max(8, 2 * true + 4)
+    field, _ = ExhaustiveSearch().estimate(clip.image0, clip.image1)
+    moving = clip.flow01.any(axis=-1)
+    assert np.median(errors(field, clip.flow01)[eroded(clip.seen0 & moving, 6)]) <= 0.5
+
+
+def test_still_frames_need_the_smallest_radius():
+    """Nothing moves: four pixels."""
+    still = colour_components(noise(60, 80))
+    assert expected_motion(still, still) == 0
+    assert choose_search_radius(still, still) == 4
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        (ExhaustiveSearch, {"search_radius": 0}),
+        (ExhaustiveSearch, {"search_radius": 1001}),
+        (ExhaustiveSearch, {"patch_radius": 0}),
+        (ExhaustiveSearch, {"patch_radius": 21}),
+        (ExhaustiveSearch, {"v": 0.0}),
+        (ExhaustiveSearch, {"v": float("nan")}),
+        (ExhaustiveSearch, {"window": "triangle"}),
+        (ExhaustiveSearch, {"implementation": "magic"}),
+        (CoarseToFine, {"reach": 0.0}),
+        (CoarseToFine, {"reach": 1.5}),
+        (CoarseToFine, {"patch_radius": 0}),
+        (CoarseToFine, {"patch_radius": 11}),
+        (CoarseToFine, {"v": -1.0}),
+        (Dis, {"preset": "slow"}),
+    ],
+)
+def test_options_out_of_range_are_refused(kind, options):
+    """When the object is made, not when it is used."""
+    with pytest.raises(OptionError):
+        kind(**options)
+
+
+def test_largest_patches_do_not_overflow():
+    """(2 * 20 + 1)^2 full similarities still fit the integer sums of the kernel."""
+    assert (2 * 20 + 1) ** 2 * 2**20 < 2**31
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_colours_are_normalised_and_premultiplied(dtype):
+    """White is 1, gray fills one component, a transparent pixel has no colour."""
+    white = 1 if dtype is np.float32 else np.iinfo(dtype).max
+    np.testing.assert_allclose(colour_components(np.full((2, 3, 3), white, dtype)), 1, rtol=1e-6)
+    gray = colour_components(np.full((2, 3, 1), white, dtype))
+    assert gray.shape == (2, 3, 3)
+    np.testing.assert_allclose(gray, np.broadcast_to([1, 0, 0], (2, 3, 3)), rtol=1e-6)
+    see_through = np.full((2, 3, 4), white, dtype)
+    see_through[..., 3] = 0
+    assert not colour_components(see_through).any()
+
+
+def test_contrast_forgives_brightness():
+    """A brighter copy of a picture keeps its high-pass luma and its chroma."""
+    image = affine(30, 40, dtype=np.float32).image0 * 0.5
+    components, brighter = contrast_components(image), contrast_components(image + np.float32(0.2))
+    np.testing.assert_allclose(components[..., 1:], brighter[..., 1:], atol=1e-5)
+    np.testing.assert_allclose(components[..., 0] + 0.1, brighter[..., 0], atol=1e-5)
+
+
+def test_padded_planes_repeat_the_edges():
+    """The same as numpy's padding, scaled, with extra columns; what lies behind them is nobody's business."""
+    components = noise(4, 5, 3, np.float32)
+    planes = padded_planes(components, 2, 3, 6, 2.0)
+    expected = np.pad(components.transpose(2, 0, 1) * 2, ((0, 0), (2, 2), (5, 8)), "edge")
+    np.testing.assert_array_equal(planes[..., : expected.shape[2]], expected)
+    assert planes.flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    ("size", "expected"),
+    [((119, 80), 1), ((120, 80), 2), ((101, 333), 3), ((4000, 2000), 5), ((1, 1), 1), ((1, 500), 4)],
+)
+def test_pyramids_halve_down_to_the_coarsest_side(size, expected):
+    """Odd sizes round up, the longer side stays above the limit, and there are five levels at most."""
+    for channels in (1, 3):
+        levels = pyramid(np.zeros((*size, channels), np.uint8), 60)
+        assert len(levels) == expected
+        for finer, coarser in pairwise(levels):
+            assert coarser.shape == ((finer.shape[0] + 1) // 2, (finer.shape[1] + 1) // 2, channels)
+        assert max(levels[-1].shape[:2]) >= min(60, max(size))

@@ -1,0 +1,234 @@
+"""Reading ahead and writing behind: order, errors, bounds, and no thread left over."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from fpsboost.overlap import read_ahead, write_behind
+
+
+class OnPurposeError(Exception):
+    """Raised by the tests."""
+
+
+@pytest.fixture(autouse=True)
+def _no_thread_is_left() -> Iterator[None]:
+    before = set(threading.enumerate())
+    yield
+    assert set(threading.enumerate()) == before
+
+
+def failing_after(count: int) -> Iterator[int]:
+    """0, 1, ... and then an error."""
+    yield from range(count)
+    raise OnPurposeError(f"after {count}")
+
+
+@pytest.mark.parametrize("depth", [1, 4, 1000])
+def test_read_ahead_keeps_the_order(depth):
+    """All items, in order, then the end."""
+    with read_ahead(range(200), depth) as items:
+        assert list(items) == list(range(200))
+
+
+def test_read_ahead_of_nothing_ends_at_once():
+    """An empty iterable gives an empty iterator."""
+    with read_ahead([], 2) as items:
+        assert list(items) == []
+
+
+@pytest.mark.parametrize("count", [0, 3, 20])
+def test_errors_while_reading_surface_after_the_items_before_them(count):
+    """The caller gets everything that was read, and then the very error."""
+    received = []
+    with pytest.raises(OnPurposeError, match=f"after {count}"), read_ahead(failing_after(count), 2) as items:
+        received.extend(items)
+    assert received == list(range(count))
+
+
+def test_read_ahead_stays_within_its_depth():
+    """No more than the queue and the one item in hand are read before the caller asks."""
+    taken, full = [], threading.Event()
+
+    def source() -> Iterator[int]:
+        for k in itertools.count():
+            taken.append(k)
+            if len(taken) == 4:
+                full.set()
+            yield k
+
+    with read_ahead(source(), 3) as items:
+        assert full.wait(10)
+        threading.Event().wait(0.3)  # as long as it likes: nothing more may be taken
+        assert len(taken) == 4
+        assert next(items) == 0
+
+
+def test_leaving_early_stops_an_endless_source_with_a_full_queue():
+    """The block can be left at any time; the thread ends with it."""
+    with read_ahead(itertools.count(), 2) as items:
+        assert [next(items) for _ in range(5)] == [0, 1, 2, 3, 4]
+
+
+def test_leaving_by_an_exception_stops_the_reader():
+    """The body's own error comes through, and the thread ends."""
+
+    def read_one() -> None:
+        with read_ahead(itertools.count(), 2) as items:
+            next(items)
+            raise OnPurposeError
+
+    with pytest.raises(OnPurposeError):
+        read_one()
+
+
+def test_a_reader_that_fails_unseen_does_not_hide_the_bodys_error():
+    """Left by an exception while the source has failed as well, the body's error is the one that counts."""
+    with pytest.raises(ZeroDivisionError), read_ahead(failing_after(0), 2):
+        raise ZeroDivisionError
+
+
+@pytest.mark.parametrize("depth", [1, 4, 1000])
+def test_write_behind_keeps_the_order_and_finishes(depth):
+    """When the block is left, everything has been written, in order."""
+    written: list[int] = []
+    with write_behind(written.append, depth) as write:
+        for k in range(200):
+            write(k)
+    assert written == list(range(200))
+
+
+def test_write_behind_of_nothing_ends():
+    """A block that writes nothing is left without waiting for anything."""
+    with write_behind([].append, 2):
+        pass
+
+
+@pytest.mark.parametrize("good", [0, 3])
+def test_errors_while_writing_surface_in_the_caller(good):
+    """An endless producer is stopped by the very error of the writer, though the queue is full."""
+    written: list[int] = []
+
+    def write_some(item: int) -> None:
+        if len(written) == good:
+            raise OnPurposeError("disk full")
+        written.append(item)
+
+    def write_forever() -> None:
+        with write_behind(write_some, 2) as write:
+            for k in itertools.count():
+                write(k)
+
+    with pytest.raises(OnPurposeError, match="disk full"):
+        write_forever()
+    assert written == list(range(good))
+
+
+def test_errors_of_the_last_writes_surface_when_the_block_is_left():
+    """Nobody calls again after the last item, and still its error is not lost."""
+
+    def fail(item: int) -> None:
+        raise OnPurposeError(item)
+
+    with pytest.raises(OnPurposeError), write_behind(fail, 2) as write:
+        write(1)
+
+
+def test_nothing_is_written_after_a_failure():
+    """The queue behind the item that failed is dropped."""
+    seen: list[int] = []
+    queued = threading.Event()
+
+    def fail(item: int) -> None:
+        seen.append(item)
+        queued.wait(10)
+        raise OnPurposeError
+
+    def write_five() -> None:
+        with write_behind(fail, 8) as write:
+            for k in range(5):
+                write(k)
+            queued.set()
+
+    with pytest.raises(OnPurposeError):
+        write_five()
+    assert seen == [0]
+
+
+def test_leaving_by_an_exception_drops_what_is_not_written():
+    """The body's own error comes through, the item in hand is finished, the rest is not written."""
+    started, release = threading.Event(), threading.Event()
+    written: list[int] = []
+
+    def slow(item: int) -> None:
+        started.set()
+        release.wait(10)
+        written.append(item)
+
+    def write_five() -> None:
+        with write_behind(slow, 8) as write:
+            for k in range(5):
+                write(k)
+            assert started.wait(10)
+            release_later.start()
+            raise ZeroDivisionError
+
+    release_later = threading.Timer(0.2, release.set)
+    with pytest.raises(ZeroDivisionError):
+        write_five()
+    release_later.join()
+    assert written == [0]
+
+
+def test_write_behind_stays_within_its_depth():
+    """With the writer held up, the caller gets as far as the queue and the one item in hand."""
+    release, sent = threading.Event(), []
+    ended = threading.Event()
+
+    def produce() -> None:
+        with write_behind(lambda _: release.wait(10), 3) as write:
+            for k in range(9):
+                write(k)
+                sent.append(k)
+        ended.set()
+
+    thread = threading.Thread(target=produce)
+    thread.start()
+    threading.Event().wait(0.4)
+    assert len(sent) <= 4
+    release.set()
+    assert ended.wait(10)
+    thread.join()
+    assert sent == list(range(9))
+
+
+def test_both_sides_together_keep_the_order():
+    """As the pipeline uses them: reading, computing and writing at once."""
+    written: list[int] = []
+    with read_ahead(range(300), 3) as items, write_behind(written.append, 3) as write:
+        for item in items:
+            write(item * 2)
+    assert written == list(range(0, 600, 2))
+
+
+@pytest.mark.parametrize("side", ["reader", "writer"])
+def test_both_sides_end_when_one_fails(side):
+    """An error on either side surfaces once, and both threads end."""
+
+    def write_one(item: int) -> None:
+        if side == "writer" and item == 7:
+            raise OnPurposeError
+
+    source = failing_after(7) if side == "reader" else itertools.count()
+
+    def copy() -> None:
+        with read_ahead(source, 2) as items, write_behind(write_one, 2) as write:
+            for item in items:
+                write(item)
+
+    with pytest.raises(OnPurposeError):
+        copy()

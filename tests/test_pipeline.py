@@ -1,0 +1,647 @@
+"""The loop: which frames come out, when and how long, what happens to errors; and whole conversions of files."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import threading
+import time
+import weakref
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pytest
+from video_truth import packets_of, pictures_of, samples_of, spoil_packets, write_clip
+
+from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.interpolator import Interpolator, methods
+from fpsboost.media.video_sink import Encoding
+from fpsboost.motion.opencv import Still
+from fpsboost.pipeline import Summary, boost, convert, count_frames, make_schedule
+from fpsboost.synthesis.blend import Blend
+from fpsboost.timing import ByFactor, ByRate, Schedule
+
+pytestmark = pytest.mark.usefixtures("impatient", "no_thread_left")
+
+BLEND = Interpolator(Still(), Blend(), cuts=None)
+FAST = Encoding(preset="ultrafast")
+LOSSLESS = Encoding(crf=0, preset="ultrafast")
+ORBIT = Path(__file__).parents[1] / "samples" / "orbit.mp4"
+SIZE = (8, 12)
+
+
+@pytest.fixture
+def no_thread_left():
+    """No test of this file leaves a thread behind."""
+    before = set(threading.enumerate())
+    yield
+    assert set(threading.enumerate()) <= before
+
+
+def make_frames(times: Iterable[Fraction], end: Fraction) -> list[Frame]:
+    """One flat frame per time, each brighter than the one before, with a decoder's picture of its own."""
+    times = list(times)
+    durations = [b - a for a, b in pairwise([*times, end])]
+    images = [np.full((*SIZE, 3), 10 * index, np.uint8) for index in range(len(times))]
+    return [
+        Frame(image, time, duration, original=object())
+        for image, time, duration in zip(images, times, durations, strict=True)
+    ]
+
+
+def regular(count: int, rate: Fraction = Fraction(25), start: Fraction = Fraction(0)) -> list[Frame]:
+    return make_frames([start + k / rate for k in range(count)], start + count / rate)
+
+
+class FakeSource:
+    """Frames from memory; raises `error` in place of frame `fail_at`."""
+
+    def __init__(
+        self,
+        frames: Iterable[Frame],
+        rate: Fraction = Fraction(25),
+        fail_at: int | None = None,
+        error: BaseException | None = None,
+        frame_count: int | None = None,
+    ) -> None:
+        self.info = ClipInfo("fake.mp4", *SIZE, rate, Fraction(1, 100), frame_count)
+        self.remarks: list[str] = []
+        self._frames, self._fail_at, self._error = frames, fail_at, error
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index, frame in enumerate(self._frames):
+            if index == self._fail_at and self._error:
+                raise self._error
+            yield frame
+        if self._fail_at == -1 and self._error:
+            raise self._error
+        self.remarks.append("The source was guessed at.")
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> FakeSource:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+class FakeSink:
+    """Keeps what it gets; raises `error` in place of frame `fail_at`."""
+
+    def __init__(
+        self, holds_last_frame: bool = True, fail_at: int | None = None, error: BaseException | None = None
+    ) -> None:
+        self.holds_last_frame = holds_last_frame
+        self.frames: list[Frame] = []
+        self.remarks = ["The target lost something."]
+        self._fail_at, self._error = fail_at, error
+
+    def write(self, frame: Frame) -> None:
+        if len(self.frames) == self._fail_at and self._error:
+            raise self._error
+        self.frames.append(frame)
+
+    def __enter__(self) -> FakeSink:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+def run(
+    frames: list[Frame], schedule: Schedule, *, holds: bool = True, interpolator: Interpolator = BLEND
+) -> tuple[list[Frame], Summary]:
+    sink = FakeSink(holds)
+    summary = boost(FakeSource(frames), interpolator, sink, schedule)
+    assert summary.frames_in == len(frames)
+    assert summary.frames_out == len(sink.frames)
+    return sink.frames, summary
+
+
+FACTORS = [Fraction(1), Fraction(2), Fraction(3), Fraction(5, 2), Fraction(3, 2), Fraction(1, 2), Fraction(2, 3)]
+RATES = [Fraction(60), Fraction(50), Fraction(60000, 1001), Fraction(25), Fraction(24), Fraction(10)]
+SCHEDULES: list[Schedule] = [*map(ByFactor, FACTORS), *map(ByRate, RATES)]
+
+
+# ------------------------------------------------------------------------------------------------- frames and durations
+
+
+@pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
+@pytest.mark.parametrize("schedule", SCHEDULES, ids=str)
+def test_number_of_frames(schedule, holds):
+    """A video is filled to its end, images end with the last one; the count told beforehand is the same."""
+    count = 10
+    frames, _ = run(regular(count), schedule, holds=holds)
+    factor = schedule.rate(Fraction(25)) / 25
+    expected = -(-count * factor // 1) if holds else (count - 1) * factor // 1 + 1
+    assert len(frames) == expected
+    assert count_frames(schedule, ClipInfo("x", 1, 1, Fraction(25), Fraction(1, 25), count), holds) == expected
+    assert count_frames(schedule, ClipInfo("x", 1, 1, Fraction(25), Fraction(1, 25), None), holds) is None
+
+
+@pytest.mark.parametrize("factor", [2, 3, 8])
+def test_images_run_from_first_to_last(factor):
+    """N images become (N - 1) F + 1: the first, the last, and F - 1 in each gap."""
+    source = regular(6)
+    frames, summary = run(source, ByFactor(Fraction(factor)), holds=False)
+    assert len(frames) == 5 * factor + 1
+    assert (frames[0].original, frames[-1].original) == (source[0].original, source[-1].original)
+    assert summary.frames_made == 5 * (factor - 1)
+
+
+@pytest.mark.parametrize("start", [Fraction(0), Fraction(2), Fraction(-1, 50)])
+@pytest.mark.parametrize("schedule", SCHEDULES, ids=str)
+def test_a_video_is_as_long_as_before(schedule, start):
+    """Each frame lasts until the next, and the last one until the source ends, so nothing is lost or added."""
+    frames, _ = run(regular(10, start=start), schedule)
+    assert frames[0].time == start
+    assert all(a.time + a.duration == b.time for a, b in pairwise(frames))
+    assert frames[-1].time + frames[-1].duration == start + Fraction(10, 25)
+    assert sum(frame.duration for frame in frames) == Fraction(10, 25)
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES, ids=str)
+def test_durations_of_images(schedule):
+    """Among images, too, each lasts until the next, and all of them last."""
+    frames, _ = run(regular(10), schedule, holds=False)
+    assert all(a.time + a.duration == b.time for a, b in pairwise(frames))
+    assert frames[-1].duration > 0
+
+
+@pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
+@pytest.mark.parametrize("schedule", SCHEDULES, ids=str)
+def test_originals_pass_through(schedule, holds):
+    """A source frame whose time is asked for is the very same array and picture, and no other frame claims to be."""
+    source = regular(10)
+    by_time = {frame.time: frame for frame in source}
+    frames, summary = run(source, schedule, holds=holds)
+    hit = [frame for frame in frames if frame.time in by_time]
+    assert hit
+    assert all(frame.image is by_time[frame.time].image for frame in hit)
+    assert all(frame.original is by_time[frame.time].original for frame in hit)
+    assert summary.frames_made == len(frames) - len(hit)
+    between = [frame for frame in frames if frame.time not in by_time and frame.time < source[-1].time]
+    assert all(frame.original is None for frame in between)
+
+
+@pytest.mark.parametrize("schedule", [ByFactor(Fraction(3)), ByRate(Fraction(60))], ids=str)
+def test_made_frames_lie_where_their_times_say(schedule):
+    """A made frame mixes the two around it in proportion to its time."""
+    frames, _ = run(regular(6), schedule)
+    for frame in frames:
+        position = min(frame.time * 25, 5)
+        assert np.abs(frame.image.astype(float) - float(10 * position)).max() <= 0.5 + 1e-9
+
+
+@pytest.mark.parametrize("factor", [Fraction(2), Fraction(5, 2)])
+def test_variable_intervals_keep_their_rhythm(factor):
+    """With a factor, each interval is divided evenly, so the originals that are hit keep their times."""
+    times = [Fraction(t, 100) for t in (0, 3, 4, 9, 10, 30, 31)]
+    source = make_frames(times, Fraction(38, 100))
+    frames, _ = run(source, ByFactor(factor))
+    ends = [*times, Fraction(38, 100)]
+    positions = [k / factor for k in range(len(frames))]
+    expected = [ends[int(p)] + (p - int(p)) * (ends[int(p) + 1] - ends[int(p)]) for p in positions]
+    assert [frame.time for frame in frames] == expected
+    assert sum(frame.duration for frame in frames) == Fraction(38, 100)
+
+
+def test_variable_intervals_become_even_with_a_rate():
+    """With a rate, output frames are evenly spaced whatever the source does."""
+    times = [Fraction(t, 100) for t in (0, 3, 4, 9, 10, 30, 31)]
+    frames, _ = run(make_frames(times, Fraction(38, 100)), ByRate(Fraction(50)))
+    assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(19)]
+
+
+def test_a_last_frame_of_unknown_length_lasts_one_interval():
+    """Where the source does not say how long its last frame is shown, the nominal rate does."""
+    source = regular(4)
+    source[-1] = replace(source[-1], duration=Fraction(0))
+    frames, _ = run(source, ByFactor(Fraction(2)))
+    assert len(frames) == 8
+    assert frames[-1].time + frames[-1].duration == Fraction(4, 25)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+@pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
+def test_two_frames_are_needed(count, holds):
+    """No frame or one frame is an InputError that names the clip and says how many there were."""
+    sink = FakeSink(holds)
+    with pytest.raises(InputError, match=f"fake.mp4 holds {'one' if count else 'no'} frame"):
+        boost(FakeSource(regular(count)), BLEND, sink, ByFactor(Fraction(2)))
+    assert sink.frames == []
+
+
+def test_two_frames_are_enough():
+    """The shortest clip of all works."""
+    frames, summary = run(regular(2), ByFactor(Fraction(2)))
+    assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(4)]
+    assert (summary.frames_in, summary.frames_out, summary.frames_made) == (2, 4, 2)
+
+
+def test_remarks_of_both_sides_are_told():
+    """What source and sink have to say is in the summary, also what the source says at its very end."""
+    _, summary = run(regular(3), ByFactor(Fraction(2)))
+    assert summary.remarks == ["The source was guessed at.", "The target lost something."]
+
+
+# ----------------------------------------------------------------------------------------------------- the interpolator
+
+
+class Counting:
+    """Counts the pairs that motion is estimated for, without those of compiling, which are larger."""
+
+    def __init__(self) -> None:
+        self.pairs = 0
+
+    def estimate(self, image0: Any, image1: Any) -> Any:
+        self.pairs += image0.shape[:2] == SIZE
+        return Still().estimate(image0, image1)
+
+
+@pytest.mark.parametrize(
+    ("factor", "pairs"), [(Fraction(4), 5), (Fraction(2), 5), (Fraction(1), 0), (Fraction(1, 2), 0)], ids=str
+)
+def test_motion_is_found_once_for_each_pair(factor, pairs):
+    """However many frames lie between two, their motion is estimated once, and never where none lies between."""
+    estimator = Counting()
+    run(regular(6), ByFactor(factor), interpolator=Interpolator(estimator, Blend(), cuts=None))
+    assert estimator.pairs == pairs
+
+
+class CutsBefore:
+    """Takes every pair whose second frame is one of `numbers` for a cut."""
+
+    def __init__(self, *numbers: int) -> None:
+        self._values = {10 * number for number in numbers}
+
+    def is_cut(self, image0: Any, image1: Any) -> bool:
+        return image0.shape[:2] == SIZE and int(image1.max()) in self._values
+
+
+@pytest.mark.parametrize("at_cuts", ["repeat", "blend"])
+def test_scene_cuts_are_counted_and_not_interpolated(at_cuts):
+    """Across a cut the nearer frame is repeated, or both are mixed where that is asked for, and motion is not used."""
+    estimator = Counting()
+    interpolator = Interpolator(estimator, Blend(), cuts=CutsBefore(2, 4), at_cuts=at_cuts)
+    frames, summary = run(regular(6), ByFactor(Fraction(4)), interpolator=interpolator)
+    assert summary.scene_cuts == 2
+    assert summary.frames_made == 6 * 3
+    assert estimator.pairs == 3
+    values = [int(frame.image[0, 0, 0]) for frame in frames[4:9]]
+    assert values in ([[10, 10, 10, 20, 20]] if at_cuts == "repeat" else [[10, 12, 15, 18, 20], [10, 13, 15, 17, 20]])
+
+
+def test_cuts_are_not_looked_for_where_nothing_lies_between():
+    """A pair without frames in between is left alone, so it is no cut either."""
+    interpolator = Interpolator(Still(), Blend(), cuts=CutsBefore(1, 2, 3))
+    _, summary = run(regular(6), ByFactor(Fraction(1)), interpolator=interpolator)
+    assert summary.scene_cuts == 0
+
+
+# --------------------------------------------------------------------------------------------------------------- errors
+
+
+class OnPurposeError(Exception):
+    pass
+
+
+class FailingSynthesizer:
+    """Raises at the `fail_at`-th image of the clip, or while compiling for -1."""
+
+    def __init__(self, fail_at: int, error: BaseException) -> None:
+        self._left, self._error = fail_at, error
+
+    def synthesize(self, image0: Any, image1: Any, field01: Any, field10: Any, times: Any) -> Iterator[Any]:
+        for image in Blend().synthesize(image0, image1, field01, field10, times):
+            if image.shape[:2] == SIZE or self._left < 0:
+                if self._left <= 0:
+                    raise self._error
+                self._left -= 1
+            yield image
+
+
+@pytest.mark.parametrize("kind", [OnPurposeError, InputError, KeyboardInterrupt, MemoryError])
+@pytest.mark.parametrize("fail_at", [0, 1, 2, 15, -1])
+def test_an_error_of_the_source_surfaces(fail_at, kind):
+    """The very error comes out of the loop, at the first frame, in the middle and after the last."""
+    error = kind("on purpose")
+    source = FakeSource(regular(20), fail_at=fail_at, error=error)
+    with pytest.raises(kind) as caught:
+        boost(source, BLEND, FakeSink(), ByFactor(Fraction(2)))
+    assert caught.value is error
+
+
+@pytest.mark.parametrize("kind", [OnPurposeError, OutputError, KeyboardInterrupt])
+@pytest.mark.parametrize("fail_at", [0, 1, 20, 38, 39])
+def test_an_error_of_the_sink_surfaces(fail_at, kind):
+    """Also one at the last frame, when the loop has nothing left to hand over."""
+    error = kind("on purpose")
+    sink = FakeSink(fail_at=fail_at, error=error)
+    with pytest.raises(kind) as caught:
+        boost(FakeSource(regular(20)), BLEND, sink, ByFactor(Fraction(2)))
+    assert caught.value is error
+    assert len(sink.frames) == fail_at
+
+
+@pytest.mark.parametrize("fail_at", [-1, 0, 7, 18])
+def test_an_error_of_the_interpolator_surfaces(fail_at):
+    """While compiling, and at any frame; what was written before is no more than what came before."""
+    error = OnPurposeError()
+    sink = FakeSink()
+    interpolator = Interpolator(Still(), FailingSynthesizer(fail_at, error), cuts=None)
+    with pytest.raises(OnPurposeError) as caught:
+        boost(FakeSource(regular(20)), interpolator, sink, ByFactor(Fraction(2)))
+    assert caught.value is error
+    assert len(sink.frames) <= 2 * fail_at + 1 if fail_at >= 0 else not sink.frames
+
+
+def test_an_endless_source_is_stopped():
+    """An error on one side ends the other one, even where that would go on for ever."""
+    error = OnPurposeError()
+    endless = (Frame(np.zeros((*SIZE, 3), np.uint8), Fraction(k), Fraction(1)) for k in itertools.count())
+    with pytest.raises(OnPurposeError):
+        boost(FakeSource(endless), BLEND, FakeSink(fail_at=5, error=error), ByFactor(Fraction(2)))
+
+
+# -------------------------------------------------------------------------------------------------- observer and memory
+
+
+class Watching:
+    """Writes down what an observer is told."""
+
+    def __init__(self, stop_at: int | None = None) -> None:
+        self.events: list[Any] = []
+        self._stop_at = stop_at
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        self.events.append(("opened", info.name, expected_frames))
+
+    def ready(self) -> None:
+        self.events.append("ready")
+
+    def wrote(self, summary: Summary) -> None:
+        self.events.append(summary.frames_out)
+        if summary.frames_out == self._stop_at:
+            raise KeyboardInterrupt
+
+
+def test_an_observer_is_told_in_order():
+    """Ready comes once and first, then every frame is counted."""
+    observer = Watching()
+    boost(FakeSource(regular(5)), BLEND, FakeSink(), ByFactor(Fraction(2)), observer)
+    assert observer.events == ["ready", *range(1, 11)]
+
+
+def test_ctrl_c_in_the_loop_comes_through():
+    """What is raised between two frames, as Ctrl-C is, ends everything."""
+    sink = FakeSink()
+    with pytest.raises(KeyboardInterrupt):
+        boost(FakeSource(regular(20)), BLEND, sink, ByFactor(Fraction(2)), Watching(stop_at=7))
+    assert len(sink.frames) <= 7
+
+
+@pytest.mark.parametrize("slow_side", ["source", "sink"])
+@pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
+def test_memory_does_not_grow(slow_side, holds):
+    """Of 200 frames no more than a dozen are alive at any time, whichever side is the slow one."""
+    alive: set[int] = set()
+    most = 0
+
+    def frames() -> Iterator[Frame]:
+        nonlocal most
+        for index in range(200):
+            image = np.full((*SIZE, 3), index, np.uint8)
+            alive.add(index)
+            weakref.finalize(image, alive.discard, index)
+            most = max(most, len(alive))
+            time.sleep(0.001 if slow_side == "source" else 0)
+            yield Frame(image, Fraction(index, 25), Fraction(1, 25))
+            del image
+
+    class ForgetfulSink(FakeSink):
+        def write(self, frame: Frame) -> None:
+            time.sleep(0.001 if slow_side == "sink" else 0)
+
+    summary = boost(FakeSource(frames()), BLEND, ForgetfulSink(holds), ByFactor(Fraction(2)))
+    assert summary.frames_in == 200
+    assert most <= 12
+    assert not alive
+
+
+# ------------------------------------------------------------------------------------------------------ files, in earnest
+
+
+def times_of(path: Path) -> list[Fraction]:
+    return sorted(time for time, _ in packets_of(path, "video"))
+
+
+def length_of(path: Path) -> Fraction:
+    with av.open(str(path)) as file:
+        stream = file.streams.video[0]
+        return stream.duration * Fraction(stream.time_base)
+
+
+def read(path: Path) -> Any:
+    return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+
+
+def test_video_to_video(tmp_path, snapshot):
+    """Twice the frames at exact times, originals bit by bit, the sound packet by packet, the same length."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(12), time_base=Fraction(1001, 24000), sound="aac")
+    before = snapshot(tmp_path)
+    observer = Watching()
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=LOSSLESS, observer=observer)
+    assert (summary.frames_in, summary.frames_out, summary.frames_made, summary.remarks) == (12, 24, 12, [])
+    assert observer.events == [("opened", str(clip), 24), "ready", *range(1, 25)]
+    assert times_of(tmp_path / "out.mp4") == [k * Fraction(1001, 48000) for k in range(24)]
+    assert length_of(tmp_path / "out.mp4") == length_of(clip) == 12 * Fraction(1001, 24000)
+    assert packets_of(tmp_path / "out.mp4", "audio") == packets_of(clip, "audio")
+    for original, kept in zip(pictures_of(clip), pictures_of(tmp_path / "out.mp4")[::2], strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(samples_of(original), samples_of(kept), strict=True))
+    after = snapshot(tmp_path)
+    del after["out.mp4"]
+    assert after == before
+
+
+@pytest.mark.parametrize("factor", [Fraction(3), Fraction(5, 2), Fraction(1, 2), Fraction(2, 3)])
+def test_other_factors_keep_the_length(tmp_path, factor):
+    """More or fewer frames, the container says the same length as before."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(10))
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), factor=factor, method="nearest", encoding=FAST)
+    assert summary.frames_out == -(-10 * factor // 1)
+    assert times_of(tmp_path / "out.mp4") == [k / (25 * factor) for k in range(summary.frames_out)]
+    assert length_of(tmp_path / "out.mp4") == length_of(clip)
+
+
+@pytest.mark.parametrize("rate", [Fraction(60), Fraction(40), Fraction(24), Fraction(10)])
+def test_rates_keep_the_length(tmp_path, rate):
+    """Also a rate that does not divide the length ends where the source ends."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(10))
+    convert(str(clip), str(tmp_path / "out.mp4"), fps=rate, method="nearest", encoding=FAST)
+    assert length_of(tmp_path / "out.mp4") == length_of(clip)
+
+
+def test_film_to_ntsc(tmp_path):
+    """24000/1001 to 60000/1001 is exact: 5 frames for 2, and every second original in its place."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(12), time_base=Fraction(1001, 24000))
+    rate = Fraction(60000, 1001)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), fps=rate, method=BLEND, encoding=LOSSLESS)
+    assert summary.frames_out == 30
+    assert times_of(tmp_path / "out.mp4") == [k / rate for k in range(30)]
+    for original, kept in zip(pictures_of(clip)[::2], pictures_of(tmp_path / "out.mp4")[::5], strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(samples_of(original), samples_of(kept), strict=True))
+    with av.open(str(tmp_path / "out.mp4")) as file:
+        assert file.streams.video[0].average_rate == rate
+
+
+def test_variable_rate_video(tmp_path):
+    """Uneven frames from a file are halved one by one, up to the end."""
+    times = [0, 3, 4, 9, 10, 16]
+    clip = write_clip(tmp_path / "in.mp4", times=times, end=20, time_base=Fraction(1, 100), sound="aac")
+    convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+    halves = [time for a, b in pairwise([*times, 20]) for time in (Fraction(a, 100), Fraction(a + b, 200))]
+    assert times_of(tmp_path / "out.mp4") == halves
+    assert length_of(tmp_path / "out.mp4") == Fraction(20, 100)
+    assert packets_of(tmp_path / "out.mp4", "audio") == packets_of(clip, "audio")
+
+
+def test_video_to_folder(tmp_path):
+    """First to last frame as numbered images whose names sort; the decoded originals are exact."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(6), codec="ffv1", pixel_format="bgr0", container="matroska")
+    summary = convert(str(clip), str(tmp_path / "out"), method=BLEND)
+    names = sorted(os.listdir(tmp_path / "out"))
+    assert summary.frames_out == len(names) == 11
+    originals = [picture.to_ndarray(format="bgr24") for picture in pictures_of(clip)]
+    for name, original in zip(names[::2], originals, strict=True):
+        assert np.array_equal(read(tmp_path / "out" / name), original)
+    mixed = [(a.astype(float) + b) / 2 for a, b in pairwise(originals)]
+    for name, image in zip(names[1::2], mixed, strict=True):
+        assert np.abs(read(tmp_path / "out" / name) - image).max() <= 0.5
+
+
+@pytest.mark.parametrize("input_fps", [Fraction(24), Fraction(24000, 1001)])
+def test_folder_to_video(tmp_path, save_images, input_fps):
+    """Images get their rate from `input_fps`; the video shows the last one too."""
+    save_images(tmp_path / "in", count=5)
+    observer = Watching()
+    convert(
+        str(tmp_path / "in"),
+        str(tmp_path / "out.mp4"),
+        method=BLEND,
+        input_fps=input_fps,
+        encoding=FAST,
+        observer=observer,
+    )
+    assert observer.events[0] == ("opened", str(tmp_path / "in"), 10)
+    assert times_of(tmp_path / "out.mp4") == [k / (2 * input_fps) for k in range(10)]
+    assert length_of(tmp_path / "out.mp4") == 5 / input_fps
+
+
+def test_folder_to_folder(tmp_path, save_images, snapshot):
+    """16-bit originals are pixel-identical under new numbers, names sort by time, the input stays as it is."""
+    images = save_images(tmp_path / "in", count=5, dtype=np.uint16)
+    before = snapshot(tmp_path / "in")
+    observer = Watching()
+    convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=3, method=BLEND, observer=observer)
+    assert observer.events[0] == ("opened", str(tmp_path / "in"), 13)
+    names = sorted(os.listdir(tmp_path / "out"))
+    assert names == [f"shot_{number:04d}.png" for number in range(1, 14)]
+    for name, image in zip(names[::3], images, strict=True):
+        assert np.array_equal(read(tmp_path / "out" / name), image)
+        assert read(tmp_path / "out" / name).dtype == np.uint16
+    assert snapshot(tmp_path / "in") == before
+
+
+def test_many_images_get_enough_digits(tmp_path, save_images):
+    """Names still sort by time where the output needs more digits than the input has."""
+    save_images(tmp_path / "in", "f{}.png", count=6)
+    convert(str(tmp_path / "in"), str(tmp_path / "out"), method="nearest")
+    assert sorted(os.listdir(tmp_path / "out")) == [f"f{number:02d}.png" for number in range(1, 12)]
+
+
+def test_pattern_to_pattern(tmp_path, save_images):
+    """One sequence out of a folder that holds more, to names and a format that the user says."""
+    images = save_images(tmp_path, "left_{:03d}.tif", 4, np.uint16)
+    save_images(tmp_path, "right_{:03d}.tif", 4, np.uint16)
+    convert(str(tmp_path / "left_%03d.tif"), str(tmp_path / "new_####.png"), method=BLEND)
+    found = sorted(path for path in tmp_path.iterdir() if path.suffix == ".png")
+    assert [path.name for path in found] == [f"new_{number:04d}.png" for number in range(1, 8)]
+    assert all(np.array_equal(read(path), image) for path, image in zip(found[::2], images, strict=True))
+
+
+def test_sample_with_a_cut(tmp_path):
+    """The repository's own clip: 72 frames, one cut, sound in step."""
+    summary = convert(str(ORBIT), str(tmp_path / "out.mp4"), method="blend", encoding=FAST)
+    assert (summary.frames_in, summary.frames_out, summary.scene_cuts, summary.remarks) == (72, 144, 1, [])
+    assert length_of(tmp_path / "out.mp4") == length_of(ORBIT)
+    assert times_of(tmp_path / "out.mp4") == [Fraction(k, 48) for k in range(144)]
+    assert packets_of(tmp_path / "out.mp4", "audio") == packets_of(ORBIT, "audio")
+
+
+@pytest.mark.parametrize("method", list(methods))
+def test_every_method_converts(tmp_path, save_images, method):
+    """Each named method makes images of the source's size and type, and the originals are exact."""
+    images = save_images(tmp_path / "in", count=2, dtype=np.uint16)
+    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), method=method)
+    assert (summary.frames_out, summary.frames_made) == (3, 1)
+    written = [read(path) for path in sorted((tmp_path / "out").iterdir())]
+    assert all((image.shape, image.dtype) == (images[0].shape, images[0].dtype) for image in written)
+    assert np.array_equal(written[0], images[0])
+    assert np.array_equal(written[2], images[1])
+
+
+def test_damage_is_told(tmp_path):
+    """A clip with broken packets is converted as far as it goes, and the summary says so."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(30))
+    spoil_packets(clip, [8, 9])
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+    assert any(re.search(r"in\.mp4 is damaged", remark) for remark in summary.remarks)
+    assert (tmp_path / "out.mp4").exists()
+
+
+def broken_image(folder: Path) -> None:
+    (folder / "shot_0004.png").write_bytes(b"\x89PNG broken")
+
+
+def other_size(folder: Path) -> None:
+    (folder / "shot_0004.png").write_bytes(cv2.imencode(".png", np.zeros((48, 32, 3), np.uint8))[1].tobytes())
+
+
+@pytest.mark.parametrize("output", ["out.mp4", "out", "out_##.png"])
+@pytest.mark.parametrize("spoil", [broken_image, other_size])
+def test_what_fails_in_the_middle_leaves_nothing(
+    tmp_path, save_images, snapshot, output, spoil: Callable[[Path], None]
+):
+    """An image that turns out to be bad is named, and no output or temporary file stays."""
+    save_images(tmp_path / "in", count=5)
+    spoil(tmp_path / "in")
+    before = snapshot(tmp_path)
+    with pytest.raises(InputError, match=r"shot_0004\.png"):
+        convert(str(tmp_path / "in"), str(tmp_path / output), method="nearest", input_fps=24, encoding=FAST)
+    assert snapshot(tmp_path) == before
+
+
+def test_bad_arguments_cost_nothing(tmp_path, snapshot):
+    """Values that cannot work are refused before anything is written."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(3))
+    before = snapshot(tmp_path)
+    for bad in ({"factor": 0}, {"factor": -1}, {"fps": 0}, {"factor": 2, "fps": 50}, {"method": "magic"}):
+        with pytest.raises(OptionError):
+            convert(str(clip), str(tmp_path / "out.mp4"), **bad)
+    assert snapshot(tmp_path) == before
+
+
+def test_schedule_of_the_two_ways():
+    """Doubling if nothing is said, else what is said."""
+    assert make_schedule(None, None) == ByFactor(Fraction(2))
+    assert make_schedule(3, None) == ByFactor(Fraction(3))
+    assert make_schedule(None, 60) == ByRate(Fraction(60))

@@ -1,0 +1,118 @@
+"""Scene cuts: found where there are some, and only there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from truth import affine, as_type, frozen, moving_object, noise, translation, waves
+
+from fpsboost.errors import OptionError
+from fpsboost.scenes import CutDetector
+
+
+def scene(seed: int, height: int = 90, width: int = 120, channels: int = 3, dtype: type = np.uint8) -> np.ndarray:
+    """One of any number of different smooth pictures."""
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+    return as_type(waves(x, y, channels, seed), dtype)
+
+
+@pytest.mark.parametrize(("first", "second"), [(1, 2), (3, 4), (5, 6), (7, 8), (9, 10)])
+def test_different_scenes_are_cuts(first, second):
+    """Two pictures of nothing in common, both ways."""
+    assert CutDetector().is_cut(scene(first), scene(second))
+    assert CutDetector().is_cut(scene(second), scene(first))
+
+
+@pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)])
+def test_cuts_are_found_in_images_of_every_kind(channels, dtype):
+    """Gray, with alpha, deep and float; and the picture itself is no cut to itself."""
+    one, other = scene(1, channels=channels, dtype=dtype), scene(2, channels=channels, dtype=dtype)
+    assert CutDetector().is_cut(one, other)
+    assert not CutDetector().is_cut(one, one)
+
+
+def test_a_cut_to_black_is_found():
+    """From a picture to nothing and back."""
+    black = frozen(np.zeros((90, 120, 3), np.uint8))
+    assert CutDetector().is_cut(scene(1), black)
+    assert CutDetector().is_cut(black, scene(1))
+
+
+@pytest.mark.parametrize(
+    "clip",
+    [
+        affine(90, 120, shift=(9, 4), seed=1),
+        affine(90, 120, shift=(-14, 0), seed=2),
+        affine(90, 120, zoom=1.1, seed=3),
+        affine(90, 120, degrees=4, seed=4),
+        moving_object(90, 120, box=(20, 20, 60, 60), dx=20, dy=10),
+    ],
+    ids=["pan", "fast pan", "zoom", "rotation", "object"],
+)
+def test_motion_is_no_cut(clip):
+    """Whatever can be followed belongs to one scene."""
+    assert not CutDetector().is_cut(clip.image0, clip.image1)
+    assert not CutDetector().is_cut(clip.image1, clip.image0)
+
+
+@pytest.mark.parametrize("image", [noise(90, 120), scene(1), np.full((90, 120, 3), 128, np.uint8)])
+def test_identical_frames_are_no_cut(image):
+    """Likeness 1."""
+    assert CutDetector().likeness(image, image) == pytest.approx(1, abs=1e-5)
+    assert not CutDetector().is_cut(image, image)
+
+
+def test_noise_and_slow_fades_are_no_cut():
+    """Grain, and a twentieth of the way to another picture or to black."""
+    image = scene(1)
+    grain = np.random.default_rng(1).normal(0, 8, image.shape)
+    noisy = frozen((image + grain).clip(0, 255).astype(np.uint8))
+    assert not CutDetector().is_cut(image, noisy)
+    for other in (scene(2), np.zeros_like(image)):
+        faded = frozen(np.rint(0.95 * image + 0.05 * other).astype(np.uint8))
+        assert not CutDetector().is_cut(image, faded)
+
+
+def test_likeness_is_a_share_and_symmetric():
+    """In [0, 1], and the same both ways."""
+    for image0, image1 in ((scene(1), scene(2)), (scene(1), affine(90, 120, shift=(5, 2), seed=1).image1)):
+        likeness = CutDetector().likeness(image0, image1)
+        assert 0 <= likeness <= 1
+        assert likeness == CutDetector().likeness(image1, image0)
+
+
+def test_the_threshold_runs_from_no_cuts_to_all():
+    """0 finds none, 1 finds all."""
+    clip = translation(48, 64, 1, 0)
+    assert not CutDetector(threshold=0).is_cut(scene(1), scene(2))
+    assert CutDetector(threshold=1).is_cut(clip.image0, clip.image1)
+
+
+def test_at_threshold_one_even_identical_frames_are_a_cut():
+    """1 means all pairs, so these too."""
+    assert CutDetector(threshold=1).is_cut(scene(1), scene(1))
+
+
+@pytest.mark.parametrize("threshold", [-0.1, 1.1, float("nan")])
+def test_thresholds_out_of_range_are_refused(threshold):
+    """A share is 0 to 1."""
+    with pytest.raises(OptionError, match="--cut-threshold"):
+        CutDetector(threshold=threshold)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 5), (1, 50), (400, 2)])
+def test_tiny_frames_have_a_likeness(size):
+    """Down to a single pixel."""
+    for channels in (1, 3):
+        image = noise(*size, channels)
+        assert not CutDetector().is_cut(image, image)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_one_broken_pixel_of_a_render_is_no_cut(value):
+    """Renderers leave single NaN and infinite pixels in float images; the rest of the frame still counts."""
+    image = affine(120, 160, dtype=np.float32).image0
+    broken = image.copy()
+    broken[30, 40] = value
+    assert not CutDetector().is_cut(image, broken)
+    assert not CutDetector().is_cut(broken, image)

@@ -1,0 +1,262 @@
+"""Every synthesizer through the same contract, and against true in-between frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import pytest
+from truth import Clip, affine, eroded, moving_object, noise, translation
+
+from fpsboost.motion.field import MotionField
+from fpsboost.synthesis import Synthesizer
+from fpsboost.synthesis.blend import Blend, Nearest, TwoSidedBlend, motion_at
+from fpsboost.synthesis.reproject import Reproject
+from fpsboost.synthesis.rounding import rounding_offset, value_range
+
+synthesizers: dict[str, Synthesizer] = {
+    "two-sided": TwoSidedBlend(),
+    "iterative": Reproject("iterative"),
+    "brute-force": Reproject("brute-force"),
+    "blend": Blend(),
+    "nearest": Nearest(),
+}
+every_synthesizer = pytest.mark.parametrize("synthesizer", synthesizers.values(), ids=synthesizers.keys())
+along_motion = pytest.mark.parametrize(
+    "synthesizer",
+    [synthesizers[name] for name in ("two-sided", "iterative", "brute-force")],
+    ids=["two-sided", "iterative", "brute-force"],
+)
+TIMES = (0.25, 0.5, 0.75)
+
+
+@pytest.fixture
+def _threads() -> Iterator[None]:
+    count = numba.get_num_threads()
+    yield
+    numba.set_num_threads(count)
+
+
+def true_fields(clip: Clip) -> tuple[MotionField, MotionField]:
+    """The exact motion; what is hidden in the other frame is similar to nothing."""
+    return tuple(
+        MotionField(np.array(flow, np.float32, order="C"), seen.astype(np.float32))
+        for flow, seen in ((clip.flow01, clip.seen0), (clip.flow10, clip.seen1))
+    )
+
+
+def made(synthesizer: Synthesizer, clip: Clip, times=TIMES) -> list[np.ndarray]:
+    """All in-between images along the true motion."""
+    return list(synthesizer.synthesize(clip.image0, clip.image1, *true_fields(clip), times))
+
+
+@every_synthesizer
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_images_are_like_the_frames(synthesizer, channels):
+    """Shape and type of the frames, in arrays of their own, one for every time."""
+    clip = affine(19, 23, shift=(2, 1), channels=channels)
+    images = made(synthesizer, clip)
+    assert len(images) == len(TIMES)
+    for image in images:
+        assert image.shape == (19, 23, channels)
+        assert image.dtype == np.uint8
+        assert image.flags.c_contiguous
+        assert image.flags.writeable
+        assert not np.shares_memory(image, clip.image0)
+        assert not np.shares_memory(image, clip.image1)
+    assert not np.shares_memory(images[0], images[1])
+
+
+@every_synthesizer
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_deep_images_keep_their_depth(synthesizer, dtype):
+    """16-bit and float images come out as precise as they went in."""
+    frozen = translation(24, 28, 0, 0, dtype=dtype)
+    image = frozen.image0.copy()
+    still = true_fields(frozen)
+    (middle,) = synthesizer.synthesize(image, image, *still, [0.5])
+    assert middle.dtype == dtype
+    np.testing.assert_allclose(middle, image, rtol=1e-6 if dtype is np.float32 else 0)
+
+
+@every_synthesizer
+def test_images_are_made_one_at_a_time(synthesizer):
+    """Asking for the first does not need the rest, and no times make no images."""
+    clip = translation(12, 14, 0, 0)
+
+    def times() -> Iterator[float]:
+        yield 0.5
+        raise AssertionError("asked for too much")
+
+    images = synthesizer.synthesize(clip.image0, clip.image1, *true_fields(clip), times())
+    assert next(images).shape == (12, 14, 3)
+    assert list(synthesizer.synthesize(clip.image0, clip.image1, *true_fields(clip), [])) == []
+
+
+@every_synthesizer
+def test_inputs_are_not_modified(synthesizer):
+    """Frames and fields are the same bits afterwards."""
+    clip = moving_object(30, 40, box=(8, 8, 20, 20), dx=4, dy=4)
+    fields = true_fields(clip)
+    before = [array.copy() for field in fields for array in (field.flow, field.similarity)]
+    images = clip.image0.copy(), clip.image1.copy()
+    list(synthesizer.synthesize(clip.image0, clip.image1, *fields, TIMES))
+    after = [array for field in fields for array in (field.flow, field.similarity)]
+    for one, other in zip([*before, *images], [*after, clip.image0, clip.image1], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@every_synthesizer
+@pytest.mark.parametrize("t", [0.25, 1 / 3, 0.5])
+def test_still_pictures_stay_as_they_are(synthesizer, t):
+    """Without motion, the in-between image of two equal frames is that frame, bit for bit."""
+    clip = translation(20, 26, 0, 0)
+    (image,) = made(synthesizer, clip, [t])
+    np.testing.assert_array_equal(image, clip.image0)
+
+
+@along_motion
+@pytest.mark.parametrize("shift", [(4, 0), (0, -8), (-8, 4)])
+def test_whole_translations_are_exact(synthesizer, shift):
+    """With whole pixels to every time, all that either frame shows is copied without a fault."""
+    clip = translation(40, 50, *shift, seed=1)
+    for t, image in zip(TIMES, made(synthesizer, clip), strict=True):
+        known = eroded(np.ones((40, 50), bool), max(map(abs, shift)))
+        np.testing.assert_array_equal(image[known], clip.at(t)[known])
+
+
+@pytest.mark.parametrize(
+    "motion", [{"shift": (3.3, -1.7)}, {"zoom": 1.08}, {"degrees": 5}, {"zoom": 0.95, "degrees": 2, "shift": (1, 2)}]
+)
+def test_the_two_sided_blend_follows_any_smooth_motion(motion):
+    """Along the exact motion, a smooth texture is right to a few levels of 255 (8-bit rounding and cubic sampling)."""
+    clip = affine(60, 72, **motion)
+    for t, image in zip(TIMES, made(TwoSidedBlend(), clip), strict=True):
+        error = np.abs(image.astype(float) - clip.at(t))[eroded(np.ones((60, 72), bool), 8)]
+        assert error.mean() < 0.7
+        assert np.percentile(error, 99) < 5
+
+
+@pytest.mark.parametrize("search", ["iterative", "brute-force"])
+def test_reprojection_is_right_to_the_pixel(search):
+    """Nearest pixels only, so half a pixel of error; still far better than mixing the frames."""
+    clip = affine(60, 72, zoom=1.05, shift=(4, 3))
+    inner = eroded(np.ones((60, 72), bool), 8)
+    for t, image, mixed in zip(TIMES, made(Reproject(search), clip), made(Blend(), clip), strict=True):
+        ours, theirs = (np.abs(each.astype(float) - clip.at(t))[inner].mean() for each in (image, mixed))
+        assert ours < theirs / 2
+
+
+@along_motion
+def test_an_object_is_in_its_place_and_what_it_uncovers_is_filled(synthesizer):
+    """Object and background are exact but for some pixels near the outline."""
+    clip = moving_object(60, 80, box=(20, 20, 40, 44), dx=8, dy=4)
+    for t, image in zip(TIMES, made(synthesizer, clip), strict=True):
+        wrong = (image != clip.at(t)).any(axis=-1)
+        path = np.zeros((60, 80), bool)
+        path[17:48, 17:56] = True  # all that the object touches on its way, and three pixels
+        assert not wrong[~path].any()
+        assert not wrong[24 + round(4 * t) : 36 + round(4 * t), 30:42].any()
+        assert wrong.mean() < 0.08
+
+
+@along_motion
+def test_swapped_frames_are_the_same_scene_backwards(synthesizer):
+    """t between two frames is 1 - t between them the other way round, but for ties and rounding."""
+    clip = translation(40, 50, 5, -3, seed=8)
+    field01, field10 = true_fields(clip)
+    for t in (0.25, 0.4, 0.5):
+        (forward,) = synthesizer.synthesize(clip.image0, clip.image1, field01, field10, [t])
+        (backward,) = synthesizer.synthesize(clip.image1, clip.image0, field10, field01, [1 - t])
+        inner = slice(6, -6)
+        difference = np.abs(forward.astype(int) - backward)[inner, inner]
+        assert (difference <= 1).mean() > 0.98
+
+
+@every_synthesizer
+def test_several_times_at_once_equal_one_at_a_time(synthesizer):
+    """No time knows of another."""
+    clip = affine(30, 36, shift=(3, 2))
+    together = made(synthesizer, clip)
+    for t, image in zip(TIMES, together, strict=True):
+        (alone,) = made(synthesizer, clip, [t])
+        np.testing.assert_array_equal(image, alone)
+
+
+@along_motion
+@pytest.mark.usefixtures("_threads")
+def test_the_number_of_threads_does_not_matter(synthesizer):
+    """One thread, as many as there are, and a repeat give the same bits."""
+    random = np.random.default_rng(1)
+    clip = translation(64, 80, 0, 0)
+    fields = [
+        MotionField(random.normal(size=(64, 80, 2)).astype(np.float32) * 5, random.random((64, 80), np.float32))
+        for _ in range(2)
+    ]
+    results = []
+    for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS), 1):
+        numba.set_num_threads(count)
+        results.append(list(synthesizer.synthesize(clip.image0, clip.image1, *fields, TIMES)))
+    for result in results[1:]:
+        np.testing.assert_array_equal(result, results[0])
+
+
+@every_synthesizer
+@pytest.mark.parametrize("size", [(1, 1), (3, 5), (1, 9), (7, 1), (4, 1)])
+def test_tiny_frames_have_images_between_them(synthesizer, size):
+    """Down to a single pixel, moving out of the frame or not."""
+    random = np.random.default_rng(1)
+    for channels in (1, 3, 4):
+        image0, image1 = noise(*size, channels, seed=1), noise(*size, channels, seed=2)
+        fields = [
+            MotionField(random.normal(size=(*size, 2)).astype(np.float32) * 4, np.ones(size, np.float32))
+            for _ in range(2)
+        ]
+        for image in synthesizer.synthesize(image0, image1, *fields, TIMES):
+            assert image.shape == (*size, channels)
+
+
+def test_blend_mixes_in_time():
+    """A quarter of the way there: a quarter of the new frame."""
+    image0, image1 = np.full((3, 4, 3), 40, np.uint8), np.full((3, 4, 3), 80, np.uint8)
+    still = MotionField(np.zeros((3, 4, 2), np.float32), np.ones((3, 4), np.float32))
+    images = Blend().synthesize(image0, image1, still, still, [0.25, 0.5])
+    assert [int(image[0, 0, 0]) for image in images] == [50, 60]
+
+
+def test_nearest_repeats_the_nearer_frame():
+    """The earlier one at the middle."""
+    clip = translation(4, 5, 1, 0)
+    images = made(Nearest(), clip, [0.1, 0.5, 0.501, 0.9])
+    expected = [clip.image0, clip.image0, clip.image1, clip.image1]
+    np.testing.assert_array_equal(images, expected)
+
+
+def test_motion_through_the_middle_leads_from_frame_0_to_frame_1():
+    """Both fields write vectors of one direction, and holes are filled."""
+    clip = translation(20, 24, 6, -4)
+    motion = motion_at(*true_fields(clip), 0.5)
+    assert motion.dtype == np.float32
+    np.testing.assert_array_equal(motion, np.broadcast_to(np.float32([6, -4]), (20, 24, 2)))
+
+
+def test_the_more_similar_vector_stays():
+    """Where two vectors land on one pixel, the patch similarity decides."""
+    flow = np.zeros((1, 9, 2), np.float32)
+    flow[0, 2, 0], flow[0, 6, 0] = 4, -4  # both land on pixel 4 at 1/2, as does pixel 4 itself
+    similarity = np.full((1, 9), 0.5, np.float32)
+    nothing = MotionField(np.zeros_like(flow), np.full((1, 9), -2, np.float32))
+    for best, expected in ((2, 4), (6, -4), (4, 0)):
+        alike = similarity.copy()
+        alike[0, best] = 0.9
+        assert motion_at(MotionField(flow, alike), nothing, 0.5)[0, 4, 0] == expected
+
+
+def test_rounding_and_range_follow_the_type():
+    """Integers are rounded and have an end; floats have neither."""
+    for dtype, half, white in ((np.uint8, 0.5, 255), (np.uint16, 0.5, 65535), (np.float32, 0, None)):
+        image = np.zeros((1, 1, 1), dtype)
+        assert rounding_offset(image) == half
+        low, high = value_range(image)
+        assert (low, high) == (0, white) or (white is None and low < -1e30 and high > 1e30)

@@ -1,0 +1,257 @@
+"""Which output frame lies where: exact, in order, complete."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fpsboost import overlap
+from fpsboost.errors import OptionError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.interpolator import methods
+from fpsboost.pipeline import boost, count_frames, make_schedule
+from fpsboost.timing import LARGEST_TICKS_PER_SECOND, ByFactor, ByRate, Schedule, Step, parse_number, parse_rate
+
+factors = st.fractions(Fraction(1, 8), 12, max_denominator=9)
+rates = st.sampled_from([24, 25, 30, 50, 60, 120, 144]).map(Fraction) | st.sampled_from([24, 30, 60, 120]).map(
+    lambda rate: Fraction(rate * 1000, 1001)
+)
+intervals = st.lists(st.fractions(Fraction(1, 1000), 2, max_denominator=1001), min_size=1, max_size=8)
+starts = st.fractions(-3, 3, max_denominator=1001)
+
+
+def times_from(start: Fraction, gaps: Sequence[Fraction]) -> list[Fraction]:
+    """Source times."""
+    times = [start]
+    for gap in gaps:
+        times.append(times[-1] + gap)
+    return times
+
+
+def all_steps(schedule: Schedule, times: Sequence[Fraction]) -> list[tuple[int, Step]]:
+    """Every output frame with the number of its pair."""
+    pairs = enumerate(pairwise(times))
+    return [(k, step) for k, (time0, time1) in pairs for step in schedule.steps(k, times[0], time0, time1)]
+
+
+@given(st.one_of(factors.map(ByFactor), rates.map(ByRate)), starts, intervals)
+def test_output_times_strictly_increase_within_their_pairs(schedule, start, gaps):
+    """Every frame lies in the half-open interval of its pair, at the place that t says, after the one before."""
+    times = times_from(start, gaps)
+    steps = all_steps(schedule, times)
+    for k, step in steps:
+        assert 0 <= step.t < 1
+        assert step.time == times[k] + step.t * (times[k + 1] - times[k])
+    shown = [step.time for _, step in steps]
+    assert all(earlier < later for earlier, later in pairwise(shown))
+    assert shown[:1] == [start]
+
+
+@given(factors, starts, intervals)
+def test_a_factor_multiplies_the_count_exactly(factor, start, gaps):
+    """n intervals give the multiples of 1 / factor below n, no more and no fewer."""
+    steps = all_steps(ByFactor(factor), times_from(start, gaps))
+    positions = [k + step.t for k, step in steps]
+    expected = []
+    while len(expected) / factor < len(gaps):
+        expected.append(len(expected) / factor)
+    assert positions == expected
+
+
+@given(st.integers(1, 12), starts, intervals)
+def test_source_frames_keep_their_exact_times_under_whole_factors(factor, start, gaps):
+    """Variable intervals or not: every source time is there, and each interval is cut evenly."""
+    times = times_from(start, gaps)
+    steps = all_steps(ByFactor(Fraction(factor)), times)
+    assert [step.time for _, step in steps if step.t == 0] == times[:-1]
+    for k, (time0, gap) in enumerate(zip(times, gaps, strict=False)):
+        assert [step.time for pair, step in steps if pair == k] == [time0 + gap * j / factor for j in range(factor)]
+
+
+@given(rates, starts, intervals)
+def test_a_rate_hits_every_tick_of_its_own_clock(rate, start, gaps):
+    """Against brute force: all start + k / rate before the last source frame, each in the one pair that holds it."""
+    times = times_from(start, gaps)
+    expected = []
+    for k in range(10**6):
+        time = start + k / rate
+        if time >= times[-1]:
+            break
+        pair = max(index for index, frame_time in enumerate(times) if frame_time <= time)
+        expected.append((pair, time, (time - times[pair]) / (times[pair + 1] - times[pair])))
+    assert [(k, *step) for k, step in all_steps(ByRate(rate), times)] == expected
+
+
+def test_ten_hours_of_film_stay_exact():
+    """23.976 to 59.94 for ten hours: 5 frames for every 2, and the last one without a tick of drift."""
+    source, target = Fraction(24000, 1001), Fraction(60000, 1001)
+    schedule = ByRate(target)
+    count = math.floor(10 * 3600 * source)
+    assert count > 860_000
+    for index in [*range(0, count, 4999), *range(count - 1000, count)]:
+        steps = list(schedule.steps(index, Fraction(0), index / source, (index + 1) / source))
+        expected = range(math.ceil(Fraction(index * 5, 2)), math.ceil(Fraction((index + 1) * 5, 2)))
+        assert steps == [(Fraction(k * 1001, 60000), Fraction(k * 2, 5) - index) for k in expected]
+
+
+def test_an_equal_rate_changes_nothing():
+    """Only source frames, each at its time."""
+    times = [Fraction(k * 1001, 24000) for k in range(50)]
+    for schedule in (ByFactor(Fraction(1)), ByRate(Fraction(24000, 1001))):
+        assert [step for _, step in all_steps(schedule, times)] == [(time, 0) for time in times[:-1]]
+
+
+@given(factors, st.sampled_from([24, 25, 600, 1000, 12800, 24000, 30000]), st.lists(st.integers(1, 90), max_size=6))
+def test_the_time_base_holds_every_time_of_a_factor(factor, ticks, gaps):
+    """Where 32 bits suffice, every output time is a whole number of ticks."""
+    base = Fraction(1, ticks)
+    times = times_from(Fraction(7, ticks), [gap * base for gap in [1, *gaps]])
+    out = ByFactor(factor).time_base(base)
+    assert out.numerator == 1
+    assert out.denominator <= LARGEST_TICKS_PER_SECOND
+    assert all((step.time / out).denominator == 1 for _, step in all_steps(ByFactor(factor), times))
+
+
+@given(rates, st.sampled_from([24, 25, 600, 1000, 12800, 24000, 30000]), st.integers(-100, 100))
+def test_the_time_base_holds_every_time_of_a_rate(rate, ticks, start):
+    """Ticks of the source's clock, where the first frame lies, and of the output's rate are both whole."""
+    out = ByRate(rate).time_base(Fraction(1, ticks))
+    assert out.denominator <= LARGEST_TICKS_PER_SECOND
+    assert all(((Fraction(start, ticks) + k / rate) / out).denominator == 1 for k in range(5))
+
+
+def test_the_time_base_never_exceeds_32_bits():
+    """A clock too fine for containers falls back to a coarser one that they can hold."""
+    assert ByFactor(Fraction(997)).time_base(Fraction(1, 2**31 - 1)) == Fraction(1, 2**31 - 1)
+    assert ByRate(Fraction(60000, 1001)).time_base(Fraction(1, 2**31 - 1)) == Fraction(1, 60000)
+
+
+def test_rates_follow_the_schedule():
+    """A factor multiplies the rate; a rate is itself."""
+    assert ByFactor(Fraction(5, 2)).rate(Fraction(24000, 1001)) == Fraction(60000, 1001)
+    assert ByRate(Fraction(60)).rate(Fraction(24)) == 60
+
+
+@pytest.mark.parametrize(
+    ("text", "rate"),
+    [
+        ("60", Fraction(60)),
+        (" 25 ", Fraction(25)),
+        ("24.0", Fraction(24)),
+        ("23.976", Fraction(24000, 1001)),
+        ("23.98", Fraction(24000, 1001)),
+        ("29.97", Fraction(30000, 1001)),
+        ("47.952", Fraction(48000, 1001)),
+        ("59.94", Fraction(60000, 1001)),
+        ("119.88", Fraction(120000, 1001)),
+        ("12.5", Fraction(25, 2)),
+        ("60000/1001", Fraction(60000, 1001)),
+        ("2997/100", Fraction(2997, 100)),
+        ("0.5", Fraction(1, 2)),
+    ],
+)
+def test_rates_are_read_as_people_write_them(text, rate):
+    """The usual abbreviations mean n x 1000/1001; everything else means itself."""
+    assert parse_rate(text) == rate
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("2", Fraction(2)), ("2.5", Fraction(5, 2)), ("5/2", Fraction(5, 2)), ("1e1", Fraction(10)), ("-1", Fraction(-1))],
+)
+def test_numbers_are_read_exactly(text, number):
+    """No float in between."""
+    assert parse_number(text, "factor") == number
+    assert parse_number("0.1", "factor") == Fraction(1, 10)
+
+
+@pytest.mark.parametrize("text", ["", "abc", "1/0", "2,5", "nan", "inf", "1/2/3", "0x10", "2x", "--2"])
+def test_what_is_no_number_is_refused(text):
+    """The message says what the number was for and repeats it."""
+    with pytest.raises(OptionError, match="frame rate"):
+        parse_rate(text)
+
+
+@pytest.mark.parametrize("factor", [0, -1, Fraction(-1, 2), 1001])
+def test_factors_out_of_range_are_refused(factor):
+    """Above 0 and at most 1000."""
+    with pytest.raises(OptionError, match="--factor"):
+        ByFactor(Fraction(factor))
+
+
+@pytest.mark.parametrize("rate", [0, -25, 100_001])
+def test_rates_out_of_range_are_refused(rate):
+    """Above 0 and at most 100000."""
+    with pytest.raises(OptionError, match="--fps"):
+        ByRate(Fraction(rate))
+
+
+def test_a_schedule_is_a_factor_or_a_rate():
+    """Doubling unless told; both at once contradict each other."""
+    assert make_schedule(None, None) == ByFactor(Fraction(2))
+    assert make_schedule(3, None) == ByFactor(Fraction(3))
+    assert make_schedule(None, 60) == ByRate(Fraction(60))
+    with pytest.raises(OptionError, match="--fps"):
+        make_schedule(2, 60)
+
+
+class Clip:
+    """A source of tiny frames at a constant rate."""
+
+    def __init__(self, count: int, rate: Fraction, declared: bool = True) -> None:
+        self.info = ClipInfo("clip", 2, 2, rate, 1 / rate, count if declared else None)
+        self.count = count
+        self.remarks: list[str] = []
+
+    def __iter__(self):
+        for k in range(self.count):
+            yield Frame(np.full((2, 2, 1), k, np.uint8), k / self.info.rate, 1 / self.info.rate)
+
+
+class Shelf:
+    """A sink that keeps what it gets."""
+
+    def __init__(self, holds_last_frame: bool) -> None:
+        self.holds_last_frame = holds_last_frame
+        self.remarks: list[str] = []
+        self.frames: list[Frame] = []
+
+    def write(self, frame: Frame) -> None:
+        self.frames.append(frame)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.one_of(factors.map(ByFactor), rates.map(ByRate)), st.integers(2, 9), rates, st.booleans())
+def test_the_expected_count_is_what_the_loop_writes(schedule, count, rate, holds_last_frame):
+    """For factors and rates, for sinks that hold the last frame and sinks that end with it."""
+    source, sink = Clip(count, rate), Shelf(holds_last_frame)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(overlap, "PATIENCE", 0.001)
+        summary = boost(source, methods["nearest"], sink, schedule)
+    assert count_frames(schedule, source.info, holds_last_frame) == summary.frames_out == len(sink.frames)
+    shown = [frame.time for frame in sink.frames]
+    assert all(earlier < later for earlier, later in pairwise(shown))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.one_of(factors.map(ByFactor), rates.map(ByRate)), st.integers(2, 9), rates)
+def test_every_frame_is_shown_until_the_next_and_the_last_to_the_end(schedule, count, rate):
+    """The durations of what a video sink gets add up to the source's, whether frames are added or dropped."""
+    sink = Shelf(holds_last_frame=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(overlap, "PATIENCE", 0.001)
+        boost(Clip(count, rate), methods["nearest"], sink, schedule)
+    ends = [frame.time + frame.duration for frame in sink.frames]
+    assert ends == [*(frame.time for frame in sink.frames[1:]), count / rate]
+
+
+def test_no_count_is_expected_of_a_source_that_does_not_say():
+    """Nothing is guessed."""
+    assert count_frames(ByFactor(Fraction(2)), Clip(5, Fraction(25), declared=False).info, True) is None

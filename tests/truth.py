@@ -1,0 +1,161 @@
+"""Constructed clips whose motion and in-between frames are known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Two frames, what moves where, and the true frame at any time between.
+
+    Attributes
+    ----------
+    image0, image1 : (H, W, C), read-only
+    flow01, flow10 : (H, W, 2) float64
+        Exact motion, ``(dx, dy)``.
+    seen0, seen1 : (H, W) bool
+        Pixels of frame 0 (1) whose counterpart is visible in the other frame.
+    at : callable
+        ``at(t)`` is the true frame at time t.
+    """
+
+    image0: Array
+    image1: Array
+    flow01: Array
+    flow10: Array
+    seen0: Array
+    seen1: Array
+    at: Callable[[float], Array]
+
+
+def frozen(image: Array) -> Array:
+    """The same image, safe from being written to."""
+    image = np.ascontiguousarray(image)
+    image.flags.writeable = False
+    return image
+
+
+def as_type(values: Array, dtype: type) -> Array:
+    """Colours in [0, 1] as an image of a type."""
+    if dtype is np.float32:
+        return frozen(values.astype(np.float32))
+    return frozen(np.rint(values.clip(0, 1) * np.iinfo(dtype).max).astype(dtype))
+
+
+def noise(height: int, width: int, channels: int = 3, dtype: type = np.uint8, seed: int = 0) -> Array:
+    """Every pixel a colour of its own: no two patches alike."""
+    return as_type(np.random.default_rng(seed).random((height, width, channels)), dtype)
+
+
+def waves(x: Array, y: Array, channels: int = 3, seed: int = 0) -> Array:
+    """A smooth texture in [0, 1], defined between the pixels too: plane waves 7 to 40 pixels long."""
+    random = np.random.default_rng(seed)
+    values = np.zeros((*x.shape, channels))
+    for channel in range(channels):
+        for _ in range(12):
+            length, angle, phase = random.uniform(7, 40), random.uniform(0, 2 * np.pi), random.uniform(0, 2 * np.pi)
+            values[..., channel] += np.sin(2 * np.pi * (x * np.cos(angle) + y * np.sin(angle)) / length + phase)
+    return np.clip(0.5 + values / 14, 0, 1)
+
+
+def affine(
+    height: int,
+    width: int,
+    *,
+    zoom: float = 1,
+    degrees: float = 0,
+    shift: tuple[float, float] = (0, 0),
+    channels: int = 3,
+    dtype: type = np.uint8,
+    seed: int = 0,
+) -> Clip:
+    """A smooth texture that zooms and turns about the centre and shifts by ``(dx, dy)``, each point along a line."""
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+    places = np.stack([x, y], axis=-1)
+    centre, move = np.array([(width - 1) / 2, (height - 1) / 2]), np.array(shift, float)
+    angle = np.radians(degrees)
+    matrix = zoom * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    def origin(t: float) -> Array:
+        now = np.eye(2) + t * (matrix - np.eye(2))
+        return (places - centre - t * move) @ np.linalg.inv(now).T + centre
+
+    def at(t: float) -> Array:
+        from_x, from_y = np.moveaxis(origin(t), -1, 0)
+        return as_type(waves(from_x, from_y, channels, seed), dtype)
+
+    flow01 = (places - centre) @ (matrix - np.eye(2)).T + move
+    flow10 = origin(1) - places
+    seen0, seen1 = (inside(places + flow, height, width) for flow in (flow01, flow10))
+    return Clip(at(0), at(1), flow01, flow10, seen0, seen1, at)
+
+
+def translation(
+    height: int, width: int, dx: int, dy: int, channels: int = 3, dtype: type = np.uint8, seed: int = 0
+) -> Clip:
+    """Noise that moves by whole pixels, new noise coming in at the edges; `at` needs t that gives whole pixels."""
+    margin = max(abs(dx), abs(dy))
+    canvas = noise(height + 2 * margin, width + 2 * margin, channels, dtype, seed)
+
+    def at(t: float) -> Array:
+        top, left = margin - whole(t * dy), margin - whole(t * dx)
+        return frozen(canvas[top : top + height, left : left + width])
+
+    flow = np.broadcast_to(np.array([dx, dy], float), (height, width, 2))
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+    places = np.stack([x, y], axis=-1)
+    return Clip(
+        at(0), at(1), flow, -flow, inside(places + flow, height, width), inside(places - flow, height, width), at
+    )
+
+
+def moving_object(
+    height: int, width: int, *, box: tuple[int, int, int, int], dx: int, dy: int, dtype: type = np.uint8, seed: int = 0
+) -> Clip:
+    """A rectangle of noise, ``box = (top, left, bottom, right)`` at time 0, moving over still noise."""
+    background = noise(height, width, 3, dtype, seed)
+    top, left, bottom, right = box
+    thing = noise(bottom - top, right - left, 3, dtype, seed + 1)
+
+    def covered(t: float) -> Array:
+        mask = np.zeros((height, width), bool)
+        mask[top + whole(t * dy) : bottom + whole(t * dy), left + whole(t * dx) : right + whole(t * dx)] = True
+        return mask
+
+    def at(t: float) -> Array:
+        image = background.copy()
+        image[covered(t)] = thing.reshape(-1, 3)
+        return frozen(image)
+
+    flow = np.array([dx, dy], float)
+    flow01, flow10 = covered(0)[..., np.newaxis] * flow, covered(1)[..., np.newaxis] * -flow
+    seen0, seen1 = covered(0) | ~covered(1), covered(1) | ~covered(0)
+    return Clip(at(0), at(1), flow01, flow10, seen0, seen1, at)
+
+
+def inside(places: Array, height: int, width: int) -> Array:
+    """Which of the (x, y) places lie in the frame."""
+    x, y = np.moveaxis(places, -1, 0)
+    return (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
+
+
+def eroded(mask: Array, by: int) -> Array:
+    """The mask without its outermost pixels, the frame's border counting as outside."""
+    padded = np.pad(mask, by)
+    height, width = mask.shape
+    shifted = [padded[i : i + height, j : j + width] for i in range(2 * by + 1) for j in range(2 * by + 1)]
+    return np.logical_and.reduce(shifted)
+
+
+def whole(value: float) -> int:
+    """A value that must be a whole number already."""
+    assert value == int(value), f"{value} is no whole number of pixels"
+    return int(value)
