@@ -129,8 +129,9 @@ def convert(
     """
     schedule = make_schedule(factor, fps)
     interpolator = find_method(method) if isinstance(method, str) else method
-    needs_rate = fps is not None or makes_video(output)
-    with open_source(input, _fraction(input_fps), needs_rate=needs_rate) as source:
+    to_video = makes_video(output)
+    needs_rate = to_video or fps is not None
+    with open_source(input, _fraction(input_fps), needs_rate=needs_rate, upright=not to_video) as source:
         info = source.info
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
         sink = open_sink(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import av
@@ -14,7 +14,7 @@ from video_truth import QUARTER_TURN, pictures_of, png, samples_of, scene, spoil
 
 from fpsboost.errors import InputError
 from fpsboost.media.video_sink import from_bgr
-from fpsboost.media.video_source import VideoSource, bgr_to_ycc, chroma_location_of, to_bgr
+from fpsboost.media.video_source import VideoSource, bgr_to_ycc, chroma_location_of, to_bgr, turned_upright
 
 
 def read(path: Path) -> tuple[list, list[str]]:
@@ -288,3 +288,26 @@ def test_decoded_picture_is_not_written_into(tmp_path):
         original = next(iter(source)).original
         assert isinstance(original, av.VideoFrame)
         assert all(np.array_equal(a, b) for a, b in zip(samples_of(original), pure, strict=True))
+
+
+QUARTER_TURNS_AND_FLIPS = [
+    (a, b, c, d) for a, b, c, d in product((-1, 0, 1), repeat=4) if abs(a * d - b * c) == 1 and a * b + c * d == 0
+]
+
+
+@pytest.mark.parametrize("turn", QUARTER_TURNS_AND_FLIPS, ids=str)
+def test_upright_pixels_land_where_the_display_matrix_sends_them(turn):
+    """Every quarter turn and flip moves (x, y) to (a x + c y, b x + d y), shifted back into the picture."""
+    a, b, c, d = turn
+    image = np.arange(2 * 3, dtype=np.uint8).reshape(2, 3, 1)
+    turned = turned_upright(image, (a << 16, b << 16, 0, c << 16, d << 16, 0, 0, 0, 1 << 30))
+    places = {int(image[y, x, 0]): (a * x + c * y, b * x + d * y) for y in range(2) for x in range(3)}
+    left, top = (min(place[axis] for place in places.values()) for axis in range(2))
+    for value, (x, y) in places.items():
+        assert turned[y - top, x - left, 0] == value
+
+
+def test_no_display_matrix_leaves_the_picture_as_it_is():
+    """Without a matrix nothing moves."""
+    image = np.arange(6, dtype=np.uint8).reshape(2, 3, 1)
+    assert turned_upright(image, None) is image

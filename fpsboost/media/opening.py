@@ -15,7 +15,9 @@ ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""
 
 
-def open_source(path: str, input_fps: Fraction | None = None, *, needs_rate: bool = False) -> FrameSource:
+def open_source(
+    path: str, input_fps: Fraction | None = None, *, needs_rate: bool = False, upright: bool = False
+) -> FrameSource:
     """Open a clip for reading.
 
     Parameters
@@ -26,6 +28,8 @@ def open_source(path: str, input_fps: Fraction | None = None, *, needs_rate: boo
         Frames per second of images.
     needs_rate : bool
         Whether images must say how fast they play.
+    upright : bool
+        Turn rotated video upright, for a target that cannot say that it is rotated.
 
     Returns
     -------
@@ -50,7 +54,7 @@ def open_source(path: str, input_fps: Fraction | None = None, *, needs_rate: boo
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     if input_fps is not None:
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
-    return VideoSource(path)
+    return VideoSource(path, upright=upright)
 
 
 def makes_video(path: str) -> bool:

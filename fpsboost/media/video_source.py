@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -109,6 +109,9 @@ class VideoSource:
     ----------
     path : str or path
         A file that FFmpeg can read. Opening reads headers only.
+    upright : bool
+        Turn the pictures as the file's display matrix says, for targets that have no such tag, and decode the first
+        one at once to know their size. Such frames keep no decoder's picture.
 
     Raises
     ------
@@ -117,8 +120,9 @@ class VideoSource:
         picture's size or pixel format changes.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, upright: bool = False) -> None:
         self._name = os.fspath(path)
+        self._upright = upright
         self.path = Path(path)
         self._container = open_video(self.path, self._name)
         try:
@@ -147,6 +151,9 @@ class VideoSource:
             time_base=_fraction(self._stream.time_base) or 1 / self._rate,
             frame_count=self._stream.frames or None,
         )
+        self._coded_size = context.width, context.height
+        if upright:
+            self._turn_info()
 
     @property
     def info(self) -> ClipInfo:
@@ -210,12 +217,26 @@ class VideoSource:
             if last is not None:
                 yield last
             count += 1
-            last = Frame(self._convert(picture), time, self._duration_of(picture), picture)
+            image = self._convert(picture)
+            original: av.VideoFrame | None = picture
+            if self._upright:
+                image, original = turned_upright(image, traits.display_matrix), None
+            last = Frame(image, time, self._duration_of(picture), original)
             first = time if first is None else first
         if last is None or first is None:
             raise InputError(f"{self._name} holds no frame that can be decoded; check it with a player.")
         yield Frame(last.image, last.time, self._last_duration(last), last.original)
         self._conclude(count, first, last.time + last.duration)
+
+    def _turn_info(self) -> None:
+        traits = self.traits
+        if is_on_its_side(traits.display_matrix):
+            self._info = replace(self._info, width=self._info.height, height=self._info.width)
+        if traits.sample_aspect_ratio not in (None, 1):
+            self._remarks.append(
+                f"{self._name} has pixels of the shape {traits.sample_aspect_ratio}, which images cannot say; "
+                "they come out unscaled."
+            )
 
     def _in_order(self) -> Iterator[av.VideoFrame]:
         while self._ahead:
@@ -289,7 +310,7 @@ class VideoSource:
         return last.duration
 
     def _check_unchanged(self, picture: av.VideoFrame, traits: VideoTraits, index: int) -> None:
-        before = (self._info.width, self._info.height, traits.pixel_format)
+        before = (*self._coded_size, traits.pixel_format)
         now = (picture.width, picture.height, picture.format.name)
         if now != before:
             raise InputError(
@@ -300,9 +321,8 @@ class VideoSource:
     def _read_traits(self, picture: av.VideoFrame) -> VideoTraits:
         context = self._stream.codec_context
         # The header may be wrong or silent about the size; the first picture is not.
-        self._info = ClipInfo(
-            self._name, picture.height, picture.width, self._rate, self._info.time_base, self._info.frame_count
-        )
+        self._coded_size = picture.width, picture.height
+        self._info = replace(self._info, width=picture.width, height=picture.height)
         sides = {side.type.name: bytes(side) for side in _side_data(picture)}
         matrix = sides.get("DISPLAYMATRIX")
         interlaced = picture.interlaced_frame
@@ -397,6 +417,35 @@ def open_video(path: Path, name: str) -> av.container.InputContainer:
         container.close()
         raise InputError(f"{name} is a text file; name a video file.")
     return container
+
+
+def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
+    """Whether a display matrix exchanges width and height; only quarter turns and flips are looked at."""
+    return matrix is not None and matrix[0] == 0 and matrix[4] == 0
+
+
+def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
+    """Turn and flip a picture as its display matrix says.
+
+    Parameters
+    ----------
+    image : (H, W, C)
+    matrix : tuple of 9 int or None
+        x' = a x + c y, y' = b x + d y, with (a, b, c, d) at places 0, 1, 3 and 4. Other angles than quarter turns are
+        left as they are.
+
+    Returns
+    -------
+    (H, W, C) or (W, H, C), contiguous
+    """
+    if matrix is None:
+        return image
+    if is_on_its_side(matrix):
+        image = image.transpose(1, 0, 2)
+        left, down = matrix[3], matrix[1]
+    else:
+        left, down = matrix[0], matrix[4]
+    return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])
 
 
 def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:

@@ -1,0 +1,127 @@
+"""Which source and which sink a path stands for."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+from video_truth import write_clip
+
+from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.media import OutputTiming
+from fpsboost.media.images import IMAGE_SUFFIXES, ImageSink, ImageSource
+from fpsboost.media.opening import ASSUMED_IMAGE_RATE, makes_video, open_sink, open_source
+from fpsboost.media.video_sink import VIDEO_SUFFIXES, Encoding, VideoSink
+from fpsboost.media.video_source import VideoSource
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        *((f"out{suffix}", True) for suffix in VIDEO_SUFFIXES),
+        *((f"OUT{suffix.upper()}", True) for suffix in VIDEO_SUFFIXES),
+        *((f"out_####{suffix}", False) for suffix in IMAGE_SUFFIXES),
+        ("take #2.mp4", True),
+        ("100%done.mkv", True),
+        ("-x.mp4", True),
+        ("frames", False),
+        ("frames.v2/", False),
+        ("take.1/frames", False),
+        (".hidden", False),
+    ],
+)
+def test_what_an_output_path_names(path, expected):
+    """The ending decides between video and images, in capitals too; patterns and folders are images."""
+    assert makes_video(path) is expected
+
+
+def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
+    """A folder that is there is taken for images even if it is called like a video."""
+    (tmp_path / "clip.mp4").mkdir()
+    assert not makes_video(str(tmp_path / "clip.mp4"))
+    with pytest.raises(InputError, match="holds no images"):
+        open_source(str(tmp_path / "clip.mp4"), Fraction(24))
+
+
+@pytest.mark.parametrize("name", ["out.gif", "out.avi", "out.txt", "out.mp4.bak", "shot_%d.exr"])
+def test_unknown_endings(name):
+    """What cannot be written is an OptionError that lists what can."""
+    with pytest.raises(OptionError, match=rf"{name} has an ending .*\.mp4.*\.webm.*folder"):
+        makes_video(name)
+
+
+@pytest.mark.parametrize("suffix", IMAGE_SUFFIXES)
+def test_a_single_image_is_no_output(suffix):
+    """One image cannot hold a clip; the message shows the pattern that would."""
+    with pytest.raises(OptionError, match=rf"out{suffix} would be a single image; .* shot_####{suffix}"):
+        makes_video(f"out{suffix}")
+
+
+def test_a_single_image_is_no_input(tmp_path, save_images):
+    """One image is named, with what to give instead."""
+    save_images(tmp_path, count=1)
+    with pytest.raises(InputError, match=r"shot_0001\.png is a single image; give its folder, or a pattern"):
+        open_source(str(tmp_path / "shot_0001.png"))
+
+
+def test_rates_of_images(tmp_path, save_images):
+    """Images play at the rate that is said; where only their order matters one is assumed, else it must be said."""
+    save_images(tmp_path, count=2)
+    for path in (tmp_path, tmp_path / "shot_####.png"):
+        assert open_source(str(path), Fraction(30)).info.rate == 30
+        assert open_source(str(path)).info.rate == ASSUMED_IMAGE_RATE
+        with pytest.raises(OptionError, match="--input-fps"):
+            open_source(str(path), needs_rate=True)
+
+
+@pytest.mark.parametrize("rate", [Fraction(0), Fraction(-24), Fraction(1, 10**12)])
+def test_rates_that_no_clip_has(tmp_path, save_images, rate):
+    """A rate of images that cannot be is an OptionError that names its option."""
+    save_images(tmp_path, count=2)
+    with pytest.raises(OptionError, match="--input-fps"):
+        open_source(str(tmp_path), rate)
+
+
+def test_a_video_has_its_own_rate(tmp_path):
+    """Saying a rate for a video is a mistake that is told."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(2))
+    with pytest.raises(OptionError, match=r"--input-fps is for images; .*in\.mp4"):
+        open_source(str(clip), Fraction(24))
+
+
+def test_kinds_of_sources_and_sinks(tmp_path, save_images):
+    """Videos and images each get their own class, on both sides."""
+    save_images(tmp_path / "in", count=2)
+    clip = write_clip(tmp_path / "in.mp4", times=range(2))
+    timing = OutputTiming(Fraction(25), Fraction(1, 25))
+    for path, kind in ((tmp_path / "in", ImageSource), (tmp_path / "in" / "shot_####.png", ImageSource)):
+        assert isinstance(open_source(str(path), Fraction(25)), kind)
+    with open_source(str(clip)) as source:
+        assert isinstance(source, VideoSource)
+        for name, kind in (("out.mp4", VideoSink), ("out", ImageSink), ("out_%03d.jpg", ImageSink)):
+            sink = open_sink(
+                str(tmp_path / name),
+                source=source,
+                timing=timing,
+                encoding=Encoding(),
+                expected_frames=3,
+                overwrite=False,
+            )
+            assert type(sink) is kind
+
+
+def test_an_empty_input_name_is_no_folder(tmp_path, monkeypatch, save_images):
+    """An empty name, as an unset variable of a shell gives it, does not stand for the current folder."""
+    save_images(tmp_path, count=2)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises((InputError, OptionError)):
+        open_source("", Fraction(24))
+
+
+def test_an_empty_output_name_is_no_folder(tmp_path, monkeypatch, save_images):
+    """With an empty name nothing is scattered over the current folder."""
+    save_images(tmp_path / "in", count=2)
+    monkeypatch.chdir(tmp_path)
+    timing = OutputTiming(Fraction(24), Fraction(1, 24))
+    with open_source("in", Fraction(24)) as source, pytest.raises((OutputError, OptionError)):
+        open_sink("", source=source, timing=timing, encoding=Encoding(), expected_frames=3, overwrite=True)
