@@ -11,6 +11,10 @@ Every message is one sentence that names the file or the option and says what to
 only the command line prints and chooses an exit code (2 for `OptionError`, 1 for the others).
 """
 
+from __future__ import annotations
+
+from collections.abc import Collection
+
 
 class FpsboostError(Exception):
     """Base of everything that fpsboost raises on purpose."""
@@ -26,3 +30,14 @@ class InputError(FpsboostError):
 
 class OutputError(FpsboostError):
     """The target exists already, cannot be written, or cannot hold what it should."""
+
+
+def check_choice(option: str, value: str, choices: Collection[str]) -> None:
+    """Raise `OptionError` unless a value is one of the choices; the message lists them.
+
+    Examples
+    --------
+    >>> check_choice("--window", "box", ("box", "gaussian"))
+    """
+    if value not in choices:
+        raise OptionError(f"{option} must be one of {', '.join(choices)}, not {value!r}.")

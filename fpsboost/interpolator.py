@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.exhaustive import ExhaustiveSearch
@@ -20,6 +20,8 @@ from fpsboost.scenes import CutDetector
 from fpsboost.synthesis import Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest, TwoSidedBlend
 from fpsboost.synthesis.reproject import Reproject
+
+AtCuts = Literal["repeat", "blend"]
 
 
 class InBetween(NamedTuple):
@@ -56,7 +58,10 @@ class Interpolator:
     estimator: MotionEstimator
     synthesizer: Synthesizer
     cuts: CutDetector | None = CutDetector()
-    at_cuts: Literal["repeat", "blend"] = "repeat"
+    at_cuts: AtCuts = "repeat"
+
+    def __post_init__(self) -> None:
+        check_choice("--at-cuts", self.at_cuts, get_args(AtCuts))
 
     def interpolate(self, image0: Image, image1: Image, times: Sequence[float | Fraction]) -> list[Image]:
         """Make one image for every time.

@@ -7,7 +7,7 @@ go to the sink as they are, decoder's picture and all.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import chain
@@ -203,7 +203,8 @@ def _output_frames(
     schedule: Schedule,
     holds_last_frame: bool,
     summary: Summary,
-) -> Iterator[Frame]:
+) -> Generator[Frame, None, Fraction]:
+    """Yield the output frames without durations; return when the clip ends."""
     previous: Frame | None = None
     start = Fraction(0)
     for frame in frames:
@@ -222,7 +223,8 @@ def _output_frames(
     for step in schedule.steps(summary.frames_in - 1, start, previous.time, end):
         if step.t == 0 or holds_last_frame:
             summary.frames_made += step.t > 0
-            yield replace(previous, time=step.time, duration=end - step.time)
+            yield replace(previous, time=step.time)
+    return end
 
 
 def _between(
@@ -241,15 +243,20 @@ def _between(
             yield Frame(next(images), step.time)
 
 
-def _with_durations(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Every frame lasts until the next one; the last one keeps the duration it came with."""
+def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]:
+    """Every frame lasts until the next one, and the last one until the clip ends."""
     held: Frame | None = None
-    for frame in frames:
+    while True:
+        try:
+            frame = next(frames)
+        except StopIteration as stop:
+            end = stop.value
+            break
         if held is not None:
             yield replace(held, duration=frame.time - held.time)
         held = frame
     if held is not None:
-        yield held
+        yield replace(held, duration=end - held.time)
 
 
 def make_schedule(factor: Fraction | int | None, fps: Fraction | int | None) -> Schedule:

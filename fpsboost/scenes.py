@@ -43,6 +43,8 @@ class CutDetector:
     def __post_init__(self) -> None:
         if not 0 <= self.threshold <= 1:
             raise OptionError(f"--cut-threshold must be 0 (no cuts) to 1 (all cuts), not {self.threshold}.")
+        if self.thumbnail_side < 1:
+            raise OptionError(f"thumbnail_side must be at least 1 pixel, not {self.thumbnail_side}.")
 
     def is_cut(self, image0: Image, image1: Image) -> bool:
         """Whether a scene ends between the two frames.
@@ -51,7 +53,7 @@ class CutDetector:
         ----------
         image0, image1 : (H, W, C) uint8, uint16 or float32
         """
-        return self.likeness(image0, image1) < self.threshold
+        return self.threshold == 1 or self.likeness(image0, image1) < self.threshold
 
     def likeness(self, image0: Image, image1: Image) -> float:
         """How much of the frames can be found in each other, 0 to 1: the better of both directions."""

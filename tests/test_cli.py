@@ -31,7 +31,10 @@ CHEAP = ("--method", "nearest")
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 SUMMARY = r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\)"
 
-pytestmark = pytest.mark.usefixtures("impatient")
+pytestmark = [
+    pytest.mark.usefixtures("impatient"),
+    pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),  # said only under pytest
+]
 
 
 @dataclass(frozen=True)
@@ -329,6 +332,7 @@ def material(tmp_path, save_images) -> None:
     (tmp_path / "there.mp4").write_bytes(b"precious")
     (tmp_path / "empty").mkdir()
     save_images(tmp_path / "single", count=1)
+    save_images(tmp_path / "other", count=2)
     save_images(tmp_path / "mixed", count=3)
     low = cv2.imencode(".png", np.zeros((32, 64, 3), np.uint8))[1]
     (tmp_path / "mixed" / "shot_0003.png").write_bytes(low.tobytes())
@@ -370,6 +374,28 @@ def test_the_message_says_the_value_that_was_given(fpsboost_, clip):
     assert result.code == 0 or "0.001" in result.err or "1/1000" in result.err
 
 
+@pytest.mark.usefixtures("material")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "in.mp4 out.mp4 --fps 14.985014985014985",  # 15000/1001, as a program prints it
+        "in.mp4 out.mkv --fps 14.985014985014985",
+        "in.mp4 out.mp4 --factor 1.2345678901234",
+        "in.mp4 out.mp4 --fps 1/3000000000",
+        "other out.mp4 --input-fps 14.985014985014985",
+        "other out.mp4 --input-fps 1e12",
+        "other out.mp4 --input-fps 1e-12",
+    ],
+)
+def test_rates_beyond_32_bits(fpsboost_, tmp_path, arguments):
+    """A rate that no container can write exactly is approximated or refused as an option, never a crash."""
+    result = fpsboost_(*shlex.split(arguments), *CHEAP)
+    if result.code == 0:
+        assert len(result.lines) == 1
+    else:
+        assert_refused(result, 2, arguments.split()[-2])
+
+
 # ------------------------------------------------------------------------------------------------------------- damage
 
 
@@ -405,7 +431,7 @@ def test_a_video_cut_before_its_index_is_refused(fpsboost_, tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
 @pytest.mark.parametrize(
     ("number", "output"),
-    [(signal.SIGINT, "out.mp4"), (signal.SIGINT, "frames"), (signal.SIGTERM, "out.mkv"), (signal.SIGTERM, "f_#.png")],
+    [(signal.SIGINT, "out.mp4"), (signal.SIGINT, "frames"), (signal.SIGTERM, "out.mov"), (signal.SIGTERM, "f_#.png")],
 )
 def test_a_stopped_run_leaves_nothing(tmp_path, number, output):
     """Ctrl-C and a request to end, in the middle: exit code 130, one line, no output and no temporary file."""
@@ -421,16 +447,16 @@ def test_a_stopped_run_leaves_nothing(tmp_path, number, output):
         )
     finally:
         signal.signal(signal.SIGINT, before)
-    try:
-        while process.poll() is None and not list(tmp_path.iterdir()):
-            time.sleep(0.01)
-        time.sleep(0.2)  # some frames on their way
-        assert process.poll() is None
-        process.send_signal(number)
-        out, err = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        process.wait()
+    with process:
+        try:
+            while process.poll() is None and not list(tmp_path.iterdir()):
+                time.sleep(0.01)
+            time.sleep(0.2)  # some frames on their way
+            assert process.poll() is None
+            process.send_signal(number)
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
     assert process.returncode == 130
     assert list(tmp_path.iterdir()) == []
     assert out == b""

@@ -7,7 +7,7 @@ import pytest
 from truth import noise, translation, waves
 from twins import best_offset, box_weights, gaussian_weights, patch_scores, pixel_similarity
 
-from fpsboost.kernels.search import STRIP, centre_out
+from fpsboost.kernels.search import STRIP, centre_out, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
 from fpsboost.kernels.tiles import TILE
 from fpsboost.motion.exhaustive import search_by_passes, search_fused, window_taps
@@ -83,16 +83,16 @@ def test_flat_frames_do_not_move_in_full_image_passes():
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_ties_go_to_the_first_offset_from_the_centre(axis):
-    """Stripes of period 2 that change places fit at +1 and -1 alike; +1 is tried first, for both fields."""
+def test_ties_go_to_the_smallest_motion_and_then_in_raster_order(axis):
+    """Stripes of period 2 that change places fit at -3, -1, 1 and 3 alike; -1 wins, in both fields."""
     shape = [24, 24, 3]
     stripes = np.zeros(shape, np.float32)
     stripes[(slice(None),) * axis + (slice(0, None, 2),)] = 1
     field01, field10 = search_fused(stripes, 1 - stripes, 4, 2, "box", 0.25)
-    expected = [0, 1] if axis == 0 else [1, 0]
+    expected = [0, -1] if axis == 0 else [-1, 0]
     inner = slice(7, -7)
     assert (field01.flow[inner, inner] == expected).all()
-    assert (field10.flow[inner, inner] == np.negative(expected)).all()
+    assert (field10.flow[inner, inner] == expected).all()
 
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
@@ -126,6 +126,17 @@ def test_order_of_offsets_is_a_permutation_from_the_centre_out():
     assert len(set(order)) == len(order)
     assert set(order) >= set(range(-30, 31))
     assert all(abs(earlier) <= abs(later) + 3 for k, earlier in enumerate(order) for later in order[k:])
+
+
+@pytest.mark.parametrize("radius", [1, 4, 17])
+def test_ranks_order_all_offsets_by_length(radius):
+    """Every offset has one rank, no motion has rank 0, and longer offsets never rank before shorter ones."""
+    ranks, offsets = rank_offsets(radius)
+    dx, dy = offsets.astype(int).T
+    assert len(offsets) == ranks.size == len(set(zip(dx, dy, strict=True)))
+    np.testing.assert_array_equal(ranks[dy + radius, dx + radius], np.arange(ranks.size))
+    assert offsets[0].tolist() == [0, 0]
+    assert (np.diff(dx**2 + dy**2) >= 0).all()
 
 
 def test_similarity_is_the_reports_exponential():

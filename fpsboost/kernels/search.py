@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.similarity import similarity
@@ -33,29 +34,37 @@ GROUP = 8
 
 @njit(inline="always", **FINITE_JIT)
 def centre_out(k):
-    """0, 1, 2, 3, 4, ... -> 0, 1, 2, 3, -1, -2, -3, -4, 4, 5, ...: fours of neighbours, the smaller motion first.
-
-    Comparisons are strict, so the offset that comes first wins a tie.
-    """
+    """0, 1, 2, 3, 4, ... -> 0, 1, 2, 3, -1, -2, -3, -4, 4, 5, ...: fours of neighbours, the smaller motion first."""
     four, rest = k // 4, k % 4
     return four // 2 * 4 + rest if four % 2 == 0 else -(four // 2 * 4 + rest + 1)
 
 
 @njit(inline="always", **FINITE_JIT)
-def keep_best_of_four(total0, total1, total2, total3, code, step, width, best, index):
-    """Where one of four totals beats `best`, take it and its code: ``code``, ``code + step``, ..."""
-    code0, code1 = np.int32(code), np.int32(code + step)
-    code2, code3 = np.int32(code + 2 * step), np.int32(code + 3 * step)
+def keep_best_of_four(total0, total1, total2, total3, ranks, width, best, winners):
+    """Where one of four totals beats `best`, or equals it at a lower rank, take it and its rank; ranks increase."""
+    rank0, rank1, rank2, rank3 = ranks
     for x in range(width):
         first, second, third, fourth, previous = total0[x], total1[x], total2[x], total3[x], best[x]
         swap01, swap23 = second > first, fourth > third
-        value01, code01 = (second, code1) if swap01 else (first, code0)
-        value23, code23 = (fourth, code3) if swap23 else (third, code2)
+        value01, rank01 = (second, rank1) if swap01 else (first, rank0)
+        value23, rank23 = (fourth, rank3) if swap23 else (third, rank2)
         swap = value23 > value01
-        value, winner = (value23, code23) if swap else (value01, code01)
-        better = value > previous
+        value, rank = (value23, rank23) if swap else (value01, rank01)
+        better = (value > previous) | ((value == previous) & (rank < winners[x]))
         best[x] = value if better else previous
-        index[x] = winner if better else index[x]
+        winners[x] = rank if better else winners[x]
+
+
+@njit(inline="always", **FINITE_JIT)
+def four_ranks(ranks, y, x, step):
+    """Ranks of four neighbouring offsets; 0 stands for those beyond the table, which never win."""
+    size = ranks.shape[1]
+    return (
+        ranks[y, x],
+        ranks[y, x + step] if 0 <= x + step < size else np.int32(0),
+        ranks[y, x + 2 * step] if 0 <= x + 2 * step < size else np.int32(0),
+        ranks[y, x + 3 * step] if 0 <= x + 3 * step < size else np.int32(0),
+    )
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -111,6 +120,29 @@ def sum_window_across(column, weights, size, width, total):
         total[x] = value
 
 
+def rank_offsets(search_radius: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Order all offsets by length, so that the smallest motion wins a tie.
+
+    Parameters
+    ----------
+    search_radius : int
+        R.
+
+    Returns
+    -------
+    ranks : (2R + 1, 2R + 1) int32
+        Rank of the offset (dx, dy) at ``[dy + R, dx + R]``; 0 is no motion.
+    offsets : ((2R + 1)^2, 2) float32
+        ``(dx, dy)`` of every rank.
+    """
+    dy, dx = np.mgrid[-search_radius : search_radius + 1, -search_radius : search_radius + 1]
+    order = np.argsort((dx * dx + dy * dy).ravel(), kind="stable")
+    ranks = np.empty(order.size, np.int32)
+    ranks[order] = np.arange(order.size)
+    offsets = np.stack([dx.ravel()[order], dy.ravel()[order]], axis=-1).astype(np.float32)
+    return ranks.reshape(dx.shape), offsets
+
+
 @lru_cache(maxsize=32)
 def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) -> Callable[..., None]:
     """Compile the exhaustive search for one patch.
@@ -127,15 +159,15 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     Returns
     -------
     callable
-        ``search(planes0, planes1, height, width, search_radius, best01, index01, best10, index10)``, with
+        ``search(planes0, planes1, height, width, ranks, best01, winners01, best10, winners10)``, with
         M = search_radius + 4 and L = LANES:
 
         planes0 : (3, H + 2r, W + 2r + L or more) float32, scaled by `colour_scale`, edges repeated
         planes1 : (3, H + 2r, W + 2r + 2M + L or more) float32, the same
         best01 : (H, W + L or more) int32 (box) or float32 (taps), -1 at the start; the summed similarity
         best10 : (H, W + 2M + 2L or more), the same; column M is the first of the image
-        index01, index10 : int32, shaped like best; ``(dy + R) * (2R + 1) + dx + R`` of the best offset k, which is
-        the motion in index01 and its negative in index10
+        ranks : (2R + 1, 2R + 1) int32, from `rank_offsets`
+        winners01, winners10 : int32, shaped like best, 0 at the start; rank of the best motion
     """
     size = 2 * patch_radius + 1
     reach = (size + LANES - 1) // LANES * LANES
@@ -145,9 +177,10 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     weights = np.array(taps or (), np.float32)
 
     @njit(parallel=True, cache=True, **FINITE_JIT)
-    def search(planes0, planes1, height, width, search_radius, best01, index01, best10, index10):
+    def search(planes0, planes1, height, width, ranks, best01, winners01, best10, winners10):
         margin = size - 1
-        side = 2 * search_radius + 1
+        side = len(ranks)
+        search_radius = side // 2
         shift = search_radius + 4
         bands = (height + BAND - 1) // BAND
         rows = (height + bands - 1) // bands
@@ -211,17 +244,16 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     total[max(0, last) : whole + LANES] = -1
                                 if y < top:
                                     continue
-                                code = (dy + search_radius) * side + search_radius + dx
+                                middle = search_radius
                                 keep_best_of_four(
                                     totals[0, LANES:],
                                     totals[1, LANES:],
                                     totals[2, LANES:],
                                     totals[3, LANES:],
-                                    code,
-                                    step,
+                                    four_ranks(ranks, middle + dy, middle + dx, step),
                                     whole,
                                     best01[y, left:],
-                                    index01[y, left:],
+                                    winners01[y, left:],
                                 )
                                 # where the targets of the four lie side by side, each total is shifted by its offset
                                 begin = left + shift + min(dx, dx + 3 * step)
@@ -231,11 +263,10 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     totals[1, shift0 - step :],
                                     totals[2, shift0 - 2 * step :],
                                     totals[3, shift0 - 3 * step :],
-                                    code,
-                                    step,
+                                    four_ranks(ranks, middle - dy, middle - dx, -step),
                                     whole + LANES,
                                     best10[y + dy, begin:],
-                                    index10[y + dy, begin:],
+                                    winners10[y + dy, begin:],
                                 )
 
     return search

@@ -62,8 +62,10 @@ def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
 
 
 def normalised(image: Image) -> NDArray[Any]:
-    """The image as float32 with 1.0 for white, shape unchanged."""
-    scale = 1.0 if image.dtype == np.float32 else 1.0 / np.iinfo(image.dtype).max
+    """The image as float32 with 1.0 for white, shape unchanged; what is no number becomes black, infinity white."""
+    if image.dtype == np.float32:
+        return np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
+    scale = 1 / np.iinfo(image.dtype).max
     values: NDArray[Any] = image.astype(np.float32) * np.float32(scale)
     return values
 

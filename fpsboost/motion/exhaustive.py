@@ -5,30 +5,31 @@ neighbourhood, the similarity image ``W_k(x) = xi(A(x), B(x + k))`` is summed ov
 one-dimensional passes, and the offset with the largest sum is the motion.
 
 The report leaves two things open. Edges: pixels repeat beyond the border for the sums, and an offset that leads out of
-the other frame is no candidate. Order: offsets are tried from the centre outwards, so that where several are equally
-similar (flat areas) the smallest motion wins.
+the other frame is no candidate. Ties: where several offsets are equally similar (flat areas), the
+smallest motion wins.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.memory import aligned_empty
-from fpsboost.kernels.search import centre_out, exhaustive_kernel
+from fpsboost.kernels.search import exhaustive_kernel, rank_offsets
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.colour import Components, colour_components, padded_planes
 from fpsboost.motion.field import MotionField
 
 Window = Literal["box", "gaussian"]
+Implementation = Literal["fused", "passes"]
 LARGEST_PATCH_RADIUS = 20  # (2r + 1)^2 fixed-point similarities must fit 31 bits
 
 
@@ -69,7 +70,7 @@ class ExhaustiveSearch:
     patch_radius: int = 5
     window: Window = "box"
     v: float = 0.25
-    implementation: Literal["fused", "passes"] = "fused"
+    implementation: Implementation = "fused"
 
     def __post_init__(self) -> None:
         if self.search_radius is not None and not 1 <= self.search_radius <= 1000:
@@ -78,6 +79,8 @@ class ExhaustiveSearch:
             raise OptionError(f"--patch-radius must be 1 to {LARGEST_PATCH_RADIUS} pixels, not {self.patch_radius}.")
         if not self.v > 0:
             raise OptionError(f"--v must be above 0, not {self.v}.")
+        check_choice("--window", self.window, get_args(Window))
+        check_choice("--implementation", self.implementation, get_args(Implementation))
 
     def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`; flows are whole pixels."""
@@ -121,24 +124,19 @@ def search_fused(
     score_type = np.int32 if taps is None else np.float32
     widths = width + LANES, width + 2 * margin + 2 * LANES
     best01, best10 = (aligned_empty((height, each), score_type) for each in widths)
-    index01, index10 = (aligned_empty((height, each), np.int32) for each in widths)
-    for best, index in ((best01, index01), (best10, index10)):
+    winners01, winners10 = (aligned_empty((height, each), np.int32) for each in widths)
+    for best, winners in ((best01, winners01), (best10, winners10)):
         best.fill(-1)
-        index.fill(0)
+        winners.fill(0)
+    ranks, offsets = rank_offsets(search_radius)
     search = exhaustive_kernel(patch_radius, taps)
-    search(planes0, planes1, height, width, search_radius, best01, index01, best10, index10)
-    full_score = UNIT if taps is not None else UNIT * (2 * patch_radius + 1) ** 2
+    search(planes0, planes1, height, width, ranks, best01, winners01, best10, winners10)
+    share = np.float32(1 / UNIT if taps else 1 / (UNIT * (2 * patch_radius + 1) ** 2))
     inside = slice(margin, margin + width)
     return (
-        _decode(best01[:, :width], index01[:, :width], search_radius, 1, full_score),
-        _decode(best10[:, inside], index10[:, inside], search_radius, -1, full_score),
+        MotionField(offsets[winners01[:, :width]], best01[:, :width].astype(np.float32) * share),
+        MotionField(offsets[winners10[:, inside]], best10[:, inside].astype(np.float32) * share),
     )
-
-
-def _decode(best: NDArray[Any], index: NDArray[Any], radius: int, sign: int, full_score: int) -> MotionField:
-    dy, dx = np.mgrid[-radius : radius + 1, -radius : radius + 1] * sign
-    offsets = np.stack([dx.ravel(), dy.ravel()], axis=-1).astype(np.float32)
-    return MotionField(offsets[index], best.astype(np.float32) / np.float32(full_score))
 
 
 def search_by_passes(
@@ -153,33 +151,31 @@ def search_by_passes(
     )
     taps = np.array(window_taps(window, patch_radius))
     return (
-        _passes_one_way(padded0, padded1, search_radius, patch_radius, taps, v, 1),
-        _passes_one_way(padded1, padded0, search_radius, patch_radius, taps, v, -1),
+        _passes_one_way(padded0, padded1, search_radius, patch_radius, taps, v),
+        _passes_one_way(padded1, padded0, search_radius, patch_radius, taps, v),
     )
 
 
 def _passes_one_way(
-    a: Components, b: Components, radius: int, patch_radius: int, taps: NDArray[Any], v: float, order: int
+    a: Components, b: Components, search_radius: int, patch_radius: int, taps: NDArray[Any], v: float
 ) -> MotionField:
     height, width = a.shape[0] - 2 * patch_radius, a.shape[1] - 2 * patch_radius
     flow, best = np.zeros((height, width, 2), np.float32), np.full((height, width), -1, np.float32)
     inner = slice(patch_radius, -patch_radius)
     box = np.ptp(taps) == 0
     exponent = np.full((1, 3), -1 / (2 * v * v), np.float32)
-    offsets = [order * k for k in map(centre_out.py_func, range(2 * radius + 8)) if abs(k) <= radius]
-    for dy in offsets:
-        for dx in offsets:
-            y0, y1, x0, x1 = max(0, -dy), min(height, height - dy), max(0, -dx), min(width, width - dx)
-            if y0 >= y1 or x0 >= x1:
-                continue
-            y2, x2 = y1 + 2 * patch_radius, x1 + 2 * patch_radius
-            difference = cv2.subtract(a[y0:y2, x0:x2], b[y0 + dy : y2 + dy, x0 + dx : x2 + dx])
-            w = cv2.exp(cv2.transform(cv2.multiply(difference, difference), exponent))
-            s = cv2.boxFilter(w, -1, (len(taps), len(taps))) if box else cv2.sepFilter2D(w, -1, taps, taps)
-            s = s[inner, inner]
-            better = s > best[y0:y1, x0:x1]
-            best[y0:y1, x0:x1][better] = s[better]
-            flow[y0:y1, x0:x1][better] = dx, dy
+    for dx, dy in rank_offsets(search_radius)[1].astype(int).tolist():
+        y0, y1, x0, x1 = max(0, -dy), min(height, height - dy), max(0, -dx), min(width, width - dx)
+        if y0 >= y1 or x0 >= x1:
+            continue
+        y2, x2 = y1 + 2 * patch_radius, x1 + 2 * patch_radius
+        difference = cv2.subtract(a[y0:y2, x0:x2], b[y0 + dy : y2 + dy, x0 + dx : x2 + dx])
+        w = cv2.exp(cv2.transform(cv2.multiply(difference, difference), exponent))
+        s = cv2.boxFilter(w, -1, (len(taps), len(taps))) if box else cv2.sepFilter2D(w, -1, taps, taps)
+        s = s[inner, inner]
+        better = s > best[y0:y1, x0:x1]
+        best[y0:y1, x0:x1][better] = s[better]
+        flow[y0:y1, x0:x1][better] = dx, dy
     return MotionField(flow, best)
 
 
@@ -193,17 +189,23 @@ def expected_motion(colours0: Components, colours1: Components) -> float:
     Returns
     -------
     float
-        Pixels of the full-size frame: the 99.5th percentile of the larger component of the motion, over both
-        directions, of frames reduced to about 160 pixels in width; up to a fifth of their longer side.
+        Pixels of the full-size frame: the 99.5th percentile of the larger component of the motion, of frames reduced to
+        about 160 pixels in width, over the pixels whose way there and back ends where it began; a fifth of the frame's
+        longer side where there are none.
     """
     height, width = colours0.shape[:2]
     scale = max(1.0, max(height, width) / 160)
     size = max(1, round(width / scale)), max(1, round(height / scale))
     small = [cv2.resize(colours, size, interpolation=cv2.INTER_AREA) for colours in (colours0, colours1)]
     reach = math.ceil(max(size) / 5)
-    fields = search_fused(small[0], small[1], reach, 5, "box", 0.1)
-    largest = [float(np.percentile(np.abs(field.flow).max(axis=2), 99.5)) for field in fields]
-    return float(scale * max(largest))
+    field01, field10 = search_fused(small[0], small[1], reach, 5, "box", 0.1)
+    y, x = np.mgrid[: size[1], : size[0]]
+    there = field01.flow.astype(int)
+    back = field10.flow[y + there[..., 1], x + there[..., 0]].astype(int)
+    consistent = np.abs(there + back).max(axis=2) <= 1
+    motion = np.abs(there).max(axis=2)[consistent]
+    largest = float(np.percentile(motion, 99.5)) if motion.size else reach
+    return largest * scale
 
 
 def choose_search_radius(colours0: Components, colours1: Components) -> int:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.errors import check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField
@@ -32,6 +33,9 @@ class Dis:
     """
 
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
+
+    def __post_init__(self) -> None:
+        check_choice("preset", self.preset, DIS_PRESETS)
 
     def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""

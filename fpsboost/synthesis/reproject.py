@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis.rounding import rounding_offset
+
+SourceSearch = Literal["iterative", "brute-force"]
 
 
 @dataclass(frozen=True)
@@ -39,10 +41,11 @@ class Reproject:
         A value is out of range.
     """
 
-    search: Literal["iterative", "brute-force"] = "iterative"
+    search: SourceSearch = "iterative"
     iterations: int = 10
 
     def __post_init__(self) -> None:
+        check_choice("--search", self.search, get_args(SourceSearch))
         if self.iterations < 1:
             raise OptionError(f"--iterations must be at least 1, not {self.iterations}.")
 
