@@ -32,7 +32,7 @@ EXAMPLES = """
     fpsboost in.mp4 out.mp4                       twice the frames, sound kept
     fpsboost in.mp4 out.mkv --fps 59.94 --crf 16  a rate instead of a factor
     fpsboost renders/ doubled/ --factor 2         a folder of images
-    fpsboost shot_####.png out.mp4 --input-fps 24 images to video
+    fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
 """
 
@@ -50,6 +50,7 @@ app = App(
     help="Raise the frame rate of a video or an image sequence.",
     help_epilogue=EXAMPLES,
     help_format="markdown",
+    suppress_keyboard_interrupt=False,
     version=f"fpsboost {__version__}",
     default_parameter=Parameter(negative=(), show_default=lambda value: value if value is not False else None),
 )
@@ -137,6 +138,7 @@ def convert(
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
     from fpsboost.interpolator import configure, find_method  # noqa: PLC0415
+    from fpsboost.media.opening import makes_video  # noqa: PLC0415
     from fpsboost.media.video_sink import Encoding  # noqa: PLC0415
     from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
 
@@ -156,6 +158,8 @@ def convert(
         "fps": None if fps is None else parse_rate(fps, "--fps"),
         "input_fps": None if input_fps is None else parse_rate(input_fps, "--input-fps"),
     }
+    if (codec, crf, preset) != (None, None, None) and not makes_video(output):
+        raise OptionError(f"--codec, --crf and --preset are for video, and {output} will be images; leave them out.")
     encoding = Encoding(codec, crf, preset, audio=not no_audio, subtitles=not no_subtitles)
     with Reporter(output, quiet=quiet, verbose=verbose) as reporter:
         reporter.say_settings(method, interpolator)

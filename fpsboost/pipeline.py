@@ -131,7 +131,7 @@ def convert(
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
     needs_rate = to_video or fps is not None
-    with open_source(input, _fraction(input_fps), needs_rate=needs_rate, upright=not to_video) as source:
+    with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as source:
         info = source.info
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
         sink = open_sink(

@@ -93,7 +93,7 @@ class ByFactor:
         return source_rate * self.factor
 
     def time_base(self, source_time_base: Fraction) -> Fraction:
-        return _representable(source_time_base / self.factor.numerator, source_time_base)
+        return representable(source_time_base / self.factor.numerator, source_time_base)
 
 
 @dataclass(frozen=True)
@@ -134,11 +134,13 @@ class ByRate:
 
     def time_base(self, source_time_base: Fraction) -> Fraction:
         ticks = Fraction(1, self.frames_per_second.numerator)
-        return _representable(Fraction(1, math.lcm(ticks.denominator, source_time_base.denominator)), ticks)
+        return representable(Fraction(1, math.lcm(ticks.denominator, source_time_base.denominator)), ticks)
 
 
-def _representable(time_base: Fraction, otherwise: Fraction) -> Fraction:
-    return time_base if time_base.denominator <= LARGEST_TICKS_PER_SECOND else otherwise
+def representable(*time_bases: Fraction) -> Fraction:
+    """The first of the time bases that fits 32 bits, else the finest that does."""
+    fitting = (each for each in time_bases if each.denominator <= LARGEST_TICKS_PER_SECOND)
+    return next(fitting, Fraction(1, LARGEST_TICKS_PER_SECOND))
 
 
 def parse_rate(text: str, option: str = "frame rate") -> Fraction:
@@ -164,7 +166,13 @@ def parse_rate(text: str, option: str = "frame rate") -> Fraction:
     value = parse_number(text, option)
     nearest = round(value * 1001 / 1000)
     ntsc = Fraction(nearest * 1000, 1001)
-    is_ntsc = "/" not in text and value.denominator > 1 and nearest % 6 == 0 and abs(value - ntsc) < Fraction(1, 200)
+    is_ntsc = (
+        "/" not in text
+        and value.denominator > 1
+        and nearest > 0
+        and nearest % 6 == 0
+        and abs(value - ntsc) < Fraction(1, 200)
+    )
     return ntsc if is_ntsc else value
 
 
@@ -177,6 +185,10 @@ def parse_number(text: str, option: str) -> Fraction:
         Not a number; `option` names it in the message.
     """
     try:
-        return Fraction(text.strip())
+        if "e" in text.lower():  # an exponent of many digits would take all memory
+            raise ValueError
+        value = Fraction(text.strip())
     except (ValueError, ZeroDivisionError):
         raise OptionError(f"{option} {text!r} is not a number; write it like 2, 2.5, 5/2 or 60000/1001.") from None
+    # programs print 15000/1001 as 14.985014985014985, and no container counts in such ticks
+    return value if value.denominator < LARGEST_TICKS_PER_SECOND else value.limit_denominator(1_000_000)

@@ -164,7 +164,7 @@ def test_rates_are_read_as_people_write_them(text, rate):
 
 @pytest.mark.parametrize(
     ("text", "number"),
-    [("2", Fraction(2)), ("2.5", Fraction(5, 2)), ("5/2", Fraction(5, 2)), ("1e1", Fraction(10)), ("-1", Fraction(-1))],
+    [("2", Fraction(2)), ("2.5", Fraction(5, 2)), ("5/2", Fraction(5, 2)), ("-1", Fraction(-1))],
 )
 def test_numbers_are_read_exactly(text, number):
     """No float in between."""

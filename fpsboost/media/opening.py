@@ -14,9 +14,11 @@ from fpsboost.media.video_source import VideoSource
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""
 
+SLOWEST, FASTEST = Fraction(1, 1000), Fraction(100_000)
+
 
 def open_source(
-    path: str, input_fps: Fraction | None = None, *, needs_rate: bool = False, upright: bool = False
+    path: str, input_fps: Fraction | None = None, *, needs_rate: bool = False, for_images: bool = False
 ) -> FrameSource:
     """Open a clip for reading.
 
@@ -28,8 +30,8 @@ def open_source(
         Frames per second of images.
     needs_rate : bool
         Whether images must say how fast they play.
-    upright : bool
-        Turn rotated video upright, for a target that cannot say that it is rotated.
+    for_images : bool
+        The target will be images, which hold no rotation and no sound.
 
     Returns
     -------
@@ -42,6 +44,10 @@ def open_source(
     OptionError
         `input_fps` is missing for images, or given for a video.
     """
+    if not path:
+        raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
+    if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
+        raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
     if Path(path).is_dir() or is_pattern(path):
         if input_fps is None and needs_rate:
             raise OptionError(
@@ -54,7 +60,7 @@ def open_source(
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     if input_fps is not None:
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
-    return VideoSource(path, upright=upright)
+    return VideoSource(path, for_images=for_images)
 
 
 def makes_video(path: str) -> bool:
@@ -65,6 +71,8 @@ def makes_video(path: str) -> bool:
     OptionError
         It names neither.
     """
+    if not path:
+        raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
     if is_pattern(path) or Path(path).is_dir():
         return False
     suffix = Path(path).suffix.lower()

@@ -629,7 +629,7 @@ def check_streams(source: VideoSource, encoding: Encoding, encoder: str, contain
         ]
         codecs = [stream.codec_context.codec.name if stream.codec_context else "" for stream in streams]
         for stream, codec in zip(streams, codecs, strict=True):
-            if codec and _holds(container, codec):
+            if codec and _holds(container, codec) and _takes(container, stream):
                 continue
             what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
             video = encoder if encoding.codec else None
@@ -767,6 +767,21 @@ def _holds(container: str, codec: str) -> bool:
     """Whether a container takes a codec, by the name of its encoder or decoder."""
     with av.open(BytesIO(), "w", format=container) as probe:
         return codec in probe.supported_codecs
+
+
+def _takes(container: str, stream: av.stream.Stream) -> bool:
+    """Whether a container takes this very stream: some names are in its list and still refused."""
+    try:
+        with av.open(BytesIO(), "w", format=container) as probe:
+            target = probe.add_stream_from_template(stream)
+            probe.start_encoding()
+            packet = av.Packet(bytes(64))
+            packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
+            packet.time_base = target.time_base or Fraction(1)
+            probe.mux(packet)
+    except (av.error.FFmpegError, ValueError):
+        return False
+    return True
 
 
 def _traits_of_image(image: Image | None) -> VideoTraits:

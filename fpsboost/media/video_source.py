@@ -109,9 +109,9 @@ class VideoSource:
     ----------
     path : str or path
         A file that FFmpeg can read. Opening reads headers only.
-    upright : bool
-        Turn the pictures as the file's display matrix says, for targets that have no such tag, and decode the first
-        one at once to know their size. Such frames keep no decoder's picture.
+    for_images : bool
+        For targets that hold pictures and nothing else: turn them upright as the file's display matrix says, and remark
+        what is left behind. Decodes the first picture at once to know the size; frames keep no decoder's picture.
 
     Raises
     ------
@@ -120,9 +120,9 @@ class VideoSource:
         picture's size or pixel format changes.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, upright: bool = False) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, for_images: bool = False) -> None:
         self._name = os.fspath(path)
-        self._upright = upright
+        self._for_images = for_images
         self.path = Path(path)
         self._container = open_video(self.path, self._name)
         try:
@@ -152,8 +152,8 @@ class VideoSource:
             frame_count=self._stream.frames or None,
         )
         self._coded_size = context.width, context.height
-        if upright:
-            self._turn_info()
+        if for_images:
+            self._prepare_for_images()
 
     @property
     def info(self) -> ClipInfo:
@@ -219,7 +219,7 @@ class VideoSource:
             count += 1
             image = self._convert(picture)
             original: av.VideoFrame | None = picture
-            if self._upright:
+            if self._for_images:
                 image, original = turned_upright(image, traits.display_matrix), None
             last = Frame(image, time, self._duration_of(picture), original)
             first = time if first is None else first
@@ -228,10 +228,14 @@ class VideoSource:
         yield Frame(last.image, last.time, self._last_duration(last), last.original)
         self._conclude(count, first, last.time + last.duration)
 
-    def _turn_info(self) -> None:
+    def _prepare_for_images(self) -> None:
         traits = self.traits
         if is_on_its_side(traits.display_matrix):
             self._info = replace(self._info, width=self._info.height, height=self._info.width)
+        kinds = [kind for kind in ("audio", "subtitles") if getattr(self._container.streams, kind)]
+        if kinds:
+            words = " and ".join({"audio": "sound", "subtitles": "subtitles"}[kind] for kind in kinds)
+            self._remarks.append(f"{self._name} has {words}, which images cannot hold; left out.")
         if traits.sample_aspect_ratio not in (None, 1):
             self._remarks.append(
                 f"{self._name} has pixels of the shape {traits.sample_aspect_ratio}, which images cannot say; "

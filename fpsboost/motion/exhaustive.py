@@ -194,7 +194,7 @@ def expected_motion(colours0: Components, colours1: Components) -> float:
         longer side where there are none.
     """
     height, width = colours0.shape[:2]
-    scale = max(1.0, max(height, width) / 160)
+    scale: float = max(1.0, max(height, width) / 160)
     size = max(1, round(width / scale)), max(1, round(height / scale))
     small = [cv2.resize(colours, size, interpolation=cv2.INTER_AREA) for colours in (colours0, colours1)]
     reach = math.ceil(max(size) / 5)
@@ -204,8 +204,7 @@ def expected_motion(colours0: Components, colours1: Components) -> float:
     back = field10.flow[y + there[..., 1], x + there[..., 0]].astype(int)
     consistent = np.abs(there + back).max(axis=2) <= 1
     motion = np.abs(there).max(axis=2)[consistent]
-    largest = float(np.percentile(motion, 99.5)) if motion.size else reach
-    return largest * scale
+    return scale * float(np.percentile(motion, 99.5) if motion.size else reach)
 
 
 def choose_search_radius(colours0: Components, colours1: Components) -> int:
