@@ -278,6 +278,9 @@ FAILURES: dict[str, tuple[str, str]] = {
 }
 
 MISTAKES: dict[str, tuple[str, str]] = {
+    "codec for images": ("in.mp4 frames --codec h264", "--codec"),
+    "crf for images": ("in.mp4 frames --crf 20", "--crf"),
+    "preset for images": ("in.mp4 frames --preset slow", "--preset"),
     "unknown ending": ("in.mp4 out.xyz", "out.xyz"),
     "a single image as output": ("in.mp4 out.png", "out.png"),
     "unknown method": ("in.mp4 out.mp4 --method magic", "magic"),
