@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
     from fpsboost.frame import ClipInfo, Frame
     from fpsboost.interpolator import Interpolator, interpolate, methods
-    from fpsboost.media.video_sink import Encoding
+    from fpsboost.media.encoding import Encoding
     from fpsboost.pipeline import Summary, boost, convert
     from fpsboost.scenes import CutDetector
     from fpsboost.timing import ByFactor, ByRate
@@ -48,7 +48,7 @@ _homes = {
     "ByRate": "timing",
     "ClipInfo": "frame",
     "CutDetector": "scenes",
-    "Encoding": "media.video_sink",
+    "Encoding": "media.encoding",
     "FpsboostError": "errors",
     "Frame": "frame",
     "InputError": "errors",

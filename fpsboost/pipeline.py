@@ -17,8 +17,8 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.interpolator import Interpolator, find_method
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
+from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_sink, open_source
-from fpsboost.media.video_sink import Encoding
 from fpsboost.overlap import read_ahead, write_behind
 from fpsboost.timing import ByFactor, ByRate, Schedule, Step
 

@@ -19,7 +19,9 @@ from hypothesis import strategies as st
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import images
-from fpsboost.media.images import ImageSink, ImageSource, Numbering, is_pattern, read_image
+from fpsboost.media.image_files import read_image
+from fpsboost.media.images import ImageSink, ImageSource
+from fpsboost.media.numbering import Numbering, is_pattern
 
 RATE = Fraction(24000, 1001)
 HEIGHT, WIDTH = 12, 18

@@ -209,7 +209,7 @@ def test_options_reach_the_estimator_and_the_synthesizer():
         ("blend", {"patch_radius": 3}, "--patch-radius does not apply"),
         ("dis", {"cuts": None}, "--cuts does not apply"),
         ("nlm", {"patch_radius": 99}, "--patch-radius must be"),
-        ("nlm-exhaustive", {"iterations": 0}, "--iterations must be"),
+        ("nlm-exhaustive", {"iterations": 0}, "iterations must be"),
     ],
 )
 def test_options_of_other_methods_and_bad_values_are_refused(method, options, message):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from truth import noise, translation, waves
-from twins import best_offset, box_weights, gaussian_weights, patch_scores, pixel_similarity
+from twins import best_offset, box_weights, gaussian_weights, patch_scores, pixel_similarity, uncompiled
 
 from fpsboost.kernels.search import STRIP, centre_out, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
@@ -121,7 +121,7 @@ def test_offsets_beyond_the_search_radius_are_not_found():
 
 def test_order_of_offsets_is_a_permutation_from_the_centre_out():
     """Zero first, every offset once, and none before one that is smaller by more than three pixels."""
-    order = [centre_out.py_func(k) for k in range(80)]
+    order = [uncompiled(centre_out)(k) for k in range(80)]
     assert order[0] == 0
     assert len(set(order)) == len(order)
     assert set(order) >= set(range(-30, 31))
@@ -147,10 +147,10 @@ def test_similarity_is_the_reports_exponential():
     for v in (0.06, 0.25):
         exact = pixel_similarity(a, b, v)
         scaled0, scaled1 = (np.float32(values * colour_scale(v)) for values in (a, b))
-        found = np.array([similarity.py_func(*p, *q) for p, q in zip(scaled0, scaled1, strict=True)]) / UNIT
+        found = np.array([uncompiled(similarity)(*p, *q) for p, q in zip(scaled0, scaled1, strict=True)]) / UNIT
         assert np.abs(found - exact).max() < 2e-6
         assert exact.min() < 0.02
-    assert similarity.py_func(*np.float32([1, 2, 3]), *np.float32([1, 2, 3])) == UNIT == 1 << FRACTION_BITS
+    assert uncompiled(similarity)(*np.float32([1, 2, 3]), *np.float32([1, 2, 3])) == UNIT == 1 << FRACTION_BITS
 
 
 def test_windows_sum_to_one_and_are_symmetric():

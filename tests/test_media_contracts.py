@@ -17,8 +17,8 @@ from video_truth import packets_of, scene, write_clip
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
+from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import open_sink, open_source
-from fpsboost.media.video_sink import Encoding
 
 RATE = Fraction(24)
 COUNT = 6

@@ -9,9 +9,11 @@ from video_truth import write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.media import OutputTiming
-from fpsboost.media.images import IMAGE_SUFFIXES, ImageSink, ImageSource
+from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.media.image_files import IMAGE_SUFFIXES
+from fpsboost.media.images import ImageSink, ImageSource
 from fpsboost.media.opening import ASSUMED_IMAGE_RATE, makes_video, open_sink, open_source
-from fpsboost.media.video_sink import VIDEO_SUFFIXES, Encoding, VideoSink
+from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 
 

@@ -15,8 +15,10 @@ from video_truth import QUARTER_TURN, packets_of, pictures_of, png, samples_of, 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import OutputTiming
-from fpsboost.media.video_sink import VIDEO_SUFFIXES, Encoding, VideoSink, from_bgr
+from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
+from fpsboost.media.ycc import from_bgr
 from fpsboost.timing import ByFactor
 
 FAST = Encoding(preset="ultrafast")

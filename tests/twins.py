@@ -218,3 +218,8 @@ def blended(image0: Array, image1: Array, motion: Array, t: float) -> Array:
             weight = t if inside0 == inside1 else float(inside1)
             out[y, x] = (1 - weight) * sampled(image0, *ends[0]) + weight * sampled(image1, *ends[1])
     return out
+
+
+def uncompiled(kernel):
+    """The plain function behind a kernel, also where NUMBA_DISABLE_JIT has left it plain."""
+    return getattr(kernel, "py_func", kernel)

@@ -7,8 +7,11 @@ from pathlib import Path
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
-from fpsboost.media.images import IMAGE_SUFFIXES, ImageSink, ImageSource, is_pattern
-from fpsboost.media.video_sink import VIDEO_SUFFIXES, Encoding, VideoSink
+from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.media.image_files import IMAGE_SUFFIXES
+from fpsboost.media.images import ImageSink, ImageSource
+from fpsboost.media.numbering import is_pattern
+from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 
 ASSUMED_IMAGE_RATE = Fraction(24)

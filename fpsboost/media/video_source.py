@@ -1,9 +1,7 @@
 """Read a video file: frames in presentation order, exact times, no silent loss.
 
 FFmpeg decodes, through PyAV, because times stay exact ticks, deep formats stay deep, and damage is reported packet by
-packet. Only YCbCr <-> BGR is done here instead of by FFmpeg's scaler, which is off by half a level in full range and by
-up to 255 of 65535 in deep formats: the scaler brings a picture to 4:4:4, a 3x4 matrix does the rest, and the sink
-applies its exact inverse.
+packet.
 """
 
 from __future__ import annotations
@@ -19,38 +17,12 @@ from typing import Any, Self, cast
 import av
 import av.container
 import av.error
-import cv2
 import numpy as np
 from av.video.reformatter import VideoReformatter
-from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
-
-SMPTE170M, BT709 = 6, 1  # AVColorSpace
-FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
-
-luma_weights = {
-    1: (0.2126, 0.0722),
-    4: (0.30, 0.11),
-    5: (0.299, 0.114),
-    6: (0.299, 0.114),
-    7: (0.212, 0.087),
-    9: (0.2627, 0.0593),
-}
-"""(red, blue) share of luma by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
-
-SCALER_FLAGS = 0x4 | 0x40000 | 0x2000 | 0x4000
-"""Bicubic, accurate rounding, full chroma interpolation and input: without them chroma drifts by half a level."""
-
-chroma_locations = {
-    (0.0, 0.5): "left",
-    (0.5, 0.5): "center",
-    (0.0, 0.0): "topleft",
-    (0.5, 0.0): "top",
-    (0.0, 1.0): "bottomleft",
-    (0.5, 1.0): "bottom",
-}
+from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range, to_bgr
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
@@ -223,8 +195,8 @@ class VideoSource:
                 image, original = turned_upright(image, traits.display_matrix), None
             last = Frame(image, time, self._duration_of(picture), original)
             first = time if first is None else first
-        if last is None or first is None:
-            raise InputError(f"{self._name} holds no frame that can be decoded; check it with a player.")
+        assert last is not None  # `traits` has found a frame, and the first one is never left out
+        assert first is not None
         yield Frame(last.image, last.time, self._last_duration(last), last.original)
         self._conclude(count, first, last.time + last.duration)
 
@@ -450,138 +422,6 @@ def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
     else:
         left, down = matrix[0], matrix[4]
     return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])
-
-
-def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
-    """Convert a decoded picture by its own colour matrix and range; `from_bgr` of the sink is the inverse.
-
-    Parameters
-    ----------
-    picture : av.VideoFrame
-        Any pixel format; alpha is dropped.
-    reformatter : VideoReformatter, optional
-        Keeps the scaler's tables from one frame to the next.
-
-    Returns
-    -------
-    (H, W, 3) uint8, or uint16 where the format has more than 8 bits.
-
-    Raises
-    ------
-    ValueError
-        The colour matrix is not supported.
-    """
-    scaler = reformatter or VideoReformatter()
-    bits = picture.format.components[0].bits
-    top = 255 if bits <= 8 else 65535
-    if picture.format.is_rgb:
-        packed = scaler.reformat(picture, format="bgr24" if bits <= 8 else "bgr48le", interpolation=SCALER_FLAGS)
-        return np.ascontiguousarray(packed.to_ndarray())
-    full = is_full_range(picture)
-    colour_range = FULL_RANGE if full else LIMITED_RANGE
-    planar = scaler.reformat(
-        picture,
-        format=full_chroma(bits),
-        interpolation=SCALER_FLAGS,
-        src_color_range=colour_range,
-        dst_color_range=colour_range,
-    )
-    bits = planar.format.components[0].bits
-    forward = bgr_to_ycc(color_space_of(picture), full, bits, top)
-    inverse = np.linalg.inv(forward[:, :3])
-    backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
-    image: Image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
-    return image
-
-
-def full_chroma(bits: int) -> str:
-    """Name the 4:4:4 format that holds this many bits per sample."""
-    if bits <= 8:
-        return "yuv444p"
-    return f"yuv444p{bits}le" if bits in (9, 10, 12, 14) else "yuv444p16le"
-
-
-def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
-    """Views of a planar picture's planes, without the padding that FFmpeg adds to every row."""
-    dtype: np.dtype[Any] = np.dtype(np.uint8 if picture.format.components[0].bits <= 8 else np.uint16)
-    return [
-        np.frombuffer(memoryview(plane), dtype).reshape(-1, plane.line_size // dtype.itemsize)[
-            : plane.height, : plane.width
-        ]
-        for plane in picture.planes
-    ]
-
-
-def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: int) -> NDArray[np.float64]:
-    """The matrix from BGR in [0, top] to the code values of Y, Cb, Cr.
-
-    Returns
-    -------
-    (3, 4) float64
-        Linear part and, as the last column, the offset.
-    """
-    red, blue = luma_weights[color_space]
-    luma = np.array([blue, 1 - red - blue, red])
-    chroma_blue = (np.array([1, 0, 0]) - luma) / (2 * (1 - blue))
-    chroma_red = (np.array([0, 0, 1]) - luma) / (2 * (1 - red))
-    unit = 2.0 ** (bits - 8)
-    luma_scale, chroma_scale, black = (219 * unit, 224 * unit, 16 * unit)
-    if full_range:
-        luma_scale, chroma_scale, black = (2.0**bits - 1, 2.0**bits - 1, 0.0)
-    linear = np.stack([luma * luma_scale, chroma_blue * chroma_scale, chroma_red * chroma_scale]) / top
-    return np.column_stack([linear, [black, 128 * unit, 128 * unit]])
-
-
-def color_space_of(picture: av.VideoFrame) -> int:
-    """The AVColorSpace to convert with: the tag, or what an untagged video of this size means.
-
-    Raises
-    ------
-    ValueError
-        A tag that is no plain luma-chroma matrix (YCgCo, ICtCp...).
-    """
-    tag = int(picture.colorspace)
-    if picture.format.is_rgb or tag in (0, 2, 3):
-        return BT709 if picture.height >= 720 else SMPTE170M
-    if tag not in luma_weights:
-        raise ValueError(f"colour matrix {tag}")
-    return tag
-
-
-def is_full_range(picture: av.VideoFrame) -> bool:
-    """Whether code values use the whole range; untagged YCbCr does not."""
-    return int(picture.color_range) == FULL_RANGE or picture.format.name.startswith("yuvj") or picture.format.is_rgb
-
-
-def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) -> str:
-    """Find where the scaler takes this picture's chroma samples to be.
-
-    PyAV does not show the tag, so a ramp is subsampled under the picture's own properties, and the values that come
-    out tell their place.
-    """
-    size, step = 32, 4
-    if picture.format.is_rgb or len(picture.planes) < 2:
-        return "left"
-    ramp = reformatter.reformat(
-        picture,
-        width=size,
-        height=size,
-        format="yuv444p",
-        interpolation=SCALER_FLAGS,
-        src_color_range=FULL_RANGE,
-        dst_color_range=FULL_RANGE,
-    )
-    if ramp is picture:  # already of this size and kind: never write into a decoded picture
-        return "left"
-    rows, columns = np.mgrid[0:size, 0:size]
-    for plane, values in zip(plane_arrays(ramp), (128, 64 + step * columns, 64 + step * rows), strict=True):
-        plane[:] = values
-    small = reformatter.reformat(
-        ramp, format="yuv420p", interpolation=SCALER_FLAGS, src_color_range=FULL_RANGE, dst_color_range=FULL_RANGE
-    )
-    _, across, down = plane_arrays(small)
-    place = tuple((float(samples[8, 8]) - 64) / step - 16 for samples in (across, down))
-    return min(chroma_locations.items(), key=lambda item: abs(item[0][0] - place[0]) + abs(item[0][1] - place[1]))[1]
 
 
 def is_cover_art(stream: av.stream.Stream) -> bool:

@@ -47,7 +47,7 @@ class Reproject:
     def __post_init__(self) -> None:
         check_choice("--search", self.search, get_args(SourceSearch))
         if self.iterations < 1:
-            raise OptionError(f"--iterations must be at least 1, not {self.iterations}.")
+            raise OptionError(f"iterations must be at least 1, not {self.iterations}.")
 
     def synthesize(
         self, image0: Image, image1: Image, field01: MotionField, field10: MotionField, times: Sequence[float]

@@ -1,0 +1,229 @@
+"""Everything of a video file but its pictures: sound, subtitles, cover, titles and chapters, carried over untouched."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from io import BytesIO
+from typing import Any
+
+import av
+import av.container
+import av.error
+
+from fpsboost.errors import OutputError
+from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
+from fpsboost.media.video_source import VideoSource, is_cover_art, open_video
+
+
+class OtherStreams:
+    """Sound, subtitles, attachments and titles on their way from the source file to the output, unchanged.
+
+    The source is opened a second time, so that these packets are read when they are due and memory stays flat.
+
+    Parameters
+    ----------
+    source : VideoSource
+    output : av.container.OutputContainer
+        Not started yet.
+    video : av.VideoStream
+        The output's video stream.
+    encoding : Encoding
+    container, name : str
+        FFmpeg's name of the output's container, and the path for messages.
+    """
+
+    def __init__(
+        self,
+        source: VideoSource,
+        output: av.container.OutputContainer,
+        video: av.VideoStream,
+        *,
+        encoding: Encoding,
+        container: str,
+        name: str,
+    ) -> None:
+        self.remarks: list[str] = []
+        self._output, self._name, self._container, self._source = output, name, container, source
+        self._input = open_video(source.path, source.info.name)
+        self._targets: dict[int, av.stream.Stream] = {}
+        self._last_dts: dict[int, int] = {}
+        self._covers: list[av.stream.Stream] = []
+        _copy_titles(self._input, output)
+        _copy_labels(self._input.streams[source.stream_index], video)
+        for stream in self._input.streams:
+            if stream.index != source.stream_index:
+                self._add(stream, encoding)
+        self.clock = _clock_of_starts(self._input)
+        self._packets = self._read()
+        self._ahead: av.Packet[av.stream.Stream] | None = None
+
+    def close(self) -> None:
+        self._packets.close()  # type: ignore[attr-defined]
+        self._input.close()
+
+    def copy_until(self, time: Fraction | None) -> None:
+        """Write what is due before `time` in seconds; everything for None."""
+        while True:
+            packet, self._ahead = self._ahead or next(self._packets, None), None
+            if packet is None:
+                return
+            if time is not None and packet.dts is not None and packet.dts * Fraction(packet.time_base) > time:
+                self._ahead = packet
+                return
+            self._copy(packet)
+
+    def copy_cover(self) -> None:
+        """Write pictures attached to the file, which mp4 wants right after its header."""
+        for stream in self._covers:
+            packet = _attached_picture(self._source, stream.index)
+            if packet is not None:
+                packet.stream = self._targets[stream.index]
+                self._output.mux(packet)
+
+    def _add(self, stream: av.stream.Stream, encoding: Encoding) -> None:
+        """Give a stream its counterpart in the output, or remark that there is none."""
+        if stream.type == "video" and is_cover_art(stream):
+            self._add_cover(stream)
+        elif _is_wanted(stream, encoding):
+            target = self._output.add_stream_from_template(stream)
+            _copy_labels(stream, target)
+            self._targets[stream.index] = target
+        elif stream.type == "attachment" and self._container == "matroska":
+            self._output.add_stream_from_template(stream)
+        elif stream.type in ("data", "attachment") and stream.discard != av.stream.Discard.all:
+            self.remarks.append(f"{self._name} does not hold stream {stream.index} ({stream.type}) of its source.")
+
+    def _add_cover(self, stream: av.stream.Stream) -> None:
+        picture = stream.metadata
+        if self._container == "matroska":
+            packet = _attached_picture(self._source, stream.index)
+            if packet is not None:
+                kind = "png" if stream.name == "png" else "jpeg"
+                self._output.add_attachment(
+                    picture.get("filename", f"cover.{kind}"), picture.get("mimetype", f"image/{kind}"), bytes(packet)
+                )
+                return
+        elif self._container == "mp4" and stream.name in ("png", "mjpeg"):
+            target = self._output.add_stream_from_template(stream, opaque=True)
+            target.disposition = av.stream.Disposition.attached_pic
+            self._targets[stream.index] = target
+            self._covers.append(stream)
+            return
+        self.remarks.append(f"{self._name} does not hold the cover picture of its source.")
+
+    def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
+        covers = {stream.index for stream in self._covers}
+        wanted = [self._input.streams[index] for index in self._targets if index not in covers]
+        if not wanted:
+            return
+        try:
+            for packet in self._input.demux(wanted):
+                if packet.size and packet.dts is not None:
+                    yield packet
+        except av.error.FFmpegError:
+            self.remarks.append(
+                f"{self._source.info.name} is damaged, so sound and subtitles end early in {self._name}; listen to it."
+            )
+
+    def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
+        """Mux one packet, unless its time runs backwards, which no container takes."""
+        assert packet.dts is not None
+        index, kind = packet.stream.index, packet.stream.type
+        last = self._last_dts.get(index)
+        equal_is_fine = kind == "subtitle" or self._container not in EXACT_CLOCKS
+        if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
+            sentence = f"{self._source.info.name} has sound or subtitle packets out of order, which were left out."
+            if sentence not in self.remarks:
+                self.remarks.append(sentence)
+            return
+        self._last_dts[index] = packet.dts
+        packet.stream = self._targets[index]
+        self._output.mux(packet)
+
+
+def check_streams(source: VideoSource, encoding: Encoding, encoder: str, container: str, name: str) -> None:
+    """Raise `OutputError` where the container cannot hold the source's sound or subtitles."""
+    with open_video(source.path, source.info.name) as file:
+        streams = [stream for stream in file.streams if _is_wanted(stream, encoding)]
+        codecs = [stream.codec_context.codec.name if stream.codec_context else "" for stream in streams]
+        for stream, codec in zip(streams, codecs, strict=True):
+            if holds(container, codec) and _takes(container, stream):
+                continue
+            what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
+            others = suffixes_holding([*codecs, encoder] if encoding.codec else codecs)
+            instead = f"write {' or '.join(others)}, or " if others else ""
+            called = stream.codec_context.codec.canonical_name if codec else "unknown"
+            raise OutputError(
+                f"{name} cannot hold the {called} {what} of {source.info.name}; {instead}leave the {what} "
+                f"out with {option}."
+            )
+
+
+def _is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
+    return (stream.type == "audio" and encoding.audio) or (stream.type == "subtitle" and encoding.subtitles)
+
+
+def _takes(container: str, stream: av.stream.Stream) -> bool:
+    """Whether a container takes this very stream: some names are in its list and still refused."""
+    try:
+        with av.open(BytesIO(), "w", format=container) as probe:
+            target = probe.add_stream_from_template(stream)
+            probe.start_encoding()
+            packet = av.Packet(bytes(64))
+            packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
+            packet.time_base = target.time_base or Fraction(1)
+            probe.mux(packet)
+    except (av.error.FFmpegError, ValueError):
+        return False
+    return True
+
+
+def _copy_titles(file: av.container.InputContainer, output: av.container.OutputContainer) -> None:
+    """Title, artist and chapters; not what describes the old file's making."""
+    skipped = {"major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"}
+    output.metadata.update({key: value for key, value in file.metadata.items() if key.lower() not in skipped})
+    output.set_chapters(file.chapters())
+
+
+def _copy_labels(stream: av.stream.Stream, target: av.stream.Stream) -> None:
+    """Language, title and role of a stream."""
+    skipped = (
+        "encoder",
+        "duration",
+        "vendor_id",
+        "rotate",
+        "timecode",
+        "alpha_mode",
+        "number_of",
+        "bps",
+        "_statistics",
+    )
+    labels = {key: value for key, value in stream.metadata.items() if not key.lower().startswith(skipped)}
+    target.metadata.update(labels)
+    target.disposition = stream.disposition
+
+
+def _clock_of_starts(file: av.container.InputContainer) -> int:
+    """Ticks per second that tell exactly when each stream starts, which mp4 otherwise rounds to milliseconds."""
+    starts = [
+        stream.start_time * Fraction(stream.time_base)
+        for stream in file.streams
+        if stream.start_time is not None and stream.time_base
+    ]
+    ticks = math.lcm(1000, *(start.denominator for start in starts))
+    return ticks if ticks < 2**31 else 1000
+
+
+def _attached_picture(source: VideoSource, index: int) -> av.Packet[Any] | None:
+    """Read a picture attached to the file, which FFmpeg delivers as the first packet of a stream of its own.
+
+    The file is opened for it alone: going back to the start afterwards would lose sound from before time 0.
+    """
+    with open_video(source.path, source.info.name) as file:
+        try:
+            packet = next(iter(file.demux(file.streams[index])), None)
+        except av.error.FFmpegError:
+            return None
+    return packet if packet is not None and packet.size else None

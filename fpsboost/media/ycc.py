@@ -1,0 +1,266 @@
+"""Decoded pictures as BGR and back: YCbCr by its own matrix, range and chroma location.
+
+This is not left to FFmpeg's scaler, which is off by half a level in full range and by up to 255 of 65535 in deep
+formats: the scaler brings a picture to 4:4:4, a 3x4 matrix does the rest, and the way back applies its exact inverse.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import av
+import av.filter
+import cv2
+import numpy as np
+from av.video.reformatter import VideoReformatter
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image
+
+SMPTE170M, BT709 = 6, 1  # AVColorSpace
+FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
+
+luma_weights = {
+    1: (0.2126, 0.0722),
+    4: (0.30, 0.11),
+    5: (0.299, 0.114),
+    6: (0.299, 0.114),
+    7: (0.212, 0.087),
+    9: (0.2627, 0.0593),
+}
+"""(red, blue) share of luma by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
+
+SCALER_FLAGS = 0x4 | 0x40000 | 0x2000 | 0x4000
+"""Bicubic, accurate rounding, full chroma interpolation and input: without them chroma drifts by half a level."""
+
+chroma_locations = {
+    (0.0, 0.5): "left",
+    (0.5, 0.5): "center",
+    (0.0, 0.0): "topleft",
+    (0.5, 0.0): "top",
+    (0.0, 1.0): "bottomleft",
+    (0.5, 1.0): "bottom",
+}
+"""FFmpeg's names by the place of a chroma sample: pixels right of and below the first luma sample."""
+
+packed_formats = {np.dtype(np.uint8): "bgr24", np.dtype(np.uint16): "bgr48le"}
+"""FFmpeg's name of an array of BGR."""
+
+
+def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
+    """Convert a decoded picture by its own colour matrix and range; `from_bgr` is the inverse.
+
+    Parameters
+    ----------
+    picture : av.VideoFrame
+        Any pixel format; alpha is dropped.
+    reformatter : VideoReformatter, optional
+        Keeps the scaler's tables from one frame to the next.
+
+    Returns
+    -------
+    (H, W, 3) uint8, or uint16 where the format has more than 8 bits.
+
+    Raises
+    ------
+    ValueError
+        The colour matrix is not supported.
+    """
+    scaler = reformatter or VideoReformatter()
+    bits = picture.format.components[0].bits
+    dtype = _sample_type(bits)
+    if picture.format.is_rgb:
+        packed = scaler.reformat(picture, format=packed_formats[dtype], interpolation=SCALER_FLAGS)
+        return np.ascontiguousarray(packed.to_ndarray())
+    full = is_full_range(picture)
+    planar = reformatted(picture, scaler, full_chroma(bits), full)
+    bits = planar.format.components[0].bits
+    forward = bgr_to_ycc(color_space_of(picture), full, bits, np.iinfo(dtype).max)
+    inverse = np.linalg.inv(forward[:, :3])
+    backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
+    image: Image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
+    return image
+
+
+def from_bgr(
+    image: Image,
+    pixel_format: str,
+    color_space: int,
+    full_range: bool,
+    *,
+    chroma_location: str = "left",
+    reformatter: VideoReformatter | None = None,
+) -> av.VideoFrame:
+    """Convert an image into a picture for an encoder; `to_bgr` is the inverse.
+
+    Parameters
+    ----------
+    image : (H, W, 1, 3 or 4) uint8, uint16 or float32
+        Gray, BGR or BGRA; alpha is dropped, float32 is clipped to [0, 1].
+    pixel_format : str
+        FFmpeg's name, ``yuv420p10le``.
+    color_space : int
+        AVColorSpace whose matrix to use.
+    full_range : bool
+        Black is 0 rather than 16 (in 8 bits).
+    chroma_location : str
+        Where a subsampled chroma sample sits.
+    reformatter : VideoReformatter, optional
+        Keeps the scaler's tables from one frame to the next.
+    """
+    scaler = reformatter or VideoReformatter()
+    image = _as_bgr(image)
+    height, width = image.shape[:2]
+    target = av.VideoFormat(pixel_format)
+    if target.is_rgb:
+        frame = av.VideoFrame.from_ndarray(image, format=packed_formats[image.dtype])
+        return scaler.reformat(frame, format=pixel_format, interpolation=SCALER_FLAGS)
+    bits = target.components[0].bits
+    if bits > 8 and image.dtype == np.uint8:  # the matrix product keeps the type, and needs room for its result
+        image = image.astype(np.uint16) * 257
+    planar = av.VideoFrame(width, height, full_chroma(bits))
+    bits = planar.format.components[0].bits
+    matrix = bgr_to_ycc(color_space, full_range, bits, np.iinfo(image.dtype).max)
+    codes = np.minimum(cv2.transform(image, matrix), 2**bits - 1)  # a pure colour of full range is one half above
+    for channel, plane in enumerate(plane_arrays(planar)):
+        plane[:] = codes[..., channel]
+    return reformatted(_with_chroma_location(planar, chroma_location), scaler, pixel_format, full_range)
+
+
+def _as_bgr(image: Image) -> Image:
+    """Three contiguous integer channels."""
+    if image.dtype == np.float32:
+        image = np.rint(np.clip(image, 0, 1) * np.float32(65535)).astype(np.uint16)
+    if image.shape[2] == 1:
+        return np.repeat(image, 3, axis=2)
+    return np.ascontiguousarray(image[..., :3])
+
+
+def _with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame:
+    """Label a picture with its chroma location, which PyAV can do only through a filter; no pixel is copied."""
+    graph = av.filter.Graph()
+    entry = graph.add_buffer(
+        width=picture.width, height=picture.height, format=picture.format, time_base=Fraction(1, 1000)
+    )
+    graph.link_nodes(entry, graph.add("setparams", f"chroma_location={location}"), graph.add("buffersink")).configure()
+    graph.push(picture)
+    labelled = graph.pull()
+    assert isinstance(labelled, av.VideoFrame)
+    return labelled
+
+
+def reformatted(
+    picture: av.VideoFrame,
+    reformatter: VideoReformatter,
+    pixel_format: str,
+    full_range: bool,
+    *,
+    size: int | None = None,
+) -> av.VideoFrame:
+    """Bring a YCbCr picture to another YCbCr format; matrix and range stay as they are.
+
+    Parameters
+    ----------
+    picture : av.VideoFrame
+    reformatter : VideoReformatter
+    pixel_format : str
+        FFmpeg's name.
+    full_range : bool
+        Black is 0 rather than 16 (in 8 bits), before and after.
+    size : int, optional
+        New width and height.
+    """
+    colour_range = FULL_RANGE if full_range else LIMITED_RANGE
+    return reformatter.reformat(
+        picture,
+        width=size,
+        height=size,
+        format=pixel_format,
+        interpolation=SCALER_FLAGS,
+        src_color_range=colour_range,
+        dst_color_range=colour_range,
+    )
+
+
+def full_chroma(bits: int) -> str:
+    """Name the 4:4:4 format that holds this many bits per sample."""
+    if bits <= 8:
+        return "yuv444p"
+    return f"yuv444p{bits}le" if bits in (9, 10, 12, 14) else "yuv444p16le"
+
+
+def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
+    """Views of a planar picture's planes, without the padding that FFmpeg adds to every row."""
+    dtype = _sample_type(picture.format.components[0].bits)
+    return [
+        np.frombuffer(memoryview(plane), dtype).reshape(-1, plane.line_size // dtype.itemsize)[
+            : plane.height, : plane.width
+        ]
+        for plane in picture.planes
+    ]
+
+
+def _sample_type(bits: int) -> np.dtype[Any]:
+    return np.dtype(np.uint8 if bits <= 8 else np.uint16)
+
+
+def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: int) -> NDArray[np.float64]:
+    """The matrix from BGR in [0, top] to the code values of Y, Cb, Cr.
+
+    Returns
+    -------
+    (3, 4) float64
+        Linear part and, as the last column, the offset.
+    """
+    red, blue = luma_weights[color_space]
+    luma = np.array([blue, 1 - red - blue, red])
+    chroma_blue = (np.array([1, 0, 0]) - luma) / (2 * (1 - blue))
+    chroma_red = (np.array([0, 0, 1]) - luma) / (2 * (1 - red))
+    unit = 2.0 ** (bits - 8)
+    luma_scale, chroma_scale, black = (219 * unit, 224 * unit, 16 * unit)
+    if full_range:
+        luma_scale, chroma_scale, black = (2.0**bits - 1, 2.0**bits - 1, 0.0)
+    linear = np.stack([luma * luma_scale, chroma_blue * chroma_scale, chroma_red * chroma_scale]) / top
+    return np.column_stack([linear, [black, 128 * unit, 128 * unit]])
+
+
+def color_space_of(picture: av.VideoFrame) -> int:
+    """The AVColorSpace to convert with: the tag, or what an untagged video of this size means.
+
+    Raises
+    ------
+    ValueError
+        A tag that is no plain luma-chroma matrix (YCgCo, ICtCp...).
+    """
+    tag = int(picture.colorspace)
+    if picture.format.is_rgb or tag in (0, 2, 3):
+        return BT709 if picture.height >= 720 else SMPTE170M
+    if tag not in luma_weights:
+        raise ValueError(f"colour matrix {tag}")
+    return tag
+
+
+def is_full_range(picture: av.VideoFrame) -> bool:
+    """Whether code values use the whole range; untagged YCbCr does not."""
+    return int(picture.color_range) == FULL_RANGE or picture.format.name.startswith("yuvj") or picture.format.is_rgb
+
+
+def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) -> str:
+    """Find where the scaler takes this picture's chroma samples to be.
+
+    PyAV does not show the tag, so a ramp is subsampled under the picture's own properties, and the values that come
+    out tell their place.
+    """
+    size, step = 32, 4
+    if picture.format.is_rgb or len(picture.planes) < 2:
+        return "left"
+    ramp = reformatted(picture, reformatter, "yuv444p", True, size=size)
+    if ramp is picture:  # already of this size and kind: never write into a decoded picture
+        return "left"
+    rows, columns = np.mgrid[0:size, 0:size]
+    for plane, values in zip(plane_arrays(ramp), (128, 64 + step * columns, 64 + step * rows), strict=True):
+        plane[:] = values
+    _, across, down = plane_arrays(reformatted(ramp, reformatter, "yuv420p", True))
+    place = tuple((float(samples[8, 8]) - 64) / step - 16 for samples in (across, down))
+    return min(chroma_locations.items(), key=lambda item: abs(item[0][0] - place[0]) + abs(item[0][1] - place[1]))[1]
