@@ -7,7 +7,7 @@ import pytest
 from truth import noise, translation, waves
 from twins import best_offset, box_weights, gaussian_weights, patch_scores, pixel_similarity, uncompiled
 
-from fpsboost.kernels.search import STRIP, centre_out, rank_offsets
+from fpsboost.kernels.search import STRIP, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
 from fpsboost.kernels.tiles import TILE
 from fpsboost.motion.exhaustive import search_by_passes, search_fused, window_taps
@@ -117,15 +117,6 @@ def test_offsets_beyond_the_search_radius_are_not_found():
         assert to_x.max() < 23
         assert to_y.min() >= 0
         assert to_y.max() < 20
-
-
-def test_order_of_offsets_is_a_permutation_from_the_centre_out():
-    """Zero first, every offset once, and none before one that is smaller by more than three pixels."""
-    order = [uncompiled(centre_out)(k) for k in range(80)]
-    assert order[0] == 0
-    assert len(set(order)) == len(order)
-    assert set(order) >= set(range(-30, 31))
-    assert all(abs(earlier) <= abs(later) + 3 for k, earlier in enumerate(order) for later in order[k:])
 
 
 @pytest.mark.parametrize("radius", [1, 4, 17])

@@ -28,15 +28,8 @@ STRIP = 640
 BAND = 192
 """Largest number of rows per band."""
 
-GROUP = 8
-"""Offsets, a multiple of four, that go down the rows together: the rows they read stay in the first-level cache."""
-
-
-@njit(inline="always", **FINITE_JIT)
-def centre_out(k):
-    """0, 1, 2, 3, 4, ... -> 0, 1, 2, 3, -1, -2, -3, -4, 4, 5, ...: fours of neighbours, the smaller motion first."""
-    four, rest = k // 4, k % 4
-    return four // 2 * 4 + rest if four % 2 == 0 else -(four // 2 * 4 + rest + 1)
+GROUP = 2
+"""Fours of offsets that go down the rows together: the rows they read stay in the first-level cache."""
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -179,23 +172,20 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     @njit(parallel=True, cache=True, **FINITE_JIT)
     def search(planes0, planes1, height, width, ranks, best01, winners01, best10, winners10):
         margin = size - 1
-        side = len(ranks)
-        search_radius = side // 2
+        search_radius = len(ranks) // 2
         shift = search_radius + 4
         bands = (height + BAND - 1) // BAND
         rows = (height + bands - 1) // bands
         room = (STRIP + margin + 3 * LANES - 1) // LANES * LANES  # whole lanes keep every row aligned
-        for vertical in range(side + 7):
-            dy = centre_out(vertical)
-            if abs(dy) > search_radius:
-                continue
+        last_four = search_radius // 4
+        for dy in range(-search_radius, search_radius + 1):
             for number in prange(bands):
                 band = np.int64(number)  # the loop's own index is unsigned
                 top, bottom = max(band * rows, -dy), min((band + 1) * rows, height, height - dy)
                 if top >= bottom:
                     continue
-                rings = np.empty((GROUP, ring_rows, room), dtype)
-                columns = np.empty((GROUP, room + reach + LANES), dtype)
+                rings = np.empty((4 * GROUP, ring_rows, room), dtype)
+                columns = np.empty((4 * GROUP, room + reach + LANES), dtype)
                 partial = np.empty(room + reach, dtype)
                 # what lies before the first pixel and behind the last is no candidate: the four read over the edge
                 totals = np.full((4, room + 2 * LANES), -1, dtype)
@@ -203,22 +193,24 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                     pixels = min(STRIP, width - left)
                     whole = (pixels + LANES - 1) // LANES * LANES
                     spread = (pixels + margin + LANES - 1) // LANES * LANES
-                    for group in range(0, side + 7, GROUP):
+                    for group in range(-last_four - 1, last_four + 1, GROUP):
                         rings[:] = 0
                         columns[:] = 0
                         for row in range(top, bottom + margin):
                             y = row - margin
-                            for four in range(group, group + GROUP, 4):
-                                dx, step = centre_out(four), 1 - four // 4 % 2 * 2
-                                if abs(dx) > search_radius:
-                                    continue
+                            for four in range(group, min(group + GROUP, last_four + 1)):
+                                # the offset nearest to zero goes first, as its rank is lowest
+                                dx, step = (4 * four, 1) if four >= 0 else (4 * four + 3, -1)
                                 for which in range(4):
                                     offset = dx + step * which
                                     total = totals[which, LANES:]
                                     if abs(offset) > search_radius:
                                         total[: whole + LANES] = -1
                                         continue
-                                    ring, column = rings[four - group + which], columns[four - group + which]
+                                    ring, column = (
+                                        rings[4 * (four - group) + which],
+                                        columns[4 * (four - group) + which],
+                                    )
                                     begin = left + shift + offset
                                     # one slice a plane: a slice of all three would be strided and would not vectorise
                                     a0 = planes0[0, row, left : left + spread]
@@ -244,13 +236,12 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     total[max(0, last) : whole + LANES] = -1
                                 if y < top:
                                     continue
-                                middle = search_radius
                                 keep_best_of_four(
                                     totals[0, LANES:],
                                     totals[1, LANES:],
                                     totals[2, LANES:],
                                     totals[3, LANES:],
-                                    four_ranks(ranks, middle + dy, middle + dx, step),
+                                    four_ranks(ranks, search_radius + dy, search_radius + dx, step),
                                     whole,
                                     best01[y, left:],
                                     winners01[y, left:],
@@ -263,7 +254,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     totals[1, shift0 - step :],
                                     totals[2, shift0 - 2 * step :],
                                     totals[3, shift0 - 3 * step :],
-                                    four_ranks(ranks, middle - dy, middle - dx, -step),
+                                    four_ranks(ranks, search_radius - dy, search_radius - dx, -step),
                                     whole + LANES,
                                     best10[y + dy, begin:],
                                     winners10[y + dy, begin:],
