@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from fpsboost.kernels.box import slide_box, sum_box_across
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.similarity import similarity
 
@@ -58,32 +59,6 @@ def four_ranks(ranks, y, x, step):
         ranks[y, x + 2 * step] if 0 <= x + 2 * step < size else np.int32(0),
         ranks[y, x + 3 * step] if 0 <= x + 3 * step < size else np.int32(0),
     )
-
-
-@njit(inline="always", **FINITE_JIT)
-def slide_box(a0, a1, a2, b0, b1, b2, slot, width, ring, column):
-    """Move the column sums of a box down by one row: the new row in, the oldest out."""
-    oldest = ring[slot]
-    for x in range(width):
-        w = np.int32(similarity(a0[x], a1[x], a2[x], b0[x], b1[x], b2[x]))
-        column[x] += w - oldest[x]
-        oldest[x] = w
-
-
-@njit(inline="always", **FINITE_JIT)
-def sum_box_across(column, size, width, partial, total):
-    """Sum `size` neighbouring column sums, by way of sums of five."""
-    fives, rest = size // 5, size % 5
-    reach = (size + LANES - 1) // LANES * LANES
-    for x in range(width + reach):
-        partial[x] = column[x] + column[x + 1] + column[x + 2] + column[x + 3] + column[x + 4]
-    for x in range(width):
-        value = np.int32(0)
-        for k in range(fives):
-            value += partial[x + 5 * k]
-        for k in range(rest):
-            value += column[x + 5 * fives + k]
-        total[x] = value
 
 
 @njit(inline="always", **FINITE_JIT)
