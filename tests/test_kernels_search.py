@@ -7,11 +7,13 @@ import pytest
 from truth import noise, translation, waves
 from twins import best_offset, box_weights, gaussian_weights, patch_scores, pixel_similarity, uncompiled
 
+from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.search import STRIP, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
-from fpsboost.kernels.tiles import TILE
+from fpsboost.kernels.tiles import PADDING, TILE, tile_kernel
+from fpsboost.motion.colour import padded_planes
 from fpsboost.motion.exhaustive import search_by_passes, search_fused, window_taps
-from fpsboost.motion.nlm import search_full
+from fpsboost.motion.field import MotionField
 
 TOLERANCE = 1e-5
 WEIGHTS = {"box": box_weights, "gaussian": gaussian_weights}
@@ -152,6 +154,26 @@ def test_windows_sum_to_one_and_are_symmetric():
         np.testing.assert_allclose(np.outer(gaussian, gaussian), gaussian_weights(radius), atol=1e-12)
 
 
+@pytest.mark.parametrize("window", ["box", "gaussian"])
+def test_motion_pays_its_price(window):
+    """With a penalty the exhaustive search finds the twin's best similarity less the price of length."""
+    image0, image1 = colours(13, 17, 20), colours(13, 17, 21)
+    scores = patch_scores(image0, image1, 4, WEIGHTS[window](2), 0.25, repeat_target=False)
+    away = np.abs(np.arange(-4, 5))
+    expected = best_offset(scores - 0.01 * (away[:, np.newaxis] + away))
+    assert_fields_agree(search_fused(image0, image1, 4, 2, window, 0.25, 0.01)[0], expected)
+
+
+def search_tiles(image0, image1, reach, patch_radius, v, penalty=0.0):
+    """The tile kernel around no motion."""
+    padding = PADDING + patch_radius
+    planes0, planes1 = (padded_planes(image, padding, 0, LANES, colour_scale(v)) for image in (image0, image1))
+    still = np.zeros((*image0.shape[:2], 2), np.int32)
+    best, flow = np.empty(image0.shape[:2], np.float32), np.empty((*image0.shape[:2], 2), np.float32)
+    tile_kernel(patch_radius)(planes0, planes1, still, reach, reach, np.float32(penalty), best, flow)
+    return MotionField(flow, best.clip(0, 1))
+
+
 @pytest.mark.parametrize(("height", "width", "radius"), [(9, 13, 3), (3, 5, 2), (1, 1, 2), (2, TILE + 7, 3)])
 @pytest.mark.parametrize("penalty", [0.0, 0.01])
 def test_tile_search_equals_its_slow_twin(height, width, radius, penalty):
@@ -160,7 +182,7 @@ def test_tile_search_equals_its_slow_twin(height, width, radius, penalty):
     scores = patch_scores(image0, image1, radius, box_weights(2), 0.25, True)
     away = np.abs(np.arange(-radius, radius + 1))
     flow, best, lead = best_offset(scores - penalty * (away[:, np.newaxis] + away))
-    field = search_full(image0, image1, radius, 2, 0.25, penalty)
+    field = search_tiles(image0, image1, radius, 2, 0.25, penalty)
     np.testing.assert_allclose(field.similarity, best.clip(0, 1), rtol=0, atol=TOLERANCE)
     clear = lead > TOLERANCE
     np.testing.assert_array_equal(field.flow[clear], flow[clear])
@@ -169,7 +191,7 @@ def test_tile_search_equals_its_slow_twin(height, width, radius, penalty):
 def test_tile_search_of_flat_frames_does_not_move():
     """The price of distance keeps flat areas still, over several tiles."""
     flat = np.full((TILE + 9, 2 * TILE + 3, 3), 0.7, np.float32)
-    field = search_full(flat, flat, 4, 2, 0.25, 0.004)
+    field = search_tiles(flat, flat, 4, 2, 0.25, 0.004)
     assert not field.flow.any()
     np.testing.assert_allclose(field.similarity, 1, rtol=0, atol=TOLERANCE)
 
@@ -178,7 +200,7 @@ def test_searches_of_smooth_frames_agree():
     """Away from the edges, tiles without a price and the exhaustive search score alike."""
     y, x = np.mgrid[0:40, 0:50].astype(float)
     image0, image1 = (waves(x + shift, y, seed=2).astype(np.float32) for shift in (0, 1.4))
-    tiles = search_full(image0, image1, 3, 2, 0.25)
+    tiles = search_tiles(image0, image1, 3, 2, 0.25)
     exhaustive, _ = search_fused(image0, image1, 3, 2, "box", 0.25)
     inner = slice(6, -6)
     np.testing.assert_allclose(tiles.similarity[inner, inner], exhaustive.similarity[inner, inner], atol=TOLERANCE)

@@ -34,11 +34,16 @@ GROUP = 2
 
 
 @njit(inline="always", **FINITE_JIT)
-def keep_best_of_four(total0, total1, total2, total3, ranks, width, best, winners):
-    """Where one of four totals beats `best`, or equals it at a lower rank, take it and its rank; ranks increase."""
+def keep_best_of_four(total0, total1, total2, total3, prices, ranks, width, best, winners):
+    """Where one of four totals less its price beats `best`, or equals it at a lower rank, take it and its rank.
+
+    Ranks increase from the first to the fourth.
+    """
+    price0, price1, price2, price3 = prices
     rank0, rank1, rank2, rank3 = ranks
     for x in range(width):
-        first, second, third, fourth, previous = total0[x], total1[x], total2[x], total3[x], best[x]
+        first, second = total0[x] - price0, total1[x] - price1
+        third, fourth, previous = total2[x] - price2, total3[x] - price3, best[x]
         swap01, swap23 = second > first, fourth > third
         value01, rank01 = (second, rank1) if swap01 else (first, rank0)
         value23, rank23 = (fourth, rank3) if swap23 else (third, rank2)
@@ -50,14 +55,14 @@ def keep_best_of_four(total0, total1, total2, total3, ranks, width, best, winner
 
 
 @njit(inline="always", **FINITE_JIT)
-def four_ranks(ranks, y, x, step):
-    """Ranks of four neighbouring offsets; 0 stands for those beyond the table, which never win."""
-    size = ranks.shape[1]
+def four_of(table, y, x, step):
+    """What a table says of four neighbouring offsets; its edge for those beyond it, which never win."""
+    last = table.shape[1] - 1
     return (
-        ranks[y, x],
-        ranks[y, x + step] if 0 <= x + step < size else np.int32(0),
-        ranks[y, x + 2 * step] if 0 <= x + 2 * step < size else np.int32(0),
-        ranks[y, x + 3 * step] if 0 <= x + 3 * step < size else np.int32(0),
+        table[y, x],
+        table[y, min(max(x + step, 0), last)],
+        table[y, min(max(x + 2 * step, 0), last)],
+        table[y, min(max(x + 3 * step, 0), last)],
     )
 
 
@@ -127,7 +132,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     Returns
     -------
     callable
-        ``search(planes0, planes1, height, width, ranks, best01, winners01, best10, winners10)``, with
+        ``search(planes0, planes1, height, width, ranks, prices, best01, winners01, best10, winners10)``, with
         M = search_radius + 4 and L = LANES:
 
         planes0 : (3, H + 2r, W + 2r + L or more) float32, scaled by `colour_scale`, edges repeated
@@ -135,6 +140,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         best01 : (H, W + L or more) int32 (box) or float32 (taps), -1 at the start; the summed similarity
         best10 : (H, W + 2M + 2L or more), the same; column M is the first of the image
         ranks : (2R + 1, 2R + 1) int32, from `rank_offsets`
+        prices : (2R + 1, 2R + 1), the type of best; taken off the similarity of each offset, 0 for no motion
         winners01, winners10 : int32, shaped like best, 0 at the start; rank of the best motion
     """
     size = 2 * patch_radius + 1
@@ -145,7 +151,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     weights = np.array(taps or (), np.float32)
 
     @njit(parallel=True, cache=True, **FINITE_JIT)
-    def search(planes0, planes1, height, width, ranks, best01, winners01, best10, winners10):
+    def search(planes0, planes1, height, width, ranks, prices, best01, winners01, best10, winners10):
         margin = size - 1
         search_radius = len(ranks) // 2
         shift = search_radius + 4
@@ -176,6 +182,8 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                             for four in range(group, min(group + GROUP, last_four + 1)):
                                 # the offset nearest to zero goes first, as its rank is lowest
                                 dx, step = (4 * four, 1) if four >= 0 else (4 * four + 3, -1)
+                                if abs(dx) > search_radius:
+                                    continue
                                 for which in range(4):
                                     offset = dx + step * which
                                     total = totals[which, LANES:]
@@ -216,7 +224,8 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     totals[1, LANES:],
                                     totals[2, LANES:],
                                     totals[3, LANES:],
-                                    four_ranks(ranks, search_radius + dy, search_radius + dx, step),
+                                    four_of(prices, search_radius + dy, search_radius + dx, step),
+                                    four_of(ranks, search_radius + dy, search_radius + dx, step),
                                     whole,
                                     best01[y, left:],
                                     winners01[y, left:],
@@ -229,7 +238,8 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     totals[1, shift0 - step :],
                                     totals[2, shift0 - 2 * step :],
                                     totals[3, shift0 - 3 * step :],
-                                    four_ranks(ranks, search_radius - dy, search_radius - dx, -step),
+                                    four_of(prices, search_radius - dy, search_radius - dx, -step),
+                                    four_of(ranks, search_radius - dy, search_radius - dx, -step),
                                     whole + LANES,
                                     best10[y + dy, begin:],
                                     winners10[y + dy, begin:],

@@ -101,7 +101,13 @@ def window_taps(window: Window, patch_radius: int) -> tuple[float, ...]:
 
 
 def search_fused(
-    colours0: Components, colours1: Components, search_radius: int, patch_radius: int, window: Window, v: float
+    colours0: Components,
+    colours1: Components,
+    search_radius: int,
+    patch_radius: int,
+    window: Window,
+    v: float,
+    penalty: float = 0.0,
 ) -> tuple[MotionField, MotionField]:
     """Run the exhaustive search as one fused kernel for both directions.
 
@@ -110,10 +116,13 @@ def search_fused(
     colours0, colours1 : (H, W, 3) float32
     search_radius, patch_radius, window, v
         As in `ExhaustiveSearch`.
+    penalty : float
+        What a pixel of motion, in x and in y, costs in units of similarity; nothing in the report.
 
     Returns
     -------
     field01, field10 : MotionField
+        Similarities are those of the winners, less what they paid.
     """
     height, width = colours0.shape[:2]
     taps = None if window == "box" else window_taps(window, patch_radius)
@@ -130,8 +139,10 @@ def search_fused(
         winners.fill(0)
     ranks, offsets = rank_offsets(search_radius)
     search = exhaustive_kernel(patch_radius, taps)
-    search(planes0, planes1, height, width, ranks, best01, winners01, best10, winners10)
     share = np.float32(1 / UNIT if taps else 1 / (UNIT * (2 * patch_radius + 1) ** 2))
+    lengths = np.abs(np.arange(-search_radius, search_radius + 1))
+    prices = ((lengths[:, np.newaxis] + lengths) * (penalty / share)).astype(score_type)
+    search(planes0, planes1, height, width, ranks, prices, best01, winners01, best10, winners10)
     inside = slice(margin, margin + width)
     return (
         MotionField(offsets[winners01[:, :width]], best01[:, :width].astype(np.float32) * share),

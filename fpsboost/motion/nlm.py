@@ -22,6 +22,7 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, tile_kernel
 from fpsboost.motion.colour import Components, contrast_components, padded_planes
+from fpsboost.motion.exhaustive import search_fused
 from fpsboost.motion.field import MotionField
 
 Pyramid = list[Image]
@@ -71,19 +72,26 @@ class CoarseToFine:
         levels0, levels1 = (
             [contrast_components(image) for image in pyramid(image, self.coarsest_side)] for image in (image0, image1)
         )
-        return self._one_way(levels0, levels1), self._one_way(levels1, levels0)
+        limits = [math.ceil(self.reach * max(each.shape[:2])) + 1 for each in levels0]
+        coarsest = levels0[-1], levels1[-1], limits[-1]
+        field01, field10 = search_fused(*coarsest, self.patch_radius, "box", self.v, self.penalty)
+        padding, scale = PADDING + self.patch_radius, colour_scale(self.v)
+        for finer0, finer1, limit in zip(levels0[-2::-1], levels1[-2::-1], limits[-2::-1], strict=True):
+            planes0, planes1 = (padded_planes(each, padding, 0, LANES, scale) for each in (finer0, finer1))
+            size = finer0.shape[:2]
+            field01 = self._refine(planes0, planes1, size, field01, limit)
+            field10 = self._refine(planes1, planes0, size, field10, limit)
+        return field01, field10
 
-    def _one_way(self, levels0: list[Components], levels1: list[Components]) -> MotionField:
-        field = None
-        for components0, components1 in zip(reversed(levels0), reversed(levels1), strict=True):
-            limit = math.ceil(self.reach * max(components0.shape[:2])) + 1
-            if field is None:
-                field = search_full(components0, components1, limit, self.patch_radius, self.v, self.penalty)
-            else:
-                guess = _doubled(field.flow, components0.shape[0], components0.shape[1])
-                field = _search(components0, components1, guess, 1, limit, self.patch_radius, self.v, self.penalty)
-        assert field is not None, "a pyramid has at least one level"
-        return field
+    def _refine(
+        self, planes0: NDArray[Any], planes1: NDArray[Any], size: tuple[int, ...], coarser: MotionField, limit: int
+    ) -> MotionField:
+        """Search around what the coarser level found."""
+        guess = _doubled(coarser.flow, *size)
+        best, flow = np.empty(size, np.float32), np.empty((*size, 2), np.float32)
+        search = tile_kernel(self.patch_radius)
+        search(planes0, planes1, guess, 1, limit, np.float32(self.penalty), best, flow)
+        return MotionField(flow, np.clip(best, 0, 1))
 
 
 def pyramid(image: Image, coarsest_side: int) -> Pyramid:
