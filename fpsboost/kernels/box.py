@@ -20,14 +20,14 @@ def slide_box(a0, a1, a2, b0, b1, b2, slot, width, ring, column):
 
 
 @njit(inline="always", **FINITE_JIT)
-def sum_box_across(column, size, width, partial, total):
-    """Sum `size` neighbouring column sums, by way of sums of five."""
+def sum_box_across(column, size, width, price, partial, total):
+    """Sum `size` neighbouring column sums, by way of sums of five, and take a price off."""
     fives, rest = size // 5, size % 5
     reach = (size + LANES - 1) // LANES * LANES
     for x in range(width + reach):
         partial[x] = column[x] + column[x + 1] + column[x + 2] + column[x + 3] + column[x + 4]
     for x in range(width):
-        value = np.int32(0)
+        value = -price
         for k in range(fives):
             value += partial[x + 5 * k]
         for k in range(rest):

@@ -33,17 +33,12 @@ GROUP = 2
 """Fours of offsets that go down the rows together: the rows they read stay in the first-level cache."""
 
 
-@njit(inline="always", **FINITE_JIT)
-def keep_best_of_four(total0, total1, total2, total3, prices, ranks, width, best, winners):
-    """Where one of four totals less its price beats `best`, or equals it at a lower rank, take it and its rank.
-
-    Ranks increase from the first to the fourth.
-    """
-    price0, price1, price2, price3 = prices
+@njit(**FINITE_JIT)
+def keep_best_of_four(total0, total1, total2, total3, ranks, width, best, winners):
+    """Where one of four totals beats `best`, or equals it at a lower rank, take it and its rank; ranks increase."""
     rank0, rank1, rank2, rank3 = ranks
     for x in range(width):
-        first, second = total0[x] - price0, total1[x] - price1
-        third, fourth, previous = total2[x] - price2, total3[x] - price3, best[x]
+        first, second, third, fourth, previous = total0[x], total1[x], total2[x], total3[x], best[x]
         swap01, swap23 = second > first, fourth > third
         value01, rank01 = (second, rank1) if swap01 else (first, rank0)
         value23, rank23 = (fourth, rank3) if swap23 else (third, rank2)
@@ -140,7 +135,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         best01 : (H, W + L or more) int32 (box) or float32 (taps), -1 at the start; the summed similarity
         best10 : (H, W + 2M + 2L or more), the same; column M is the first of the image
         ranks : (2R + 1, 2R + 1) int32, from `rank_offsets`
-        prices : (2R + 1, 2R + 1), the type of best; taken off the similarity of each offset, 0 for no motion
+        prices : (2R + 1, 2R + 1) int32, taken off the similarity of each offset, 0 for no motion; for the box alone
         winners01, winners10 : int32, shaped like best, 0 at the start; rank of the best motion
     """
     size = 2 * patch_radius + 1
@@ -210,7 +205,8 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     if y < top:
                                         continue
                                     if box:
-                                        sum_box_across(column, size, whole, partial, total)
+                                        price = prices[search_radius + dy, search_radius + offset]
+                                        sum_box_across(column, size, whole, price, partial, total)
                                     else:
                                         sum_window_across(column, weights, size, whole, total)
                                     # targets outside of the other frame are no candidates
@@ -224,7 +220,6 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     totals[1, LANES:],
                                     totals[2, LANES:],
                                     totals[3, LANES:],
-                                    four_of(prices, search_radius + dy, search_radius + dx, step),
                                     four_of(ranks, search_radius + dy, search_radius + dx, step),
                                     whole,
                                     best01[y, left:],
@@ -238,7 +233,6 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     totals[1, shift0 - step :],
                                     totals[2, shift0 - 2 * step :],
                                     totals[3, shift0 - 3 * step :],
-                                    four_of(prices, search_radius - dy, search_radius - dx, -step),
                                     four_of(ranks, search_radius - dy, search_radius - dx, -step),
                                     whole + LANES,
                                     best10[y + dy, begin:],

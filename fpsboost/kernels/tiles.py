@@ -33,7 +33,7 @@ PADDING = TILE + LANES
 """How far beyond the frame a tile may be compared, pixels."""
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def gather_offsets(guess, top, left, bottom, right, reach, limit, seen, offsets):
     """List the distinct offsets within `reach` of any guess in a window; returns how many.
 
@@ -142,7 +142,7 @@ def tile_kernel(patch_radius: int) -> Callable[..., None]:
                         )
                         if row < size - 1:
                             continue
-                        sum_box_across(column, size, TILE, partial, total)
+                        sum_box_across(column, size, TILE, np.int32(0), partial, total)
                         y = row - size + 1
                         row_best, row_x, row_y = tile_best[y], tile_x[y], tile_y[y]
                         row_guess_x, row_guess_y = tile_guess_x[y], tile_guess_y[y]

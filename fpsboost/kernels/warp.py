@@ -45,7 +45,7 @@ def splat_motion(flow, similarity, sign, t, motion, score):
                         motion[target_y, target_x, 1] = sign * dy
 
 
-@njit(inline="always", **JIT)
+@njit(**JIT)
 def cubic_weights(fraction):
     """Weights of the four neighbours, Catmull-Rom: Keys 1981 with a = -1/2 (doi:10.1109/TASSP.1981.1163711)."""
     f = fraction
@@ -59,7 +59,7 @@ def cubic_weights(fraction):
     )
 
 
-@njit(inline="always", **JIT)
+@njit(**JIT)
 def add_cubic(image, y, x, weight, sums):
     """Add the image's value at a place between its pixels, times a weight, to one sum a channel; edges repeat."""
     height, width, channels = image.shape
