@@ -79,10 +79,10 @@ def slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, width, ring, colum
 
 
 @njit(inline="always", **FINITE_JIT)
-def sum_window_across(column, weights, size, width, total):
-    """Weighted sum of `size` neighbouring column sums."""
+def sum_window_across(column, weights, size, width, price, total):
+    """Weighted sum of `size` neighbouring column sums, less a price."""
     for x in range(width):
-        value = np.float32(0)
+        value = -price
         for k in range(size):
             value += weights[k] * column[x + k]
         total[x] = value
@@ -135,7 +135,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         best01 : (H, W + L or more) int32 (box) or float32 (taps), -1 at the start; the summed similarity
         best10 : (H, W + 2M + 2L or more), the same; column M is the first of the image
         ranks : (2R + 1, 2R + 1) int32, from `rank_offsets`
-        prices : (2R + 1, 2R + 1) int32, taken off the similarity of each offset, 0 for no motion; for the box alone
+        prices : (2R + 1, 2R + 1), the type of best; taken off the similarity of each offset, 0 for no motion
         winners01, winners10 : int32, shaped like best, 0 at the start; rank of the best motion
     """
     size = 2 * patch_radius + 1
@@ -204,11 +204,11 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                         slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, spread, ring, column)
                                     if y < top:
                                         continue
+                                    price = prices[search_radius + dy, search_radius + offset]
                                     if box:
-                                        price = prices[search_radius + dy, search_radius + offset]
                                         sum_box_across(column, size, whole, price, partial, total)
                                     else:
-                                        sum_window_across(column, weights, size, whole, total)
+                                        sum_window_across(column, weights, size, whole, price, total)
                                     # targets outside of the other frame are no candidates
                                     first, last = max(0, -offset - left), min(pixels, width - offset - left)
                                     total[: min(first, pixels)] = -1
