@@ -115,7 +115,7 @@ def convert(
     at_cuts
         Across a scene cut, repeat the nearer frame or mix both.
     cut_threshold
-        Likeness below which a pair is a cut, 0 to 1; else 0.45.
+        Likeness below which a pair is a cut, 0 to 1; else 0.48.
     no_cuts
         Take everything for one scene.
     codec
