@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import traceback
+from dataclasses import replace
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -185,8 +186,6 @@ def with_cut_options(
     OptionError
         They contradict each other.
     """
-    from dataclasses import replace  # noqa: PLC0415
-
     if no_cuts and threshold is not None:
         raise OptionError("--no-cuts and --cut-threshold contradict each other; give one of them.")
     detector = interpolator.cuts
