@@ -1,101 +1,256 @@
 """How good: hide every second frame, make it again, compare: ``python benchmarks/quality.py [CLIP ...]``.
 
-A clip is a video, a folder or a pattern of images; the sample clip by default. Pairs across a scene cut are left out,
-since no method can know what lies there. Figures are means over the hidden frames: PSNR of the mean squared error and
-SSIM as scikit-image has them, MAE in levels of 255 (what the Middlebury tables call interpolation error), and CPU
-milliseconds a frame.
+A clip is a video, a folder or a pattern of images, or a folder that holds several; the sample clip by default. Frames
+are made as a sequence, as in a conversion. Pairs across a scene cut are left out, since no method can know what lies
+there. Figures are means over the hidden frames, then over the clips: PSNR of the mean squared error and SSIM as
+scikit-image has them, MAE in levels of 255 (what the Middlebury tables call interpolation error), and CPU milliseconds
+a frame; those of a peer's command include its start and its files.
+
+``--peer NAME='COMMAND {in} {out}'`` scores any tool that doubles the frames of a folder: the even frames lie in {in} as
+PNG, and {out}, which does not exist yet, gets all frames as images whose names sort.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import time
-from collections.abc import Iterator
-from itertools import islice
+import math
+import resource
+import shlex
+import subprocess
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+from confidence import REMOVED, judge_confidence
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from skimage.metrics import mean_squared_error, structural_similarity
+from scoring import (
+    SAMPLE,
+    Clip,
+    Figures,
+    Made,
+    absolute_error,
+    add_threads,
+    cells,
+    find_clips,
+    make_hidden,
+    means,
+    read_clip,
+    score_clip,
+    three_colours,
+    use_threads,
+    wide_console,
+)
 
+from fpsboost.errors import FpsboostError, InputError, OptionError
 from fpsboost.frame import Image
-from fpsboost.interpolator import Interpolator, methods
-from fpsboost.media.opening import open_source
+from fpsboost.interpolator import find_method, methods
+from fpsboost.media.image_files import IMAGE_SUFFIXES, read_image
 from fpsboost.motion.colour import normalised
-from fpsboost.scenes import CutDetector
 
-SAMPLE = Path(__file__).parent.parent / "samples" / "orbit.mp4"
+Scores = dict[str, Figures]
+"""By method."""
 
+WORST = 2
+"""Pictures of each clip."""
 
-def triplets(clip: str, largest: int) -> Iterator[tuple[Image, Image, Image]]:
-    """Every even frame, the hidden one after it, and the next even one."""
-    with open_source(clip) as source:
-        frames = iter(source)
-        first = next(frames).image
-        for _ in range(largest):
-            pair = list(islice(frames, 2))
-            if len(pair) < 2:
-                return
-            hidden, last = (frame.image for frame in pair)
-            yield first, hidden, last
-            first = last
+CROP = 96
+"""Side of the region that a picture shows, pixels."""
+
+ENLARGED = 3
+"""Times, in a picture."""
+
+LABEL = 24
+"""Height of a picture's title, pixels."""
 
 
-def score(truth: Image, made: Image) -> dict[str, float]:
-    """PSNR in dB, SSIM, MAE in levels of 255."""
-    reference, guess = (normalised(image).astype(np.float64) for image in (truth, made))
-    error = max(float(mean_squared_error(reference, guess)), 1e-12)
-    return {
-        "psnr": float(-10 * np.log10(error)),
-        "ssim": float(structural_similarity(reference, guess, channel_axis=2, data_range=1)),
-        "mae": float(np.abs(reference - guess).mean() * 255),
-    }
+def run_peer(command: str, clip: Clip) -> Made:
+    """Let a command double the even frames in a scratch folder, and read what it made."""
+    with tempfile.TemporaryDirectory() as scratch:
+        source, target = Path(scratch, "in"), Path(scratch, "out")
+        source.mkdir()
+        for number, image in enumerate(clip.shown):
+            cv2.imwrite(str(source / f"{number:04d}.png"), _as_integers(image))
+        filled = command.replace("{in}", shlex.quote(str(source))).replace("{out}", shlex.quote(str(target)))
+        begin = _seconds_of_children()
+        ended = subprocess.run(filled, shell=True, capture_output=True, text=True, check=False)
+        spent = _seconds_of_children() - begin
+        files = sorted(each for each in target.glob("*") if each.suffix.lower() in IMAGE_SUFFIXES)
+        expected = len(clip.shown) + len(clip.hidden)
+        if ended.returncode or len(files) < expected:
+            raise InputError(
+                f"{filled} ended with code {ended.returncode} and wrote {len(files)} images of {expected}: "
+                f"{ended.stderr.strip()[-300:]}"
+            )
+        images = [three_colours(read_image(each)) for each in files[1:expected:2]]
+    if any(image.shape != clip.hidden[0].shape for image in images):
+        raise InputError(f"{filled} made images of {images[0].shape}, not of {clip.hidden[0].shape}.")
+    return Made(images, spent * 1e3 / len(images), [])
 
 
-def measure(clip: str, chosen: dict[str, Interpolator], largest: int) -> dict[str, dict[str, float]]:
-    """Mean scores of every method over one clip."""
-    scores: dict[str, list[dict[str, float]]] = {name: [] for name in chosen}
-    for first, hidden, last in triplets(clip, largest):
-        if CutDetector().is_cut(first, last):
+def _as_integers(image: Image) -> Image:
+    if image.dtype != np.float32:
+        return image
+    whole: Image = np.rint(np.clip(normalised(image), 0, 1) * 65535).astype(np.uint16)
+    return whole
+
+
+def _seconds_of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def count_leads(scores: Mapping[str, Scores], measure: str) -> dict[str, int]:
+    """On how many clips each method is the best by a measure."""
+    best = min if measure == "mae" else max
+    counts: dict[str, int] = {}
+    for rows in scores.values():
+        values = {name: row[measure] for name, row in rows.items()}
+        for name in values:
+            counts.setdefault(name, 0)
+        counts[best(values, key=values.__getitem__)] += 1
+    return counts
+
+
+def mean_scores(scores: Mapping[str, Scores]) -> Scores:
+    """Means over the clips that every method could do."""
+    names = {name: None for rows in scores.values() for name in rows}
+    complete = [rows for rows in scores.values() if len(rows) == len(names)]
+    return {name: means([rows[name] for rows in complete]) for name in names} if complete else {}
+
+
+def write_crops(folder: Path, clip: Clip, made: Mapping[str, Made]) -> None:
+    """Pictures of where the first method errs most: truth and everything that was made, side by side."""
+    first = next(iter(made.values()))
+    errors = {index: absolute_error(clip.hidden[index], first.images[index]) for index in clip.scored}
+    for index in sorted(errors, key=lambda index: -float(errors[index].mean()))[:WORST]:
+        around = cv2.blur(errors[index], (CROP, CROP))
+        y, x = np.unravel_index(int(around.argmax()), around.shape)
+        height, width = around.shape
+        top, left = max(0, min(int(y) - CROP // 2, height - CROP)), max(0, min(int(x) - CROP // 2, width - CROP))
+        views = {"truth": clip.hidden[index], **{name: each.images[index] for name, each in made.items()}}
+        tiles = [_labelled(name, image[top : top + CROP, left : left + CROP]) for name, image in views.items()]
+        folder.mkdir(parents=True, exist_ok=True)
+        name = clip.name.replace("/", "_")
+        cv2.imwrite(str(folder / f"{name}_{2 * index + 1:04d}.png"), cv2.hconcat(tiles))
+
+
+def _labelled(name: str, image: Image) -> NDArray[Any]:
+    """An enlarged crop with its name above and a gap beside."""
+    values = np.rint(np.clip(normalised(image), 0, 1) * 255).astype(np.uint8)
+    large = cv2.resize(values, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_NEAREST)
+    framed: NDArray[Any] = cv2.copyMakeBorder(large, LABEL, 0, 0, 4, cv2.BORDER_CONSTANT, value=(255, 255, 255))
+    cv2.putText(framed, name, (2, LABEL - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
+    return framed
+
+
+def score_table(title: str, scores: Scores) -> Table:
+    """PSNR, SSIM, MAE and CPU time by method."""
+    table = Table("method", "PSNR, dB", "SSIM", "MAE", "CPU, ms", title=title)
+    for name, row in scores.items():
+        table.add_row(name, *cells(row))
+    return table
+
+
+def confidence_table(title: str, rows: Scores) -> Table:
+    """Rank correlation, area, and the curve above that of the oracle."""
+    percents = [f"{share * 100:.0f}" for share in REMOVED[1:]]
+    table = Table("error left without", "rank corr.", "AUSE", *(f"{each} %" for each in percents), title=title)
+    for name, row in rows.items():
+        curve, oracle = ([f"{row[f'{which}_{each}']:.2f}" for each in percents] for which in ("left", "oracle"))
+        table.add_row(f"{name}'s least confident", f"{row['spearman']:.3f}", f"{row['ause']:.3f}", *curve)
+        table.add_row("its worst", "", "", *oracle)
+    return table
+
+
+def parse_peers(texts: list[str]) -> dict[str, str]:
+    """Commands by name, from NAME=COMMAND."""
+    peers = dict(text.partition("=")[::2] for text in texts)
+    for name, command in peers.items():
+        if "{in}" not in command or "{out}" not in command:
+            raise OptionError(f"--peer {name} must read NAME='COMMAND {{in}} {{out}}'.")
+    return peers
+
+
+def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
+    """Score every method and peer on every clip; print as it goes."""
+    chosen = {name: find_method(name) for name in arguments.methods.split(",") if name}
+    peers = parse_peers(arguments.peer)
+    scores: dict[str, Scores] = {}
+    trust: dict[str, Scores] = {}
+    for name, path in find_clips(arguments.clip).items():
+        clip = read_clip(name, path, arguments.frames)
+        if not clip.scored:
+            console.print(f"{name}: a scene cut in every pair, nothing to score.")
             continue
-        for name, interpolator in chosen.items():
-            begin = time.process_time()
-            made: NDArray[Any] = interpolator.interpolate(first, last, [0.5])[0]
-            spent = (time.process_time() - begin) * 1e3
-            scores[name].append({**score(hidden, made), "cpu_ms": spent})
-    return {name: means(rows) for name, rows in scores.items() if rows}
+        made = {each: make_hidden(method, clip, arguments.confidence) for each, method in chosen.items()}
+        for each, command in peers.items():
+            try:
+                made[each] = run_peer(command, clip)
+            except InputError as error:
+                console.print(f"{name}: {error}", style="red", markup=False)
+        scores[name] = {each: score_clip(clip, result) for each, result in made.items()}
+        console.print(score_table(f"{name}, {len(clip.scored)} frames", scores[name]))
+        judged = {each: judge_confidence(clip, result) for each, result in made.items() if result.confidences}
+        if judged:
+            trust[name] = judged
+            console.print(confidence_table(f"{name}, confidence", judged))
+        if arguments.crops and made:
+            write_crops(arguments.crops, clip, made)
+    return {"clips": scores, "confidence": trust}
 
 
-def means(rows: list[dict[str, float]]) -> dict[str, float]:
-    """The mean of every figure."""
-    return {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
+def summarise(figures: dict[str, Any], console: Console) -> None:
+    """Add the means over the clips and who leads, and print them."""
+    scores, trust = figures["clips"], figures["confidence"]
+    figures["mean"] = mean_scores(scores)
+    if figures["mean"]:
+        complete = sum(len(rows) == len(figures["mean"]) for rows in scores.values())
+        console.print(score_table(f"Mean of {complete} clips", figures["mean"]))
+    else:
+        console.print("There is no clip that every method could do, hence no mean.")
+    figures["leads"] = {measure: count_leads(scores, measure) for measure in ("psnr", "ssim", "mae")}
+    for measure_name, counts in figures["leads"].items():
+        listed = ", ".join(f"{name} {count}" for name, count in sorted(counts.items(), key=lambda item: -item[1]))
+        console.print(f"Leads by {measure_name.upper()}, of {len(scores)} clips: {listed}", highlight=False)
+    if trust:
+        figures["mean_confidence"] = mean_scores(trust)
+        console.print(confidence_table(f"Confidence, mean of {len(trust)} clips", figures["mean_confidence"]))
 
 
 def main() -> None:
-    """Print a table for each clip, and write JSON if asked."""
+    """Print a table for each clip and their means, and write JSON if asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clip", nargs="*", default=[str(SAMPLE)])
     parser.add_argument("--methods", default=",".join(methods), help="names, separated by commas")
     parser.add_argument("--frames", type=int, default=40, help="hidden frames at most, per clip")
+    parser.add_argument("--peer", action="append", default=[], metavar="NAME='COMMAND {in} {out}'")
+    parser.add_argument("--crops", type=Path, metavar="FOLDER", help="pictures of the worst frames of each clip")
+    parser.add_argument("--confidence", action="store_true", help="how well the confidence ranks the errors")
+    add_threads(parser)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    chosen = {name: methods[name] for name in arguments.methods.split(",")}
-    noise = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
-    for interpolator in chosen.values():
-        interpolator.compile_for(noise)
-    figures = {}
-    for clip in arguments.clip:
-        figures[clip] = measure(clip, chosen, arguments.frames)
-        table = Table("method", "PSNR, dB", "SSIM", "MAE", "CPU, ms", title=clip)
-        for name, row in figures[clip].items():
-            table.add_row(name, f"{row['psnr']:.2f}", f"{row['ssim']:.4f}", f"{row['mae']:.3f}", f"{row['cpu_ms']:.0f}")
-        Console().print(table)
+    console = wide_console()
+    use_threads(arguments.threads)
+    try:
+        figures = measure(arguments, console)
+    except FpsboostError as error:
+        raise SystemExit(str(error)) from error
+    summarise(figures, console)
     if arguments.json:
-        arguments.json.write_text(json.dumps(figures, indent=1) + "\n")
+        arguments.json.write_text(json.dumps(_without_nan(figures), indent=1) + "\n")
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON has no NaN."""
+    if isinstance(value, dict):
+        return {key: _without_nan(each) for key, each in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 if __name__ == "__main__":

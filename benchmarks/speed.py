@@ -1,7 +1,11 @@
-"""How fast, how much memory: ``python benchmarks/speed.py [exhaustive] [methods] [memory] [start]``.
+"""How fast, how much memory: ``python benchmarks/speed.py [exhaustive] [methods] [memory] [start] [stages] [sizes]``.
 
-Figures are CPU time as well as wall time, and comparisons are ratios of runs in turn, because machines are noisy. All
-frames are drawn here. ``--json FILE`` keeps the figures.
+Figures are CPU time as well as wall time, and comparisons are ratios of runs in turn, because machines are noisy.
+Frames are drawn here; `stages` and `sizes` resize those of ``--clip`` instead, if it is given. ``--json FILE`` keeps
+the figures.
+
+``peers --clip CLIP --mvtools 'PYTHON SCRIPT'`` compares with MVTools: SCRIPT takes a folder of PNG, its frame rate, an
+output folder and settings, and prints JSON with `cpu_per_interp_ms` as its last line.
 """
 
 from __future__ import annotations
@@ -10,11 +14,14 @@ import argparse
 import json
 import os
 import resource
+import shlex
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -24,12 +31,52 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
+from scoring import ALL_THREADS, make_between, read_frames, use_threads, warm_up, wide_console
+from stages import WHOLE, Cost, Profile, copy_bandwidth, profile_sequence
 
-from fpsboost.interpolator import methods
+from fpsboost.errors import OptionError
+from fpsboost.frame import Image
+from fpsboost.interpolator import Interpolator, methods
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.exhaustive import search_by_passes, search_fused
 
 Figures = dict[str, Any]
+
+SIZES = {"640x360": (360, 640), "960x540": (540, 960), "1280x720": (720, 1280), "1920x1080": (1080, 1920)}
+"""Height and width by name."""
+
+REACHES = (1 / 24, 1 / 12, 1 / 6, 1 / 3)
+PATCH_RADII = (2, 5, 10)
+
+FRAMES = 5
+"""Of a sequence that is timed."""
+
+MVTOOLS_SETTINGS = {
+    "MVTools, 4:4:4 16 bit, search 5": "--fmt YUV444P16 --no-scd --search 5 --searchparam 4",
+    "MVTools, its defaults": "",
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the parts can be told.
+
+    Attributes
+    ----------
+    clip : str or None
+        Where frames come from; they are drawn without it.
+    method : str
+        Which method `stages` and `peers` look at.
+    mvtools : str or None
+        Python and script that run MVTools.
+    rounds : int
+        Of runs in turn.
+    """
+
+    clip: str | None = None
+    method: str = "nlm"
+    mvtools: str | None = None
+    rounds: int = 3
 
 
 def textured_pair(height: int, width: int, shift: int = 7) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -43,6 +90,17 @@ def textured_pair(height: int, width: int, shift: int = 7) -> tuple[NDArray[Any]
     return np.ascontiguousarray(frame[:, shift:]), np.ascontiguousarray(frame[:, :-shift])
 
 
+def sequence(options: Options, height: int, width: int) -> list[Image]:
+    """Frames of one size: those of the clip, or a texture with detail at every scale that turns and grows."""
+    if options.clip:
+        frames = read_frames(options.clip, FRAMES)
+        return [cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA) for frame in frames]
+    texture, _ = textured_pair(height, width)
+    middle = width / 2, height / 2
+    turns = [cv2.getRotationMatrix2D(middle, 1.5 * number, 1.02**number) for number in range(FRAMES)]
+    return [cv2.warpAffine(texture, turn, (width, height), borderMode=cv2.BORDER_REFLECT) for turn in turns]
+
+
 def timed(run: Callable[[], object]) -> tuple[float, float]:
     """Wall and CPU seconds of one call."""
     wall, cpu = time.perf_counter(), time.process_time()
@@ -50,7 +108,7 @@ def timed(run: Callable[[], object]) -> tuple[float, float]:
     return time.perf_counter() - wall, time.process_time() - cpu
 
 
-def exhaustive(console: Console) -> Figures:
+def exhaustive(console: Console, options: Options) -> Figures:
     """The report's search: the fused kernel against full-image passes of OpenCV, both directions each."""
     height, width, radius, patch_radius = 360, 640, 16, 5
     pair = [colour_components(frame) for frame in textured_pair(height, width)]
@@ -60,12 +118,12 @@ def exhaustive(console: Console) -> Figures:
     )
     figures: Figures = {}
     for window in ("box", "gaussian"):
-        arguments = (*pair, radius, patch_radius, window, 0.25)
+        arguments: tuple[Any, ...] = (*pair, radius, patch_radius, window, 0.25)
         search_fused(*arguments)
         fused, passes = [], []
         for _ in range(5):
-            passes.append(timed(lambda arguments=arguments: search_by_passes(*arguments)))
-            fused += [timed(lambda arguments=arguments: search_fused(*arguments)) for _ in range(3)]
+            passes.append(timed(partial(search_by_passes, *arguments)))
+            fused += [timed(partial(search_fused, *arguments)) for _ in range(3)]
         figures[window] = {
             "fused_ns": median(wall for wall, _ in fused) / evaluations * 1e9,
             "fused_cpu_ns": median(cpu for _, cpu in fused) / evaluations * 1e9,
@@ -80,7 +138,7 @@ def exhaustive(console: Console) -> Figures:
     return figures
 
 
-def by_method(console: Console) -> Figures:
+def by_method(console: Console, options: Options) -> Figures:
     """Every method: milliseconds per in-between frame, frames in memory."""
     table = Table("method", "size", "wall, ms", "CPU, ms", "in-between frames/s", title="One in-between frame a pair")
     figures: Figures = {}
@@ -90,7 +148,7 @@ def by_method(console: Console) -> Figures:
                 continue
             frame0, frame1 = textured_pair(height, width)
             interpolator.interpolate(frame0, frame1, [0.5])
-            runs = [timed(lambda i=interpolator, a=frame0, b=frame1: i.interpolate(a, b, [0.5])) for _ in range(9)]
+            runs = [timed(partial(interpolator.interpolate, frame0, frame1, [0.5])) for _ in range(9)]
             wall, cpu = median(run[0] for run in runs), median(run[1] for run in runs)
             figures[f"{name} {width}x{height}"] = {"wall_ms": wall * 1e3, "cpu_ms": cpu * 1e3}
             table.add_row(name, f"{width}x{height}", f"{wall * 1e3:.1f}", f"{cpu * 1e3:.1f}", f"{1 / wall:.1f}")
@@ -98,7 +156,7 @@ def by_method(console: Console) -> Figures:
     return figures
 
 
-def memory(console: Console) -> Figures:
+def memory(console: Console, options: Options) -> Figures:
     """Peak memory of a whole conversion of 30 and of 300 frames."""
     table = Table("size", "frames", "peak memory, MB", title="Conversion of a folder of images")
     figures: Figures = {}
@@ -130,7 +188,7 @@ def peak_of(arguments: list[str]) -> float:
     return kilobytes * resource.getpagesize() / 4096 / 1024
 
 
-def start(console: Console) -> Figures:
+def start(console: Console, options: Options) -> Figures:
     """Time to a first two-frame conversion, with kernels to compile and with kernels cached."""
     table = Table("method", "kernels", "seconds", title="Start to end of a conversion of three small frames")
     figures: Figures = {}
@@ -160,17 +218,180 @@ def start(console: Console) -> Figures:
     return figures
 
 
-parts = {"exhaustive": exhaustive, "methods": by_method, "memory": memory, "start": start}
+def stages(console: Console, options: Options) -> Figures:
+    """Each stage of a method: milliseconds per in-between frame, and what moves through memory meanwhile.
+
+    CPU time is that of a run in one thread, because threads that wait spin; wall time that of a run in all. Both are
+    those of the best round.
+    """
+    fastest = copy_bandwidth(ALL_THREADS)
+    figures: Figures = {"copy_bytes_per_s": fastest, "threads": ALL_THREADS}
+    interpolator = methods[options.method]
+    for size in ("640x360", "1280x720", "1920x1080"):
+        frames = sequence(options, *SIZES[size])
+        alone, together = (best_profile(interpolator, frames, each, options.rounds) for each in (1, ALL_THREADS))
+        table = Table(
+            *("stage", "calls", "CPU, ms", "share", "wall, ms", "times faster", "MB touched", "GB/s", "of a copy's"),
+            title=f"{options.method}, one in-between frame, {size}",
+        )
+        figures[size] = {}
+        for name, cost in alone.stages.items():
+            row = stage_figures(cost, together.stages[name], alone.frames)
+            figures[size][name] = row
+            table.add_row(name, *stage_cells(row, cost.cpu / alone.stages[WHOLE].cpu, fastest))
+        console.print(table)
+        for name in alone.missing:
+            console.print(f"{name}: not found under the name that benchmarks/stages.py knows, hence not told apart.")
+    console.print(f"CPU in one thread, wall in {ALL_THREADS}; in so many a copy moves {fastest / 1e9:.1f} GB/s.")
+    return figures
+
+
+def best_profile(interpolator: Interpolator, frames: Sequence[Image], threads: int, rounds: int) -> Profile:
+    """The fastest of several runs in so many threads."""
+    use_threads(threads)
+    profiles = [profile_sequence(interpolator, frames) for _ in range(rounds)]
+    use_threads(ALL_THREADS)
+    return min(profiles, key=lambda profile: profile.stages[WHOLE].wall)
+
+
+def stage_figures(alone: Cost, together: Cost, frames: int) -> Figures:
+    """Per in-between frame."""
+    return {
+        "calls": alone.calls / frames,
+        "cpu_ms": alone.cpu * 1e3 / frames,
+        "wall_ms": together.wall * 1e3 / frames,
+        "bytes": alone.touched / frames,
+    }
+
+
+def stage_cells(row: Figures, share: float, fastest: float) -> list[str]:
+    """One stage's row of the table."""
+    cells = [f"{row['calls']:.0f}" if row["calls"] else "", f"{row['cpu_ms']:.1f}", f"{share:.1%}"]
+    cells += [f"{row['wall_ms']:.1f}", f"{row['cpu_ms'] / row['wall_ms']:.1f}" if row["wall_ms"] > 0.05 else ""]
+    if not row["bytes"]:
+        return cells
+    speed = row["bytes"] / row["wall_ms"] * 1e3
+    return [*cells, f"{row['bytes'] / 1e6:.1f}", f"{speed / 1e9:.2f}", f"{speed / fastest:.0%}"]
+
+
+def sizes(console: Console, options: Options) -> Figures:
+    """Cost against the number of pixels, the reach and the patch radius, in one thread."""
+    full = methods["nlm"]
+    search: Any = full.estimator
+    table = Table("size", "reach", "patch radius", "CPU, ms", "CPU ns a pixel", title="nlm, one in-between frame")
+    figures: Figures = {"sizes": {}, "reach": {}, "patch_radius": {}}
+
+    def add(group: str, name: str, size: str, interpolator: Interpolator) -> None:
+        frames = sequence(options, *SIZES[size])
+        seconds = median(sequence_cpu(interpolator, frames) for _ in range(options.rounds))
+        each = {"cpu_ms": seconds * 1e3, "cpu_ns_per_pixel": seconds * 1e9 / frames[0][..., 0].size}
+        figures[group][name] = each
+        estimator: Any = interpolator.estimator
+        table.add_row(
+            size,
+            f"{estimator.reach:.3f}",
+            str(estimator.patch_radius),
+            f"{each['cpu_ms']:.1f}",
+            f"{each['cpu_ns_per_pixel']:.1f}",
+        )
+
+    for size in SIZES:
+        add("sizes", size, size, full)
+    table.add_section()
+    for reach in REACHES:
+        add("reach", f"{reach:.4f}", "640x360", replace(full, estimator=replace(search, reach=reach)))
+    table.add_section()
+    for radius in PATCH_RADII:
+        changed = replace(full, estimator=replace(search, patch_radius=radius))
+        add("patch_radius", str(radius), "640x360", changed)
+    console.print(table)
+    pixels = [height * width for height, width in SIZES.values()]
+    costs = [each["cpu_ms"] for each in figures["sizes"].values()]
+    figures["power_of_pixels"] = float(np.polyfit(np.log(pixels), np.log(costs), 1)[0])
+    console.print(f"Cost grows with the number of pixels to the power of {figures['power_of_pixels']:.2f}.")
+    return figures
+
+
+def sequence_cpu(interpolator: Interpolator, frames: Sequence[Image]) -> float:
+    """CPU seconds per in-between frame of a sequence, in one thread."""
+    use_threads(1)
+    warm_up(interpolator, frames[0])
+    begin = time.process_time()
+    made = sum(1 for _ in make_between(interpolator, frames))
+    spent = time.process_time() - begin
+    use_threads(ALL_THREADS)
+    return spent / made
+
+
+def peers(console: Console, options: Options) -> Figures:
+    """CPU time against MVTools: the same frames, in memory, one thread, runs in turn."""
+    if not options.mvtools or not options.clip:
+        raise OptionError("peers needs --mvtools 'PYTHON SCRIPT' and --clip CLIP.")
+    mvtools = shlex.split(options.mvtools)
+    with tempfile.TemporaryDirectory() as scratch:
+        source = Path(scratch, "in")
+        source.mkdir()
+        for number, frame in enumerate(read_frames(options.clip, 31)):
+            cv2.imwrite(str(source / f"{number:04d}.png"), frame)
+        own = [sys.executable, str(Path(__file__).with_name("sequence_cost.py")), str(source)]
+        commands = {options.method: [*own, "--method", options.method]}
+        for name, settings in MVTOOLS_SETTINGS.items():
+            commands[name] = [*mvtools, str(source), "25", str(Path(scratch, "out")), "--no-write", *settings.split()]
+        runs: dict[str, list[Figures]] = {name: [] for name in commands}
+        for _ in range(options.rounds):
+            for name, command in commands.items():
+                runs[name].append(last_json(command))
+    table = Table("one thread", "CPU, ms", "all rounds, ms", "ours over it", title="One in-between frame")
+    middles = {name: median(run["cpu_per_interp_ms"] for run in each) for name, each in runs.items()}
+    figures: Figures = {"frames": runs[options.method][0]["n_interp"], "size": runs[options.method][0]["size"]}
+    for name, each in runs.items():
+        rounds = [run["cpu_per_interp_ms"] for run in each]
+        ratio = middles[options.method] / middles[name]
+        table.add_row(name, f"{middles[name]:.1f}", ", ".join(f"{value:.0f}" for value in rounds), f"{ratio:.2f}")
+        figures[name] = {"cpu_ms": middles[name], "rounds": rounds, "ratio": ratio}
+    width, height = figures["size"]
+    console.print(table, f"{figures['frames']} in-between frames of {width}x{height}, made as a sequence.")
+    return figures
+
+
+def last_json(command: list[str]) -> Figures:
+    """Run a command in one thread and read the last line that it prints."""
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "1"}
+    ended = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
+    if ended.returncode:
+        raise OptionError(f"{shlex.join(command)} ended with code {ended.returncode}: {ended.stderr.strip()[-300:]}")
+    figures: Figures = json.loads(ended.stdout.splitlines()[-1])
+    return figures
+
+
+parts = {
+    "exhaustive": exhaustive,
+    "methods": by_method,
+    "memory": memory,
+    "start": start,
+    "stages": stages,
+    "sizes": sizes,
+    "peers": peers,
+}
 
 
 def main() -> None:
-    """Run the parts that were asked for, all by default."""
+    """Run the parts that were asked for; by default all that need nothing from elsewhere."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", nargs="*", choices=[*parts, []], default=[])
+    parser.add_argument("--clip", help="frames for stages, sizes and peers")
+    parser.add_argument("--method", default="nlm", choices=methods, help="for stages and peers")
+    parser.add_argument("--mvtools", metavar="'PYTHON SCRIPT'", help="for peers")
+    parser.add_argument("--rounds", type=int, default=3, help="of runs in turn, for sizes and peers")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    console = Console()
-    figures = {name: parts[name](console) for name in arguments.part or parts}
+    options = Options(arguments.clip, arguments.method, arguments.mvtools, arguments.rounds)
+    console = wide_console()
+    chosen = arguments.part or [name for name in parts if name != "peers" or options.mvtools]
+    try:
+        figures = {name: parts[name](console, options) for name in chosen}
+    except OptionError as error:
+        raise SystemExit(str(error)) from error
     if arguments.json:
         arguments.json.write_text(json.dumps(figures, indent=1) + "\n")
 

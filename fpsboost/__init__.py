@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
     from fpsboost.frame import ClipInfo, Frame
-    from fpsboost.interpolator import Interpolator, interpolate, methods
+    from fpsboost.interpolator import Interpolator, interpolate, interpolate_with_confidence, methods
     from fpsboost.media.encoding import Encoding
     from fpsboost.pipeline import Summary, boost, convert
     from fpsboost.scenes import CutDetector
@@ -40,6 +40,7 @@ __all__ = [
     "boost",
     "convert",
     "interpolate",
+    "interpolate_with_confidence",
     "methods",
 ]
 
@@ -59,6 +60,7 @@ _homes = {
     "boost": "pipeline",
     "convert": "pipeline",
     "interpolate": "interpolator",
+    "interpolate_with_confidence": "interpolator",
     "methods": "interpolator",
 }
 

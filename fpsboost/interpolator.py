@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -14,11 +15,15 @@ from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.exhaustive import ExhaustiveSearch
+from fpsboost.motion.field import MotionField
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, Still
+from fpsboost.motion.together import Together
+from fpsboost.motion.trajectory import Neighbour, find_acceleration
 from fpsboost.scenes import CutDetector
 from fpsboost.synthesis import Synthesizer
-from fpsboost.synthesis.blend import Blend, Nearest, TwoSidedBlend
+from fpsboost.synthesis.blend import Blend, Nearest
+from fpsboost.synthesis.fuse import Fuse, Fused
 from fpsboost.synthesis.reproject import Reproject
 
 AtCuts = Literal["repeat", "blend"]
@@ -29,6 +34,42 @@ class InBetween(NamedTuple):
 
     images: Iterator[Image]
     scene_cut: bool
+
+
+class Pair:
+    """Two frames that follow each other, and what an interpolator finds out about them, once, when it is asked for.
+
+    Parameters
+    ----------
+    interpolator : Interpolator
+    image0, image1 : (H, W, C) uint8, uint16 or float32
+        Two frames of one size and type.
+    duration : Fraction or float
+        Time between them, in any unit that neighbouring pairs share.
+
+    Raises
+    ------
+    InputError
+        The two are no images of one size and type.
+    """
+
+    def __init__(
+        self, interpolator: Interpolator, image0: Image, image1: Image, duration: Fraction | float = 1
+    ) -> None:
+        check_pair(image0, image1)
+        self.image0, self.image1, self.duration = image0, image1, duration
+        self._interpolator = interpolator
+
+    @cached_property
+    def is_cut(self) -> bool:
+        """Whether a scene ends between the two."""
+        cuts = self._interpolator.cuts
+        return cuts is not None and cuts.is_cut(self.image0, self.image1)
+
+    @cached_property
+    def fields(self) -> tuple[MotionField, MotionField]:
+        """Motion in both directions."""
+        return self._interpolator.estimator.estimate(self.image0, self.image1)
 
 
 @dataclass(frozen=True)
@@ -45,6 +86,8 @@ class Interpolator:
         Finds scene cuts; None takes every pair for one scene.
     at_cuts : {'repeat', 'blend'}
         Across a cut, repeat the nearer frame or mix the two.
+    curved : bool
+        Follow curved paths where the pairs before and after are known, straight ones otherwise.
 
     Examples
     --------
@@ -59,6 +102,7 @@ class Interpolator:
     synthesizer: Synthesizer
     cuts: CutDetector | None = CutDetector()
     at_cuts: AtCuts = "repeat"
+    curved: bool = True
 
     def __post_init__(self) -> None:
         check_choice("--at-cuts", self.at_cuts, get_args(AtCuts))
@@ -84,34 +128,59 @@ class Interpolator:
         OptionError
             A time lies outside of [0, 1].
         """
-        return list(self.between(image0, image1, times).images)
+        return list(self.between(self.pair(image0, image1), times).images)
 
-    def between(self, image0: Image, image1: Image, times: Sequence[float | Fraction]) -> InBetween:
-        """Like `interpolate`, but made one image at a time, and with word of a scene cut."""
-        check_pair(image0, image1)
+    def pair(self, image0: Image, image1: Image, duration: Fraction | float = 1) -> Pair:
+        """Two frames as `between` takes them; see `Pair`."""
+        return Pair(self, image0, image1, duration)
+
+    def between(
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None = None,
+        after: Pair | None = None,
+    ) -> InBetween:
+        """Like `interpolate`, but made one image at a time, with word of a scene cut, and along curved paths.
+
+        Parameters
+        ----------
+        pair : Pair
+        times : sequence of float or Fraction
+            Each in [0, 1].
+        before, after : Pair, optional
+            The pairs that share its first and its last frame. Nothing farther away has a say.
+
+        Returns
+        -------
+        InBetween
+
+        Raises
+        ------
+        OptionError
+            A time lies outside of [0, 1].
+        """
         for t in times:
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        scene_cut = self.cuts is not None and self.cuts.is_cut(image0, image1)
-        return InBetween(self._images(image0, image1, times, scene_cut), scene_cut)
+        return InBetween(self._images(pair, times, before, after), pair.is_cut)
 
     def _images(
-        self, image0: Image, image1: Image, times: Sequence[float | Fraction], scene_cut: bool
+        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None, after: Pair | None
     ) -> Iterator[Image]:
         inner = [float(t) for t in times if 0 < t < 1]
-        made = self._made(image0, image1, inner, scene_cut) if inner else iter(())
+        made = self._made(pair, inner, before, after) if inner else iter(())
         for t in times:
-            yield next(made) if 0 < t < 1 else (image1 if t == 1 else image0).copy()
+            yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).copy()
 
-    def _made(self, image0: Image, image1: Image, times: list[float], scene_cut: bool) -> Iterator[Image]:
-        synthesizer: Synthesizer
-        if scene_cut:
-            estimator: MotionEstimator = Still()
-            synthesizer = Blend() if self.at_cuts == "blend" else Nearest()
-        else:
-            estimator, synthesizer = self.estimator, self.synthesizer
-        field01, field10 = estimator.estimate(image0, image1)
-        return synthesizer.synthesize(image0, image1, field01, field10, times)
+    def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
+        if pair.is_cut:
+            mixer: Synthesizer = Blend() if self.at_cuts == "blend" else Nearest()
+            return mixer.synthesize(pair.image0, pair.image1, *Still().estimate(pair.image0, pair.image1), times)
+        acceleration = None
+        if self.curved:
+            acceleration = find_acceleration(*pair.fields, _neighbour(before, pair), _neighbour(after, pair))
+        return self.synthesizer.synthesize(pair.image0, pair.image1, *pair.fields, times, acceleration)
 
     def compile_for(self, image: Image) -> None:
         """Compile the kernels for images of this type, or load them from the cache, on a tiny pair.
@@ -121,18 +190,30 @@ class Interpolator:
         image : (H, W, C) uint8, uint16 or float32
             Any image of the clip; only its type and channels count.
         """
-        noise = np.random.default_rng(0).integers(0, 256, (48, 64, image.shape[2])).astype(image.dtype)
+        # large enough for a pyramid of more than one level
+        noise = np.random.default_rng(0).integers(0, 256, (96, 128, image.shape[2])).astype(image.dtype)
         self.interpolate(noise, noise, [0.5])
+
+
+def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
+    if neighbour is None or neighbour.is_cut:
+        return None
+    return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration))
 
 
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
-        "nlm": Interpolator(CoarseToFine(), TwoSidedBlend()),
-        "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject()),
-        "dis": Interpolator(Dis(), TwoSidedBlend()),
-        "farneback": Interpolator(Farneback(), TwoSidedBlend()),
-        "blend": Interpolator(Still(), Blend()),
-        "nearest": Interpolator(Still(), Nearest(), cuts=None),
+        "nlm": Interpolator(CoarseToFine(), Fuse()),
+        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse()),
+        "nlm-best": Interpolator(
+            Together(CoarseToFine(patch_radius=4), (Dis(),)),
+            Fuse(around=12, sharpness=25),
+        ),
+        "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False),
+        "dis": Interpolator(Dis(), Fuse()),
+        "farneback": Interpolator(Farneback(), Fuse()),
+        "blend": Interpolator(Still(), Blend(), curved=False),
+        "nearest": Interpolator(Still(), Nearest(), cuts=None, curved=False),
     }
 )
 """The methods by the names that the command line knows."""
@@ -217,8 +298,56 @@ def interpolate(
     (48, 64, 3)
     """
     interpolator = find_method(method) if isinstance(method, str) else method
-    shape = frame0.shape
+    (image,) = interpolator.interpolate(*_with_channels(frame0, frame1), [t])
+    return image.reshape(frame0.shape)
+
+
+def interpolate_with_confidence(
+    frame0: Image, frame1: Image, t: float | Fraction = 0.5, *, method: str | Interpolator = "nlm"
+) -> Fused:
+    """Like `interpolate`, with a map of how far each pixel can be trusted.
+
+    Where two frames have nothing alike to show for an in-between pixel, its confidence is low and its error high: such
+    regions are worth rendering, which the report leaves for the future.
+
+    Parameters
+    ----------
+    frame0, frame1, t
+        As for `interpolate`; t lies between the frames, in (0, 1).
+    method : str or Interpolator
+        One that fuses: ``nlm``, ``nlm-fast``, ``nlm-best``, ``dis`` or ``farneback``. Scene cuts are not looked for.
+
+    Returns
+    -------
+    Fused
+        ``image``, and ``confidence``: (H, W) float32 in [0, 1].
+
+    Raises
+    ------
+    InputError
+        The two are no images of one size and type.
+    OptionError
+        Unknown method, one that does not know its confidence, or `t` out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> frame = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    >>> bool(interpolate_with_confidence(frame, frame).confidence.min() > 0.99)
+    True
+    """
+    interpolator = find_method(method) if isinstance(method, str) else method
+    if not isinstance(interpolator.synthesizer, Fuse):
+        raise OptionError(f"The method {method!r} does not know its confidence; take nlm, nlm-fast or nlm-best.")
+    if not 0 < t < 1:
+        raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
+    pair = interpolator.pair(*_with_channels(frame0, frame1))
+    (fused,) = interpolator.synthesizer.fuse(pair.image0, pair.image1, *pair.fields, [float(t)])
+    return Fused(fused.image.reshape(frame0.shape), fused.confidence)
+
+
+def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:
+    """The two as the library has images; gray ones may come without an axis for channels."""
     if frame0.ndim == 2 and frame1.ndim == 2:
         frame0, frame1 = frame0[..., np.newaxis], frame1[..., np.newaxis]
-    (image,) = interpolator.interpolate(np.ascontiguousarray(frame0), np.ascontiguousarray(frame1), [t])
-    return image.reshape(shape)
+    return np.ascontiguousarray(frame0), np.ascontiguousarray(frame1)

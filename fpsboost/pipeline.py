@@ -11,11 +11,11 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import chain
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.interpolator import Interpolator, find_method
+from fpsboost.interpolator import Interpolator, Pair, find_method
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_sink, open_source
@@ -196,6 +196,14 @@ def boost(
     return summary
 
 
+class _Interval(NamedTuple):
+    """From one source frame to the next."""
+
+    first: Frame
+    steps: list[Step]
+    pair: Pair
+
+
 def _output_frames(
     frames: Iterator[Frame],
     info: ClipInfo,
@@ -204,18 +212,30 @@ def _output_frames(
     holds_last_frame: bool,
     summary: Summary,
 ) -> Generator[Frame, None, Fraction]:
-    """Yield the output frames without durations; return when the clip ends."""
+    """Yield the output frames without durations; return when the clip ends.
+
+    Runs one pair behind the source: how a pair's motion goes on is seen in the next.
+    """
     previous: Frame | None = None
     start = Fraction(0)
+    before: _Interval | None = None
+    interval: _Interval | None = None
     for frame in frames:
         if previous is None:
             start = frame.time
         else:
             index = summary.frames_in - 1
             steps = list(schedule.steps(index, start, previous.time, frame.time))
-            yield from _between(previous, frame, steps, interpolator, summary)
+            after = _Interval(
+                previous, steps, interpolator.pair(previous.image, frame.image, frame.time - previous.time)
+            )
+            if interval is not None:
+                yield from _between(interval, before, after, interpolator, summary)
+            before, interval = interval, after
         previous = frame
         summary.frames_in += 1
+    if interval is not None:
+        yield from _between(interval, before, None, interpolator, summary)
     if previous is None or summary.frames_in < 2:
         count = "one frame" if summary.frames_in else "no frame"
         raise InputError(f"{info.name} holds {count} that can be read, and two are needed to make one in between.")
@@ -228,16 +248,21 @@ def _output_frames(
 
 
 def _between(
-    frame0: Frame, frame1: Frame, steps: list[Step], interpolator: Interpolator, summary: Summary
+    interval: _Interval,
+    before: _Interval | None,
+    after: _Interval | None,
+    interpolator: Interpolator,
+    summary: Summary,
 ) -> Iterator[Frame]:
-    inner = [step.t for step in steps if step.t > 0]
+    inner = [step.t for step in interval.steps if step.t > 0]
     images: Iterator[Image] = iter(())
     if inner:
-        images, scene_cut = interpolator.between(frame0.image, frame1.image, inner)
+        neighbours = (each and each.pair for each in (before, after))
+        images, scene_cut = interpolator.between(interval.pair, inner, *neighbours)
         summary.scene_cuts += scene_cut
-    for step in steps:
+    for step in interval.steps:
         if step.t == 0:
-            yield replace(frame0, time=step.time)
+            yield replace(interval.first, time=step.time)
         else:
             summary.frames_made += 1
             yield Frame(next(images), step.time)

@@ -10,7 +10,8 @@ from twins import best_offset, box_weights, gaussian_weights, patch_scores, pixe
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.search import STRIP, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
-from fpsboost.kernels.tiles import PADDING, TILE, tile_kernel
+from fpsboost.kernels.tiles import PADDING, TILE
+from fpsboost.kernels.tiles import search_tiles as run_tiles
 from fpsboost.motion.colour import padded_planes
 from fpsboost.motion.exhaustive import search_by_passes, search_fused, window_taps
 from fpsboost.motion.field import MotionField
@@ -164,13 +165,17 @@ def test_motion_pays_its_price(window):
     assert_fields_agree(search_fused(image0, image1, 4, 2, window, 0.25, 0.01)[0], expected)
 
 
-def search_tiles(image0, image1, reach, patch_radius, v, penalty=0.0):
+def search_tiles(image0, image1, reach, patch_radius, v, penalty=0.0, step=1):
     """The tile kernel around no motion."""
+    height, width = image0.shape[:2]
     padding = PADDING + patch_radius
-    planes0, planes1 = (padded_planes(image, padding, 0, LANES, colour_scale(v)) for image in (image0, image1))
-    still = np.zeros((*image0.shape[:2], 2), np.int32)
-    best, flow = np.empty(image0.shape[:2], np.float32), np.empty((*image0.shape[:2], 2), np.float32)
-    tile_kernel(patch_radius)(planes0, planes1, still, reach, reach, np.float32(penalty), best, flow)
+    planes0, planes1 = (padded_planes(image, padding, 0, 2 * LANES, colour_scale(v)) for image in (image0, image1))
+    still = np.zeros((height, width, 2), np.int32)
+    points = -(-height // step), -(-width // step)
+    best, flow = np.empty(points, np.float32), np.empty((*points, 2), np.float32)
+    lanes = -(-(TILE + 2 * patch_radius) // LANES) * LANES
+    price = np.float32(penalty)
+    run_tiles(planes0, planes1, height, width, still, 1, step, reach, reach, patch_radius, lanes, price, best, flow)
     return MotionField(flow, best.clip(0, 1))
 
 
@@ -186,6 +191,19 @@ def test_tile_search_equals_its_slow_twin(height, width, radius, penalty):
     np.testing.assert_allclose(field.similarity, best.clip(0, 1), rtol=0, atol=TOLERANCE)
     clear = lead > TOLERANCE
     np.testing.assert_array_equal(field.flow[clear], flow[clear])
+
+
+@pytest.mark.parametrize("step", [2, 4, 8])
+def test_tiles_search_at_points_a_few_pixels_apart(step):
+    """Every point has what the search of every pixel finds there, over several tiles, to the frame's edges."""
+    image0, image1 = colours(TILE + 5, TILE + 11, 11), colours(TILE + 5, TILE + 11, 12)
+    every, some = (search_tiles(image0, image1, 1, 2, 0.25, 0.01, each) for each in (1, step))
+    points = every.flow[step // 2 :: step, step // 2 :: step]
+    rows, columns = points.shape[:2]
+    np.testing.assert_array_equal(some.flow[:rows, :columns], points)
+    np.testing.assert_array_equal(
+        some.similarity[:rows, :columns], every.similarity[step // 2 :: step, step // 2 :: step]
+    )
 
 
 def test_tile_search_of_flat_frames_does_not_move():

@@ -19,6 +19,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from truth import accelerating
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
@@ -307,6 +308,36 @@ def test_cuts_are_not_looked_for_where_nothing_lies_between():
     assert summary.scene_cuts == 0
 
 
+@pytest.mark.parametrize("method", ["nlm", "nlm-exhaustive"])
+def test_nothing_depends_on_more_than_the_neighbouring_pairs(method):
+    """A clip that starts later or ends earlier is the same but in the pair at its new end, whose neighbour is gone."""
+    at = accelerating(48, 64, velocity=(2, 1), acceleration=(0.4, -0.2))
+    source = [Frame(at(k), Fraction(k, 25), Fraction(1, 25)) for k in range(7)]
+    interpolator = replace(methods[method], cuts=None)
+    whole, _ = run(source, ByFactor(Fraction(3)), interpolator=interpolator)
+    part, _ = run(source[2:6], ByFactor(Fraction(3)), interpolator=interpolator)
+    by_time = {frame.time: frame.image for frame in whole}
+    inner = [frame for frame in part if Fraction(3, 25) <= frame.time <= Fraction(4, 25)]
+    assert len(inner) == 4
+    for frame in inner:
+        np.testing.assert_array_equal(frame.image, by_time[frame.time])
+
+
+def test_the_loop_follows_curved_paths():
+    """Each pair is made with the pairs before and after it, bit by bit as by hand, unequal intervals and ends too."""
+    at = accelerating(48, 64, velocity=(2, 1), acceleration=(1, -0.5))
+    times = [Fraction(t, 25) for t in (0, 1, 3, 4, 5)]
+    source = [Frame(at(float(t * 25)), t, b - t) for t, b in pairwise([*times, Fraction(6, 25)])]
+    interpolator = replace(methods["nlm"], cuts=None)
+    pairs = [interpolator.pair(a.image, b.image, b.time - a.time) for a, b in pairwise(source)]
+    frames, _ = run(source, ByFactor(Fraction(2)), holds=False, interpolator=interpolator)
+    for pair, before, after, frame in zip(pairs, [None, *pairs], [*pairs[1:], None], frames[1::2], strict=False):
+        (expected,) = interpolator.between(pair, [0.5], before, after).images
+        np.testing.assert_array_equal(frame.image, expected)
+    straight, _ = run(source, ByFactor(Fraction(2)), holds=False, interpolator=replace(interpolator, curved=False))
+    assert all((a.image != b.image).any() for a, b in zip(straight[1::2], frames[1::2], strict=True))
+
+
 # --------------------------------------------------------------------------------------------------------------- errors
 
 
@@ -320,8 +351,10 @@ class FailingSynthesizer:
     def __init__(self, fail_at: int, error: BaseException) -> None:
         self._left, self._error = fail_at, error
 
-    def synthesize(self, image0: Any, image1: Any, field01: Any, field10: Any, times: Any) -> Iterator[Any]:
-        for image in Blend().synthesize(image0, image1, field01, field10, times):
+    def synthesize(
+        self, image0: Any, image1: Any, field01: Any, field10: Any, times: Any, acceleration: Any = None
+    ) -> Iterator[Any]:
+        for image in Blend().synthesize(image0, image1, field01, field10, times, acceleration):
             if image.shape[:2] == SIZE or self._left < 0:
                 if self._left <= 0:
                     raise self._error

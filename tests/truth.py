@@ -141,6 +141,70 @@ def moving_object(
     return Clip(at(0), at(1), flow01, flow10, seen0, seen1, at)
 
 
+def layers(
+    height: int,
+    width: int,
+    *,
+    box: tuple[float, float, float, float],
+    shift: tuple[float, float],
+    background: tuple[float, float] = (0, 0),
+    bright: bool = False,
+    channels: int = 3,
+    dtype: type = np.uint8,
+    seed: int = 0,
+) -> Clip:
+    """A smooth rectangle, ``box`` at time 0, that moves by `shift` over a smooth background with a motion of its own.
+
+    The rectangle's outline is as soft as its pixels' share, so that any fraction of a pixel is exact. Both have the
+    same contrast, or the rectangle is `bright` and the background dim.
+    """
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+    top, left, bottom, right = box
+
+    def share(t: float) -> Array:
+        down = np.minimum(y + 1, bottom + t * shift[1]) - np.maximum(y, top + t * shift[1])
+        across = np.minimum(x + 1, right + t * shift[0]) - np.maximum(x, left + t * shift[0])
+        return down.clip(0, 1) * across.clip(0, 1)
+
+    def at(t: float) -> Array:
+        behind = waves(x - t * background[0], y - t * background[1], channels, seed)
+        front = waves(x - t * shift[0], y - t * shift[1], channels, seed + 1)
+        covered = share(t)[..., np.newaxis]
+        if bright:
+            behind, front = 0.3 + 0.15 * behind, 0.6 + 0.4 * front
+        return as_type(behind * (1 - covered) + front * covered, dtype)
+
+    covered0, covered1 = share(0) > 0, share(1) > 0
+    flow01, flow10 = np.empty((height, width, 2)), np.empty((height, width, 2))
+    flow01[:], flow10[:] = background, np.negative(background)
+    flow01[covered0], flow10[covered1] = shift, np.negative(shift)
+    places = np.stack([x, y], axis=-1)
+    seen0, seen1 = inside(places + flow01, height, width), inside(places + flow10, height, width)
+    if background == (0, 0):
+        seen0, seen1 = seen0 & (covered0 | ~covered1), seen1 & (covered1 | ~covered0)
+    return Clip(at(0), at(1), flow01, flow10, seen0, seen1, at)
+
+
+def accelerating(
+    height: int,
+    width: int,
+    *,
+    velocity: tuple[float, float],
+    acceleration: tuple[float, float],
+    channels: int = 3,
+    dtype: type = np.uint8,
+    seed: int = 0,
+) -> Callable[[float], Array]:
+    """A smooth texture at any time: moved by ``v t + a t^2 / 2``."""
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+
+    def at(t: float) -> Array:
+        dx, dy = (v * t + a * t * t / 2 for v, a in zip(velocity, acceleration, strict=True))
+        return as_type(waves(x - dx, y - dy, channels, seed), dtype)
+
+    return at
+
+
 def inside(places: Array, height: int, width: int) -> Array:
     """Which of the (x, y) places lie in the frame."""
     x, y = np.moveaxis(places, -1, 0)

@@ -166,57 +166,171 @@ def fetched(
     return out
 
 
-def splatted(flow: Array, similarity: Array, sign: float, t: float, motion: Array, score: Array) -> None:
-    """Every vector on the four pixels around its landing, the most similar staying, 0.05 off a squared pixel away."""
-    height, width = flow.shape[:2]
-    for y in range(height):
-        for x in range(width):
-            landing_x, landing_y = x + t * float(flow[y, x, 0]), y + t * float(flow[y, x, 1])
-            for target_y in (math.floor(landing_y), math.floor(landing_y) + 1):
-                for target_x in (math.floor(landing_x), math.floor(landing_x) + 1):
-                    if not (0 <= target_y < height and 0 <= target_x < width):
-                        continue
-                    squared = (landing_x - target_x) ** 2 + (landing_y - target_y) ** 2
-                    value = float(similarity[y, x]) - 0.05 * squared
-                    if value > score[target_y, target_x]:
-                        score[target_y, target_x] = value
-                        motion[target_y, target_x] = sign * flow[y, x]
+def bspline(distance: float) -> float:
+    """The cubic B-spline."""
+    x = abs(distance)
+    if x < 1:
+        return 2 / 3 - x * x + x**3 / 2
+    return max(2 - x, 0) ** 3 / 6
 
 
-def catmull_rom(before: Array, at: Array, after: Array, behind: Array, f: float) -> Array:
-    """The Catmull-Rom spline through four values, a share f of the way between the two in the middle."""
-    slope0, slope1 = (after - before) / 2, (behind - at) / 2
-    return (
-        (2 * f**3 - 3 * f**2 + 1) * at
-        + (f**3 - 2 * f**2 + f) * slope0
-        + (3 * f**2 - 2 * f**3) * after
-        + (f**3 - f**2) * slope1
+def spline_coefficients(plane: Array, beyond: int) -> Array:
+    """The coefficients whose spline meets every sample, from the equations themselves; edges repeat `beyond` pixels.
+
+    Returns those of the padded plane.
+    """
+    padded = np.pad(plane.astype(float), beyond, "edge")
+    for axis in (0, 1):
+        size = padded.shape[axis]
+        equations = np.array([[bspline(i - j) for j in range(size)] for i in range(size)])
+        padded = np.moveaxis(np.linalg.solve(equations, np.moveaxis(padded, axis, 0)), 0, axis)
+    return padded
+
+
+def spline_at(coefficients: Array, beyond: int, y: float, x: float) -> float:
+    """The spline at a place, from the sixteen coefficients around it."""
+    top, left = math.floor(y) + beyond, math.floor(x) + beyond
+    return sum(
+        float(coefficients[j, i]) * bspline(y + beyond - j) * bspline(x + beyond - i)
+        for j in range(top - 1, top + 3)
+        for i in range(left - 1, left + 3)
     )
 
 
-def sampled(image: Array, y: float, x: float) -> Array:
-    """The image at a place between its pixels, edges repeated: one spline across each of four rows, one down."""
-    height, width = image.shape[:2]
-    top, left = math.floor(y), math.floor(x)
+def collected(
+    flow: Array, sign: float, t: float, step: int, around: float, tolerance: float, candidates: Array, *, capacity: int
+) -> None:
+    """Motions for cells of 16 pixels: ``candidates[row, column]`` are lists of ``[votes, sum of dx, sum of dy]``.
 
-    def pixel(row: int, column: int) -> Array:
-        return image[min(max(row, 0), height - 1), min(max(column, 0), width - 1)].astype(float)
+    Every motion that lands in a cell or within `around` of it joins the first candidate whose mean is near, or is a new
+    one as long as there is room.
+    """
+    height, width = flow.shape[:2]
+    rows, columns = candidates.shape
+    for y in range(min(step // 2, height - 1), height, step):
+        for x in range(min(step // 2, width - 1), width, step):
+            dx, dy = (float(value) for value in flow[y, x])
+            landing_x, landing_y = x + t * dx, y + t * dy
+            for row in range(rows):
+                for column in range(columns):
+                    if not 16 * row - around <= landing_y < 16 * (row + 1) + around:
+                        continue
+                    if not 16 * column - around <= landing_x < 16 * (column + 1) + around:
+                        continue
+                    known = candidates[row, column]
+                    for candidate in known:
+                        votes, sum_x, sum_y = candidate
+                        if max(abs(sum_x / votes - sign * dx), abs(sum_y / votes - sign * dy)) < tolerance:
+                            candidate[:] = [votes + 1, sum_x + sign * dx, sum_y + sign * dy]
+                            break
+                    else:
+                        if len(known) < capacity:
+                            known.append([1, sign * dx, sign * dy])
 
-    rows = [catmull_rom(*(pixel(top + j, left + i) for i in (-1, 0, 1, 2)), x - left) for j in (-1, 0, 1, 2)]
-    return catmull_rom(*rows, y - top)
+
+def fused(
+    image0: Array,
+    image1: Array,
+    t: float,
+    candidates: Array,
+    bend: Array,
+    *,
+    scale: float,
+    sharpness: float,
+    prior: float,
+    enough: float,
+) -> tuple[Array, Array]:
+    """The mean over the candidates of each cell, weighed by patch similarity at t, and the mean similarity ** 8.
+
+    Cells have 16 pixels, patches 9, and edges repeat. `candidates` are lists as `collected` makes them, `bend` is
+    (rows, columns, 2).
+    """
+    height, width, channels = image0.shape
+    beyond = 48
+    splines = [[spline_coefficients(image[..., c], beyond) for c in range(channels)] for image in (image0, image1)]
+    mean, confidence = np.zeros(image0.shape), np.zeros((height, width))
+    for row in range(-(-height // 16)):
+        for column in range(-(-width // 16)):
+            total, weights, similarities = np.zeros((16, 16, channels)), np.zeros((16, 16)), np.zeros((16, 16))
+            best = np.zeros((16, 16))
+            by_votes = sorted(candidates[row, column], key=lambda candidate: -candidate[0])
+            for votes, sum_x, sum_y in [*by_votes, [1, 0, 0]]:
+                motion = np.array([sum_x, sum_y]) / votes
+                corner = (
+                    np.array([16 * column - 4, 16 * row - 4]) + min(4 * np.abs(motion).sum(), 1) * bend[row, column]
+                )
+                starts = corner - t * motion, corner + (1 - t) * motion
+                mixed, alike = _along(splines, starts, (height, width), beyond, t, scale)
+                for y in range(16):
+                    for x in range(16):
+                        similarity = alike[y : y + 9, x : x + 9].mean()
+                        weight = votes**prior * math.exp(-sharpness * (1 - similarity))
+                        total[y, x] += weight * mixed[y + 4, x + 4]
+                        weights[y, x] += weight
+                        similarities[y, x] += weight * similarity
+                        best[y, x] = max(best[y, x], similarity)
+                if best.min() >= enough:
+                    break
+            here = slice(16 * row, 16 * row + 16), slice(16 * column, 16 * column + 16)
+            size = mean[here].shape
+            mean[here] = (total / weights[..., np.newaxis])[: size[0], : size[1]]
+            confidence[here] = ((similarities / weights) ** 8)[: size[0], : size[1]]
+    return mean, confidence
 
 
-def blended(image0: Array, image1: Array, motion: Array, t: float) -> Array:
-    """Both frames along the motion through each pixel, or the one whose end lies inside; not rounded."""
-    height, width = image0.shape[:2]
-    out = np.empty(image0.shape)
-    for y in range(height):
-        for x in range(width):
-            dx, dy = (float(value) for value in motion[y, x])
-            ends = (y - t * dy, x - t * dx), (y + (1 - t) * dy, x + (1 - t) * dx)
-            inside0, inside1 = (0 <= end[0] <= height - 1 and 0 <= end[1] <= width - 1 for end in ends)
-            weight = t if inside0 == inside1 else float(inside1)
-            out[y, x] = (1 - weight) * sampled(image0, *ends[0]) + weight * sampled(image1, *ends[1])
+def _along(
+    splines: list[list[Array]],
+    starts: tuple[Array, Array],
+    frame: tuple[int, int],
+    beyond: int,
+    t: float,
+    scale: float,
+) -> tuple[Array, Array]:
+    """A region of 24 x 24 samples of both frames from their corners ``(x, y)``: mixed, and how alike they are."""
+    height, width = frame
+    mixed, alike = np.zeros((24, 24, len(splines[0]))), np.zeros((24, 24))
+    for j in range(24):
+        for i in range(24):
+            values, inside = [], []
+            for coefficients, (x, y) in zip(splines, starts, strict=True):
+                inside.append(0 <= x + i <= width - 1 and 0 <= y + j <= height - 1)
+                # a corner further out than this sees nothing but the repeated edge
+                place = min(max(y, -30), height + 2) + j, min(max(x, -30), width + 2) + i
+                values.append(np.array([spline_at(each, beyond, *place) for each in coefficients]))
+            shares = [1 - t, t] if inside[0] == inside[1] else inside
+            mixed[j, i] = shares[0] * values[0] + shares[1] * values[1]
+            alike[j, i] = math.exp(-scale * float(((values[1] - values[0]) ** 2).sum()))
+    return mixed, alike
+
+
+def refined(components0: Array, components1: Array, step: int, damping: float, largest: float, flow: Array) -> Array:
+    """One weighted least-squares step of the motion at points `step` pixels apart; windows of 16 x 11, edges repeat."""
+    height, width = components0.shape[:2]
+    both = components0.astype(float), components1.astype(float)
+
+    def pixel(frame: int, y: int, x: int) -> Array:
+        return both[frame][min(max(y, 0), height - 1), min(max(x, 0), width - 1)]
+
+    out = flow.astype(float)
+    for row in range(flow.shape[0]):
+        for point in range(flow.shape[1]):
+            y0 = min(row * step + step // 2, height - 1) - 5
+            x0 = min(point * step + step // 2, width - 1) - 8
+            dx, dy = (int(value) for value in flow[row, point])
+            matrix, vector = damping * np.eye(2), np.zeros(2)
+            for y in range(y0, y0 + 11):
+                for x in range(x0, x0 + 16):
+                    change = pixel(1, y + dy, x + dx) - pixel(0, y, x)
+                    # twice the central difference of each frame, together four times the gradient
+                    along_x = pixel(0, y, x + 1) - pixel(0, y, x - 1)
+                    along_x = along_x + pixel(1, y + dy, x + dx + 1) - pixel(1, y + dy, x + dx - 1)
+                    along_y = pixel(0, y + 1, x) - pixel(0, y - 1, x)
+                    along_y = along_y + pixel(1, y + dy + 1, x + dx) - pixel(1, y + dy - 1, x + dx)
+                    weight = (1 + (change**2).sum() / 16) ** -4
+                    gradient = np.array([along_x, along_y])
+                    matrix += weight * gradient @ gradient.T
+                    vector += weight * gradient @ change
+            out[row, point] += np.clip(-4 * np.linalg.solve(matrix, vector), -largest, largest)
     return out
 
 

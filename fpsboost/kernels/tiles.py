@@ -1,21 +1,17 @@
-"""Search by tiles over the distinct offsets that a coarser level proposes.
+"""Search by tiles over the distinct offsets that a coarser level proposes, at points a few pixels apart.
 
-Neighbouring pixels mostly propose the same few offsets. So for each tile the distinct proposals in and around it are
-gathered once, each with its neighbours, and the summed similarity of every one of them is computed over the whole tile
-with running sums: the cost a pixel is that of a few dozen offsets, whatever the search radius.
+Neighbouring points mostly propose the same few offsets. So for each tile the distinct proposals in and around it are
+gathered once, each with its neighbours, and the similarity of every one of them is computed over the whole tile and
+summed around each point: the cost is that of a few dozen offsets, whatever the search radius.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
-
 import numpy as np
 from numba import njit, prange
 
-from fpsboost.kernels.box import slide_box, sum_box_across
 from fpsboost.kernels.jit import FINITE_JIT, LANES
-from fpsboost.kernels.similarity import UNIT
+from fpsboost.kernels.similarity import UNIT, similarity
 
 TILE = 32
 """Side of a tile, pixels."""
@@ -23,29 +19,29 @@ TILE = 32
 AROUND = 8
 """Proposals are gathered this far beyond the tile, pixels."""
 
-EVERY = 4
-"""One pixel in so many, along x and y, has its proposal gathered."""
-
 TOGETHER = 8
 """Tiles that a thread takes at once; they share a table of flags, which is large and of which each clears its own."""
 
 PADDING = TILE + LANES
 """How far beyond the frame a tile may be compared, pixels."""
 
+Index = np.uint64
+"""Of array elements: unsigned, so that numba need not look for places counted from the end."""
+
 
 @njit(**FINITE_JIT)
-def gather_offsets(guess, top, left, bottom, right, reach, limit, seen, offsets):
-    """List the distinct offsets within `reach` of any guess in a window; returns how many.
+def gather_offsets(proposals, top, left, bottom, right, reach, limit, seen, offsets):
+    """List the distinct offsets within `reach` of any proposal in a window of places; returns how many.
 
     `seen` is (2 limit + 1)^2 flags, false at the start and at the end; `offsets` (2, capacity) out.
     """
     count = 0
-    for y in range(top, bottom, EVERY):
-        for x in range(left, right, EVERY):
-            dx, dy = guess[y, x, 0], guess[y, x, 1]
+    for y in range(top, bottom):
+        for x in range(left, right):
+            dx, dy = proposals[y, x, 0], proposals[y, x, 1]
             for oy in range(max(dy - reach, -limit), min(dy + reach, limit) + 1):
                 for ox in range(max(dx - reach, -limit), min(dx + reach, limit) + 1):
-                    if count < offsets.shape[1] and not seen[oy + limit, ox + limit]:
+                    if not seen[oy + limit, ox + limit]:
                         seen[oy + limit, ox + limit] = True
                         offsets[0, count], offsets[1, count] = oy, ox
                         count += 1
@@ -54,108 +50,106 @@ def gather_offsets(guess, top, left, bottom, right, reach, limit, seen, offsets)
     return count
 
 
-@lru_cache(maxsize=8)
-def tile_kernel(patch_radius: int) -> Callable[..., None]:
-    """Compile the tile search for one patch size.
+@njit(parallel=True, cache=True, **FINITE_JIT)
+def search_tiles(
+    planes0, planes1, height, width, proposals, spacing, step, reach, limit, radius, lanes, penalty, best, flow
+):  # fmt: skip
+    """Find the motion at every point of a frame.
 
     Parameters
     ----------
-    patch_radius : int
-        r; the patch has (2r + 1) x (2r + 1) pixels.
-
-    Returns
-    -------
-    callable
-        ``search(planes0, planes1, guess, reach, limit, penalty, best, flow)``:
-
-        planes0, planes1 : (3, H + 2 p, W + 2 p + LANES) float32 with p = PADDING + r, scaled by `colour_scale`
-        guess : (H, W, 2) int32, proposed motion (dx, dy)
-        reach : int, how far around each proposal to search; limit : int, largest offset
-        penalty : float32, what a pixel of distance from the own proposal costs, in units of similarity (0 to 1)
-        best : (H, W) float32 out, mean similarity less the penalty
-        flow : (H, W, 2) float32 out, whole pixels
+    planes0, planes1 : (3, H + 2 p, W + 2 p + lanes or more) float32 with p = PADDING + radius
+        Components with repeated edges, scaled by `colour_scale`.
+    height, width : int
+        H and W.
+    proposals : (places down, places across, 2) int32
+        Motion (dx, dy) at places `spacing` pixels apart, the first at spacing / 2.
+    spacing, step : int
+        Distances between places and between points, pixels; `step` divides TILE.
+    reach, limit : int
+        How far around each proposal to search, and the largest offset.
+    radius : int
+        r of the patch, which has (2r + 1) x (2r + 1) pixels.
+    lanes : int
+        At least TILE + 2 radius, a multiple of LANES.
+    penalty : float32
+        What a pixel of distance from the nearest proposal costs, in units of similarity (0 to 1).
+    best : (points down, points across) float32 out
+        Mean similarity less the penalty, at points `step` pixels apart, the first at step / 2.
+    flow : (points down, points across, 2) float32 out
+        Whole pixels.
     """
-    size = 2 * patch_radius + 1
-    spread = (TILE + 2 * patch_radius + LANES - 1) // LANES * LANES
-    room = spread + size + 2 * LANES
+    size, padding = 2 * radius + 1, PADDING + radius
     share = np.float32(1 / (UNIT * size * size))
-
-    @njit(parallel=True, cache=True, **FINITE_JIT)
-    def search(planes0, planes1, guess, reach, limit, penalty, best, flow):
-        height, width = guess.shape[:2]
-        rows, columns_of_tiles = (height + TILE - 1) // TILE, (width + TILE - 1) // TILE
-        samples = ((TILE + 2 * AROUND) // EVERY) ** 2
-        capacity = min((2 * limit + 1) ** 2, samples * (2 * reach + 1) ** 2)
-        tiles = rows * columns_of_tiles
-        for number in prange((tiles + TOGETHER - 1) // TOGETHER):
-            chunk = np.int64(number)  # the loop's own index is unsigned
-            seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
-            for tile in range(chunk * TOGETHER, min((chunk + 1) * TOGETHER, tiles)):
-                top, left = tile // columns_of_tiles * TILE, tile % columns_of_tiles * TILE
-                bottom, right = min(top + TILE, height), min(left + TILE, width)
-                offsets = np.empty((2, capacity), np.int32)
-                count = gather_offsets(
-                    guess,
-                    max(0, top - AROUND),
-                    max(0, left - AROUND),
-                    min(height, bottom + AROUND),
-                    min(width, right + AROUND),
-                    reach,
-                    limit,
-                    seen,
-                    offsets,
-                )
-                ring = np.empty((size, room), np.int32)
-                column = np.empty(room, np.int32)
-                partial = np.empty(room, np.int32)
-                total = np.empty(TILE, np.int32)
-                tile_best = np.full((TILE, TILE), np.float32(-2))
-                tile_x = np.zeros((TILE, TILE), np.int32)
-                tile_y = np.zeros((TILE, TILE), np.int32)
-                tile_guess_x = np.zeros((TILE, TILE), np.float32)
-                tile_guess_y = np.zeros((TILE, TILE), np.float32)
-                tile_guess_x[: bottom - top, : right - left] = guess[top:bottom, left:right, 0]
-                tile_guess_y[: bottom - top, : right - left] = guess[top:bottom, left:right, 1]
-                for k in range(count):
-                    dy, dx = offsets[0, k], offsets[1, k]
-                    # the first pixel of the patch around the tile's first pixel, in padded coordinates
-                    x0, x1 = left + PADDING, left + PADDING + dx
-                    if min(top + dy, left + dx) < -TILE or bottom + dy > height + TILE or right + dx > width + TILE:
-                        continue  # hardly anything of the tile would be inside
-                    ring[:] = 0
-                    column[:] = 0
-                    float_x, float_y = np.float32(dx), np.float32(dy)
-                    for row in range(bottom - top + size - 1):
-                        y0 = top + PADDING + row
-                        y1 = y0 + dy
-                        slide_box(
-                            planes0[0, y0, x0 : x0 + spread],
-                            planes0[1, y0, x0 : x0 + spread],
-                            planes0[2, y0, x0 : x0 + spread],
-                            planes1[0, y1, x1 : x1 + spread],
-                            planes1[1, y1, x1 : x1 + spread],
-                            planes1[2, y1, x1 : x1 + spread],
-                            row % size,
-                            spread,
-                            ring,
-                            column,
+    _, plane_height, stride = planes0.shape
+    flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
+    plane = Index(plane_height * stride)
+    places_down, places_across = proposals.shape[:2]
+    points_down, points_across = best.shape
+    per_tile = TILE // step
+    tiles_across = (width + TILE - 1) // TILE
+    tiles = (height + TILE - 1) // TILE * tiles_across
+    capacity = min((2 * limit + 1) ** 2, ((2 * reach + 1) * ((TILE + 2 * AROUND) // spacing + 2)) ** 2)
+    for number in prange((tiles + TOGETHER - 1) // TOGETHER):
+        chunk = np.int64(number)  # the loop's own index is unsigned
+        seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
+        offsets = np.empty((2, capacity), np.int32)
+        alike = np.empty(lanes, np.int32)
+        columns = np.empty((per_tile, lanes), np.int32)
+        for tile in range(chunk * TOGETHER, min((chunk + 1) * TOGETHER, tiles)):
+            top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
+            bottom, right = min(top + TILE, height), min(left + TILE, width)
+            first_down, first_across = top // step, left // step
+            down, across = min(per_tile, points_down - first_down), min(per_tile, points_across - first_across)
+            best[first_down : first_down + down, first_across : first_across + across] = np.float32(-2)
+            flow[first_down : first_down + down, first_across : first_across + across] = 0
+            count = gather_offsets(
+                proposals,
+                max(0, (top - AROUND) // spacing),
+                max(0, (left - AROUND) // spacing),
+                min(places_down, (bottom + AROUND - 1) // spacing + 1),
+                min(places_across, (right + AROUND - 1) // spacing + 1),
+                reach,
+                limit,
+                seen,
+                offsets,
+            )
+            for k in range(count):
+                dy, dx = offsets[0, k], offsets[1, k]
+                if min(top + dy, left + dx) < -TILE or bottom + dy > height + TILE or right + dx > width + TILE:
+                    continue  # hardly anything of the tile would be inside
+                columns[:] = 0
+                for row in range(TILE + 2 * radius):
+                    # the patch around the tile's first pixel begins here, in padded coordinates
+                    y0, x0 = top - radius + padding + row, left - radius + padding
+                    start0 = Index(y0 * stride + x0)
+                    start1 = Index((y0 + dy) * stride + x0 + dx)
+                    for i in range(Index(lanes)):
+                        alike[i] = similarity(
+                            flat0[start0 + i],
+                            flat0[start0 + plane + i],
+                            flat0[start0 + plane + plane + i],
+                            flat1[start1 + i],
+                            flat1[start1 + plane + i],
+                            flat1[start1 + plane + plane + i],
                         )
-                        if row < size - 1:
-                            continue
-                        sum_box_across(column, size, TILE, np.int32(0), partial, total)
-                        y = row - size + 1
-                        row_best, row_x, row_y = tile_best[y], tile_x[y], tile_y[y]
-                        row_guess_x, row_guess_y = tile_guess_x[y], tile_guess_y[y]
-                        for x in range(TILE):
-                            distance = abs(float_x - row_guess_x[x]) + abs(float_y - row_guess_y[x])
-                            value = np.float32(total[x]) * share - penalty * distance
-                            previous = row_best[x]
-                            better = value > previous
-                            row_best[x] = value if better else previous
-                            row_x[x] = dx if better else row_x[x]
-                            row_y[x] = dy if better else row_y[x]
-                best[top:bottom, left:right] = tile_best[: bottom - top, : right - left]
-                flow[top:bottom, left:right, 0] = tile_x[: bottom - top, : right - left]
-                flow[top:bottom, left:right, 1] = tile_y[: bottom - top, : right - left]
-
-    return search
+                    # the points whose patches have this row
+                    lowest = max(0, (row - 2 * radius - step // 2 + step - 1) // step)
+                    highest = min(down - 1, (row - step // 2) // step)
+                    for p in range(lowest, highest + 1):
+                        column = columns[p]
+                        for i in range(lanes):
+                            column[i] += alike[i]
+                for p in range(down):
+                    for q in range(across):
+                        total = np.int32(0)
+                        for i in range(size):
+                            total += columns[p, q * step + step // 2 + i]
+                        y, x = (first_down + p) * step + step // 2, (first_across + q) * step + step // 2
+                        place_y, place_x = min(y // spacing, places_down - 1), min(x // spacing, places_across - 1)
+                        apart = abs(dx - proposals[place_y, place_x, 0]) + abs(dy - proposals[place_y, place_x, 1])
+                        value = np.float32(total) * share - penalty * np.float32(apart)
+                        if value > best[first_down + p, first_across + q]:
+                            best[first_down + p, first_across + q] = value
+                            flow[first_down + p, first_across + q, 0] = np.float32(dx)
+                            flow[first_down + p, first_across + q, 1] = np.float32(dy)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -19,13 +19,33 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, check_pair
 from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.refine import WIDE, refine_points
 from fpsboost.kernels.similarity import colour_scale
-from fpsboost.kernels.tiles import PADDING, tile_kernel
-from fpsboost.motion.colour import Components, contrast_components, padded_planes
+from fpsboost.kernels.tiles import PADDING, TILE, search_tiles
+from fpsboost.motion.colour import contrast_components, contrast_planes
 from fpsboost.motion.exhaustive import search_fused
 from fpsboost.motion.field import MotionField
 
 Pyramid = list[Image]
+
+
+class Points(NamedTuple):
+    """Motion at points some pixels apart."""
+
+    flow: NDArray[Any]
+    """(rows, columns, 2) float32."""
+    similarity: NDArray[Any]
+    """(rows, columns) float32."""
+
+
+COARSE_STEP = 4
+"""Distance of the points on all levels but the finest, pixels."""
+
+DAMPING = np.float32(0.1)
+"""Of the least-squares step: holds it back where there is hardly any gradient."""
+
+LONGEST_STEP = np.float32(1)
+"""Of the least-squares step, pixels."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +65,10 @@ class CoarseToFine:
     coarsest_side : int
         The pyramid ends where the longer side would fall below this many pixels, and at 1/16 at the latest: small
         fast things vanish in smaller copies.
+    step : int
+        Distance of the points that have a vector of their own, pixels: 1, 2, 4, 8, 16 or 32.
+    finest_level : int
+        Where the search ends: 0 at the frames themselves, 1 at half their size.
 
     Raises
     ------
@@ -57,41 +81,74 @@ class CoarseToFine:
     v: float = 0.06
     penalty: float = 0.004
     coarsest_side: int = 60
+    step: int = 8
+    finest_level: int = 0
 
     def __post_init__(self) -> None:
         if not 0 < self.reach <= 1:
             raise OptionError(f"reach must be above 0 and at most 1 of the frame, not {self.reach}.")
         if not 1 <= self.patch_radius <= 10:
             raise OptionError(f"--patch-radius must be 1 to 10 pixels for this method, not {self.patch_radius}.")
+        if self.step not in {1, 2, 4, 8, 16, 32}:
+            raise OptionError(f"step must be 1, 2, 4, 8, 16 or 32 pixels, not {self.step}.")
         if not self.v > 0:
             raise OptionError(f"--v must be above 0, not {self.v}.")
 
     def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`; flows are whole pixels."""
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0, image1)
-        levels0, levels1 = (
-            [contrast_components(image) for image in pyramid(image, self.coarsest_side)] for image in (image0, image1)
-        )
-        limits = [math.ceil(self.reach * max(each.shape[:2])) + 1 for each in levels0]
-        coarsest = levels0[-1], levels1[-1], limits[-1]
-        field01, field10 = search_fused(*coarsest, self.patch_radius, "box", self.v, self.penalty)
-        padding, scale = PADDING + self.patch_radius, colour_scale(self.v)
-        for finer0, finer1, limit in zip(levels0[-2::-1], levels1[-2::-1], limits[-2::-1], strict=True):
-            planes0, planes1 = (padded_planes(each, padding, 0, LANES, scale) for each in (finer0, finer1))
-            size = finer0.shape[:2]
-            field01 = self._refine(planes0, planes1, size, field01, limit)
-            field10 = self._refine(planes1, planes0, size, field10, limit)
+        levels0, levels1 = (pyramid(image, self.coarsest_side) for image in (image0, image1))
+        last = min(self.finest_level, len(levels0) - 1)
+        coarsest = contrast_components(levels0[-1]), contrast_components(levels1[-1])
+        fields = search_fused(*coarsest, self._limit(levels0[-1]), self.patch_radius, "box", self.v, self.penalty)
+        found, step = [Points(each.flow, each.similarity) for each in fields], 1
+        for level in range(len(levels0) - 2, last - 1, -1):
+            spacing, step = step * 2, self.step if level == last else COARSE_STEP
+            found = self._search(levels0[level], levels1[level], found, spacing, step, reach=int(level > last))
+        field01, field10 = (_at_every_pixel(points, image0, step, 2**last) for points in found)
         return field01, field10
 
-    def _refine(
-        self, planes0: NDArray[Any], planes1: NDArray[Any], size: tuple[int, ...], coarser: MotionField, limit: int
-    ) -> MotionField:
-        """Search around what the coarser level found."""
-        guess = _doubled(coarser.flow, *size)
-        best, flow = np.empty(size, np.float32), np.empty((*size, 2), np.float32)
-        search = tile_kernel(self.patch_radius)
-        search(planes0, planes1, guess, 1, limit, np.float32(self.penalty), best, flow)
-        return MotionField(flow, np.clip(best, 0, 1))
+    def _search(
+        self, image0: Image, image1: Image, coarser: list[Points], spacing: int, step: int, reach: int
+    ) -> list[Points]:
+        """Search one level in both directions around what the coarser one found."""
+        size, padding = image0.shape[:2], PADDING + self.patch_radius
+        planes = [contrast_planes(image, padding, colour_scale(self.v)) for image in (image0, image1)]
+        lanes = -(-(TILE + 2 * self.patch_radius) // LANES) * LANES
+        found = []
+        for points, pair in zip(coarser, (planes, planes[::-1]), strict=True):
+            shape = -(-size[0] // step), -(-size[1] // step)
+            similarity, flow = np.empty(shape, np.float32), np.empty((*shape, 2), np.float32)
+            search_tiles(
+                *pair,
+                *size,
+                np.rint(points.flow * 2).astype(np.int32),
+                spacing,
+                step,
+                reach,
+                self._limit(image0),
+                self.patch_radius,
+                lanes,
+                np.float32(self.penalty),
+                similarity,
+                flow,
+            )
+            refine_points(*pair, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, flow)
+            found.append(Points(flow, similarity))
+        return found
+
+    def _limit(self, image: Image) -> int:
+        longer_side: int = max(image.shape[:2])
+        return math.ceil(self.reach * longer_side) + 1
+
+
+def _at_every_pixel(points: Points, image: Image, step: int, scale: int) -> MotionField:
+    """Every pixel takes what its point has."""
+    height, width = image.shape[:2]
+    flow, similarity = (
+        each.repeat(step * scale, axis=0).repeat(step * scale, axis=1)[:height, :width] for each in points
+    )
+    return MotionField(np.ascontiguousarray(flow) * np.float32(scale), np.clip(similarity, 0, 1))
 
 
 def pyramid(image: Image, coarsest_side: int) -> Pyramid:
@@ -102,48 +159,3 @@ def pyramid(image: Image, coarsest_side: int) -> Pyramid:
         half = cv2.resize(levels[-1], ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
         levels.append(half.reshape(half.shape[0], half.shape[1], -1))
     return levels
-
-
-def search_full(
-    components0: Components,
-    components1: Components,
-    search_radius: int,
-    patch_radius: int,
-    v: float,
-    penalty: float = 0.0,
-) -> MotionField:
-    """Search every offset within a radius, at a price for its distance from zero; meant for small images.
-
-    Parameters
-    ----------
-    components0, components1 : (H, W, 3) float32
-    search_radius, patch_radius : int
-        Pixels.
-    v, penalty : float
-        As in `CoarseToFine`.
-    """
-    still = np.zeros((*components0.shape[:2], 2), np.int32)
-    return _search(components0, components1, still, search_radius, search_radius, patch_radius, v, penalty)
-
-
-def _search(
-    components0: Components,
-    components1: Components,
-    guess: NDArray[Any],
-    reach: int,
-    limit: int,
-    patch_radius: int,
-    v: float,
-    penalty: float,
-) -> MotionField:
-    padding, scale = PADDING + patch_radius, colour_scale(v)
-    planes0, planes1 = (padded_planes(each, padding, 0, LANES, scale) for each in (components0, components1))
-    best, flow = np.empty(guess.shape[:2], np.float32), np.empty(guess.shape, np.float32)
-    tile_kernel(patch_radius)(planes0, planes1, guess, reach, limit, np.float32(penalty), best, flow)
-    return MotionField(flow, np.clip(best, 0, 1))
-
-
-def _doubled(flow: NDArray[Any], height: int, width: int) -> NDArray[Any]:
-    """A coarser level's motion as (H, W, 2) int32 for the next finer one: outliers out, size and vectors doubled."""
-    cleaned = cv2.merge([cv2.medianBlur(axis, 5) for axis in cv2.split(flow)])
-    return (cv2.resize(cleaned, (width, height), interpolation=cv2.INTER_NEAREST) * 2).astype(np.int32)

@@ -50,9 +50,15 @@ class Reproject:
             raise OptionError(f"iterations must be at least 1, not {self.iterations}.")
 
     def synthesize(
-        self, image0: Image, image1: Image, field01: MotionField, field10: MotionField, times: Sequence[float]
+        self,
+        image0: Image,
+        image1: Image,
+        field01: MotionField,
+        field10: MotionField,
+        times: Sequence[float],
+        acceleration: NDArray[Any] | None = None,
     ) -> Iterator[Image]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight, as in the report."""
         for t in times:
             source0, found0 = self.find_sources(field01.flow, t)
             source1, found1 = self.find_sources(field10.flow, 1 - t)

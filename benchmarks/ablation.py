@@ -1,0 +1,255 @@
+"""What each ingredient of the default method is worth: ``python benchmarks/ablation.py [CLIP ...]``.
+
+Each row is the default method with one ingredient taken away or replaced, scored as in ``quality.py``: clips with every
+second frame hidden, figures as means over the frames and then over the clips. The columns with a sign are what the row
+has more than the whole method.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+from scoring import (
+    SAMPLE,
+    Figures,
+    add_threads,
+    cells,
+    find_clips,
+    make_hidden,
+    means,
+    read_clip,
+    score_clip,
+    use_threads,
+    wide_console,
+)
+
+from fpsboost.errors import FpsboostError
+from fpsboost.frame import Image
+from fpsboost.interpolator import InBetween, Interpolator, Pair, methods
+from fpsboost.kernels.jit import LANES
+from fpsboost.motion import MotionEstimator, nlm
+from fpsboost.motion.colour import colour_components, padded_planes
+from fpsboost.motion.field import MotionField
+from fpsboost.motion.opencv import Dis
+from fpsboost.synthesis import Synthesizer, fuse
+from fpsboost.synthesis.blend import Blend
+from fpsboost.synthesis.reproject import Reproject
+
+WHOLE = "the whole method"
+
+
+@dataclass(frozen=True)
+class WholePixels:
+    """An estimator without its sub-pixel step: every vector is rounded."""
+
+    inner: MotionEstimator
+
+    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        field01, field10 = self.inner.estimate(image0, image1)
+        return replace(field01, flow=np.rint(field01.flow)), replace(field10, flow=np.rint(field10.flow))
+
+
+def plain_planes(image: Image, padding: int, scale: float) -> NDArray[Any]:
+    """Like `fpsboost.motion.colour.contrast_planes`, of the report's plain colours."""
+    return padded_planes(colour_components(image), padding, 0, 2 * LANES, scale)
+
+
+@dataclass(frozen=True)
+class PlainColours:
+    """The default search on the report's plain colours instead of components that see low contrast."""
+
+    inner: nlm.CoarseToFine
+
+    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        with patch.multiple(nlm, contrast_components=colour_components, contrast_planes=plain_planes):
+            return self.inner.estimate(image0, image1)
+
+
+@dataclass(frozen=True)
+class OneDirection:
+    """A synthesizer that gets candidates from the first frame's motion alone."""
+
+    inner: Synthesizer
+
+    def synthesize(
+        self,
+        image0: Image,
+        image1: Image,
+        field01: MotionField,
+        field10: MotionField,
+        times: Sequence[float],
+        acceleration: NDArray[Any] | None = None,
+    ) -> Iterator[Image]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        far_away = replace(field10, flow=np.full_like(field10.flow, 1e6))  # lands in no cell
+        return self.inner.synthesize(image0, image1, field01, far_away, times, acceleration)
+
+
+@dataclass(frozen=True)
+class MovingOnly:
+    """A synthesizer in which no motion is no candidate, unless it was found.
+
+    The kernel always adds it, with one vote; here every other candidate has a million times as many.
+    """
+
+    inner: fuse.Fuse
+
+    def synthesize(
+        self,
+        image0: Image,
+        image1: Image,
+        field01: MotionField,
+        field10: MotionField,
+        times: Sequence[float],
+        acceleration: NDArray[Any] | None = None,
+    ) -> Iterator[Image]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        kernel: Any = vars(fuse)["fuse_candidates"]
+        names = list(inspect.signature(kernel.py_func).parameters)
+
+        def outvoted(*arguments: Any) -> Any:
+            changed = dict(zip(names, arguments, strict=True))
+            changed |= {name: changed[name] * np.float32(1e6) for name in ("votes", "sums")}
+            return kernel(*changed.values())
+
+        with patch.object(fuse, "fuse_candidates", outvoted):
+            images = list(self.inner.synthesize(image0, image1, field01, field10, times, acceleration))
+        yield from images
+
+
+@dataclass(frozen=True)
+class NextPairOnly(Interpolator):
+    """An interpolator that curves its paths by the pair after alone."""
+
+    def between(
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None = None,
+        after: Pair | None = None,
+    ) -> InBetween:
+        """See `fpsboost.interpolator.Interpolator.between`."""
+        return super().between(pair, times, None, after)
+
+
+MOTION: dict[str, dict[str, Any]] = {
+    "no price of distance": {"penalty": 0.0},
+    "patch radius 3": {"patch_radius": 3},
+    "patch radius 8": {"patch_radius": 8},
+    "fewer levels": {"coarsest_side": 240},
+    "half the reach": {"reach": 1 / 12},
+    "a vector for every 4th pixel": {"step": 4},
+    "a vector for every 16th pixel": {"step": 16},
+}
+"""Options of the estimator that differ."""
+
+SYNTHESIS: dict[str, dict[str, Any]] = {
+    "votes do not count": {"prior": 0.0},
+    "votes count once": {"prior": 1.0},
+    "similarity does not count": {"sharpness": 0.0},
+    "the most similar takes all": {"sharpness": 1000.0},
+    "candidates of the cell alone": {"around": 0.0},
+    "candidates 1 pixel apart": {"tolerance": 1.0},
+    "every 4th pixel asked": {"step": 4},
+    "every 16th pixel asked": {"step": 16},
+    "width of the report, v = 0.25": {"width": 0.25},
+    "every candidate tried": {"enough": 2.0},
+}
+"""Options of the synthesizer that differ."""
+
+
+def list_variants(full: Interpolator) -> dict[str, Interpolator]:
+    """What is measured; edit at will."""
+    search: Any = full.estimator
+    fusing: Any = full.synthesizer
+    same = {each.name: getattr(full, each.name) for each in fields(full)}
+    return {
+        WHOLE: full,
+        "whole pixels only": replace(full, estimator=WholePixels(search)),
+        "plain colours": replace(full, estimator=PlainColours(search)),
+        "plain colours, v = 0.25": replace(full, estimator=PlainColours(replace(search, v=0.25))),
+        **{name: replace(full, estimator=each) for name, each in changed(search, MOTION).items()},
+        "DIS instead of the search": replace(full, estimator=Dis()),
+        "straight paths": replace(full, curved=False),
+        "paths curved by the next pair alone": NextPairOnly(**same),
+        "one direction's candidates": replace(full, synthesizer=OneDirection(fusing)),
+        "no candidate without motion": replace(full, synthesizer=MovingOnly(fusing)),
+        **{name: replace(full, synthesizer=each) for name, each in changed(fusing, SYNTHESIS).items()},
+        "the report's reprojection": replace(full, synthesizer=Reproject()),
+        "frames mixed, no motion": replace(full, synthesizer=Blend()),
+    }
+
+
+def changed(part: Any, variants: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """An estimator or synthesizer with each variant's options, where it has them and they differ."""
+    known = {each.name: getattr(part, each.name) for each in fields(part)}
+    return {
+        name: replace(part, **options)
+        for name, options in variants.items()
+        if options.keys() <= known.keys() and any(known[key] != value for key, value in options.items())
+    }
+
+
+def measure(paths: Sequence[str], variants: dict[str, Interpolator], largest: int) -> dict[str, dict[str, Figures]]:
+    """Scores of every variant on every clip, by variant and by clip."""
+    figures: dict[str, dict[str, Figures]] = {name: {} for name in variants}
+    for clip_name, path in find_clips(paths).items():
+        clip = read_clip(clip_name, path, largest)
+        if not clip.scored:
+            continue
+        for name, interpolator in variants.items():
+            figures[name][clip_name] = score_clip(clip, make_hidden(interpolator, clip))
+    return figures
+
+
+def ablation_table(title: str, rows: dict[str, Figures]) -> Table:
+    """Every variant's means, and how far they lie from those of the whole method."""
+    table = Table("variant", "PSNR, dB", "SSIM", "MAE", "CPU, ms", "PSNR +", "SSIM +", "MAE +", title=title)
+    whole = rows[WHOLE]
+    for name, row in rows.items():
+        more = {key: row[key] - whole[key] for key in row}
+        table.add_row(name, *cells(row), f"{more['psnr']:+.2f}", f"{more['ssim']:+.4f}", f"{more['mae']:+.3f}")
+    return table
+
+
+def main() -> None:
+    """Print a table of means, and write JSON if asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("clip", nargs="*", default=[str(SAMPLE)])
+    parser.add_argument("--only", default="", help="variants whose names hold one of these words, separated by commas")
+    parser.add_argument("--frames", type=int, default=6, help="hidden frames at most, per clip")
+    add_threads(parser)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    use_threads(arguments.threads)
+    variants = list_variants(methods["nlm"])
+    if arguments.only:
+        words = [WHOLE, *arguments.only.split(",")]
+        variants = {name: each for name, each in variants.items() if any(word in name for word in words)}
+    try:
+        by_clip = measure(arguments.clip, variants, arguments.frames)
+    except FpsboostError as error:
+        raise SystemExit(str(error)) from error
+    if not by_clip[WHOLE]:
+        raise SystemExit("There is nothing to score: a scene cut in every pair.")
+    rows = {name: means(list(each.values())) for name, each in by_clip.items()}
+    wide_console().print(ablation_table(f"Mean of {len(by_clip[WHOLE])} clips", rows))
+    if arguments.json:
+        arguments.json.write_text(json.dumps({"mean": rows, "clips": by_clip}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,229 @@
+"""What the benchmarks share: clips, in-between frames made as a sequence, and scores."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from skimage.metrics import mean_squared_error, structural_similarity
+
+from fpsboost.errors import InputError
+from fpsboost.frame import Image
+from fpsboost.interpolator import Interpolator
+from fpsboost.media.image_files import IMAGE_SUFFIXES
+from fpsboost.media.opening import open_source
+from fpsboost.motion.colour import normalised
+from fpsboost.motion.field import MotionField
+from fpsboost.scenes import CutDetector
+from fpsboost.synthesis.fuse import Fuse
+
+Figures = dict[str, float]
+
+ALL_THREADS: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+"""As many as the kernels may use."""
+
+SAMPLE = Path(__file__).parent.parent / "samples" / "orbit.mp4"
+VIDEOS = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".y4m", ".mpg", ".ts")
+"""Which files of a folder are clips; a file that is named itself may be anything that can be read."""
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A clip with every second frame hidden.
+
+    Attributes
+    ----------
+    name : str
+    shown : list of (H, W, 3)
+        The even frames.
+    hidden : list of (H, W, 3)
+        The odd ones: one between every two that are shown.
+    scored : list of int
+        Which of the hidden frames count: no method can know what lies across a scene cut.
+    """
+
+    name: str
+    shown: list[Image]
+    hidden: list[Image]
+    scored: list[int]
+
+
+class Made(NamedTuple):
+    """What one method made of one clip."""
+
+    images: list[Image]
+    cpu_ms: float
+    """A frame."""
+    confidences: list[NDArray[Any]]
+    """One for each image, or none at all."""
+
+
+def wide_console() -> Console:
+    """A console for tables that need more than 80 columns, also where the output goes into a file."""
+    return Console(width=max(Console().width, 120))
+
+
+def add_threads(parser: argparse.ArgumentParser) -> None:
+    """Add the option that `use_threads` takes."""
+    parser.add_argument("--threads", type=int, default=1, help="of the methods; one, or CPU times hold waiting")
+
+
+def use_threads(count: int) -> None:
+    """Limit the kernels and OpenCV: threads that wait for each other on a busy machine spin, and are billed for it."""
+    numba.set_num_threads(min(count, ALL_THREADS))
+    cv2.setNumThreads(count)
+
+
+def find_clips(paths: Iterable[str]) -> dict[str, str]:
+    """Clips by name: each path is a video, a pattern or a folder of images, or a folder that holds such folders."""
+    found = []
+    for path in paths:
+        if Path(path).is_dir() and not _holds_images(Path(path)):
+            children = sorted(Path(path).iterdir())
+            inside = [str(each) for each in children if _holds_images(each) or each.suffix.lower() in VIDEOS]
+            if not inside:
+                raise InputError(f"{path} holds neither images nor clips; name a folder that does.")
+            found += inside
+        else:
+            found.append(path)
+    names = [Path(path).resolve().stem if Path(path).is_file() else Path(path).resolve().name for path in found]
+    return {path if names.count(name) > 1 else name: path for name, path in zip(names, found, strict=True)}
+
+
+def _holds_images(folder: Path) -> bool:
+    return folder.is_dir() and any(each.suffix.lower() in IMAGE_SUFFIXES for each in folder.iterdir())
+
+
+def read_frames(path: str, largest: int) -> list[Image]:
+    """The first frames of a clip as three colours, so that every tool gets the same."""
+    with open_source(path) as source:
+        return [three_colours(frame.image) for frame in islice(source, largest)]
+
+
+def three_colours(image: Image) -> Image:
+    """Without alpha, and gray thrice."""
+    if image.shape[2] == 1:
+        return np.repeat(image, 3, axis=2)
+    return np.ascontiguousarray(image[..., :3])
+
+
+def read_clip(name: str, path: str, largest: int) -> Clip:
+    """Hide every second frame, at most `largest`."""
+    frames = read_frames(path, 2 * largest + 1)
+    frames = frames[: (len(frames) - 1) // 2 * 2 + 1]
+    shown, hidden = frames[::2], frames[1::2]
+    if not hidden:
+        raise InputError(f"{path} holds fewer than three frames; one between two others is needed.")
+    cuts = [CutDetector().is_cut(*pair) for pair in pairwise(shown)]
+    return Clip(name, shown, hidden, [index for index, cut in enumerate(cuts) if not cut])
+
+
+@dataclass(frozen=True)
+class KeepingConfidence:
+    """A synthesizer like `Fuse` that also keeps the confidence of everything it makes."""
+
+    inner: Fuse
+    kept: list[NDArray[Any]] = field(default_factory=list)
+
+    def synthesize(
+        self,
+        image0: Image,
+        image1: Image,
+        field01: MotionField,
+        field10: MotionField,
+        times: Sequence[float],
+        acceleration: NDArray[Any] | None = None,
+    ) -> Iterator[Image]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        for fused in self.inner.fuse(image0, image1, field01, field10, times, acceleration):
+            self.kept.append(fused.confidence)
+            yield fused.image
+
+
+def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:
+    """The frame in the middle of every two, one pair behind: how motion goes on is seen in the next pair."""
+    before = pair = None
+    for image0, image1 in pairwise(frames):
+        after = interpolator.pair(image0, image1)
+        if pair is not None:
+            yield from interpolator.between(pair, [0.5], before, after).images
+        before, pair = pair, after
+    if pair is not None:
+        yield from interpolator.between(pair, [0.5], before, None).images
+
+
+def warm_up(interpolator: Interpolator, frame: Image) -> None:
+    """Compile every kernel, or load it, on three small frames of this type."""
+    noise: Image = np.random.default_rng(0).integers(0, 256, (144, 192, frame.shape[2])).astype(frame.dtype)
+    for _ in make_between(interpolator, [noise] * 3):
+        pass
+
+
+def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False) -> Made:
+    """Make the hidden frames of a clip, with how far they can be trusted if asked and known."""
+    kept: list[NDArray[Any]] = []
+    if confidence and isinstance(interpolator.synthesizer, Fuse):
+        interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
+    warm_up(interpolator, clip.shown[0])
+    kept.clear()
+    images, spent = [], 0.0
+    sequence = make_between(interpolator, clip.shown)
+    while True:
+        begin = time.process_time()
+        image = next(sequence, None)
+        spent += time.process_time() - begin
+        if image is None:
+            break
+        images.append(image)
+        if kept and len(kept) < len(images):  # nothing was fused across a cut
+            kept.append(np.zeros(image.shape[:2], np.float32))
+    return Made(images, spent * 1e3 / len(images), kept if len(kept) == len(images) else [])
+
+
+def score(truth: Image, made: Image) -> Figures:
+    """PSNR in dB, SSIM, MAE in levels of 255."""
+    reference, guess = (normalised(image).astype(np.float64) for image in (truth, made))
+    error = max(float(mean_squared_error(reference, guess)), 1e-12)
+    ssim: Any = structural_similarity
+    return {
+        "psnr": float(-10 * np.log10(error)),
+        "ssim": float(ssim(reference, guess, channel_axis=2, data_range=1)),
+        "mae": float(np.abs(reference - guess).mean() * 255),
+    }
+
+
+def score_clip(clip: Clip, made: Made) -> Figures:
+    """Mean scores over the frames that count, and CPU milliseconds a frame."""
+    rows = [score(clip.hidden[index], made.images[index]) for index in clip.scored]
+    return {**means(rows), "cpu_ms": made.cpu_ms}
+
+
+def means(rows: Sequence[Mapping[str, float]]) -> Figures:
+    """The mean of every figure; of those that are numbers, where some are not."""
+    return {key: _mean([row[key] for row in rows]) for key in rows[0]}
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def cells(row: Mapping[str, float]) -> list[str]:
+    """PSNR, SSIM, MAE and CPU milliseconds as a table shows them."""
+    return [f"{row['psnr']:.2f}", f"{row['ssim']:.4f}", f"{row['mae']:.3f}", f"{row['cpu_ms']:.0f}"]
+
+
+def absolute_error(truth: Image, made: Image) -> NDArray[Any]:
+    """Mean over the colours of the absolute difference, levels of 255, (H, W) float32."""
+    error: NDArray[Any] = cv2.absdiff(normalised(truth), normalised(made)).mean(axis=2) * 255
+    return error

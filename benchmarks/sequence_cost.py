@@ -1,0 +1,47 @@
+"""CPU milliseconds of one method per in-between frame, made as a sequence: ``python benchmarks/sequence_cost.py CLIP``.
+
+The clip is read and the kernels are compiled beforehand. The last line is JSON. One thread: set NUMBA_NUM_THREADS=1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+
+import cv2
+import numba
+from scoring import make_between, read_frames, warm_up
+
+from fpsboost.interpolator import find_method
+
+
+def main() -> None:
+    """Make the frames, forget them, and print what they cost."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("clip")
+    parser.add_argument("--method", default="nlm")
+    parser.add_argument("--frames", type=int, default=31, help="frames read at most; the last is one end of a pair")
+    arguments = parser.parse_args()
+    threads = numba.get_num_threads()
+    cv2.setNumThreads(threads)
+    frames = read_frames(arguments.clip, arguments.frames)
+    interpolator = find_method(arguments.method)
+    warm_up(interpolator, frames[0])
+    wall, cpu = time.perf_counter(), time.process_time()
+    made = sum(1 for _ in make_between(interpolator, frames))
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    height, width = frames[0].shape[:2]
+    figures = {
+        "method": arguments.method,
+        "threads": threads,
+        "size": [width, height],
+        "n_interp": made,
+        "cpu_per_interp_ms": cpu * 1e3 / made,
+        "wall_per_interp_ms": wall * 1e3 / made,
+    }
+    print(json.dumps(figures))
+
+
+if __name__ == "__main__":
+    main()

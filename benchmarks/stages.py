@@ -1,0 +1,196 @@
+"""Where the time of the default method goes: every function that it calls is timed while it makes a sequence.
+
+The functions are found by the names under which the method's modules know them; one that is no longer there is said and
+left out. A stage that calls another is billed for its own share alone.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+from scoring import make_between, warm_up
+
+from fpsboost.frame import Image
+from fpsboost.interpolator import Interpolator
+
+INTERPOLATOR, NLM, FUSE = "fpsboost.interpolator", "fpsboost.motion.nlm", "fpsboost.synthesis.fuse"
+
+
+class Stage(NamedTuple):
+    """A function of the method."""
+
+    module: str
+    name: str
+    """As the module knows it; a method is written with its class."""
+    width_of: Callable[..., int] | None = None
+    """Tells the levels of a pyramid apart: the width of the level, from the function's arguments."""
+
+
+STAGES = {
+    "cut detection": Stage("fpsboost.scenes", "CutDetector.is_cut"),
+    "pyramid": Stage(NLM, "pyramid"),
+    "components, coarsest": Stage(NLM, "contrast_components"),
+    "components, padded": Stage(NLM, "contrast_planes"),
+    "coarse search": Stage(NLM, "search_fused"),
+    "tile search": Stage(NLM, "search_tiles", width_of=lambda planes0, planes1, height, width, *_: width),
+    "least-squares step": Stage(NLM, "refine_points"),
+    "acceleration": Stage(INTERPOLATOR, "find_acceleration"),
+    "sample planes": Stage(FUSE, "fill_planes"),
+    "spline filter": Stage(FUSE, "find_coefficients"),
+    "collecting": Stage(FUSE, "collect_candidates"),
+    "fusing": Stage(FUSE, "fuse_candidates"),
+    "rounding": Stage(FUSE, "_as_image"),
+}
+"""By the name in the table."""
+
+LEVEL = " at "
+"""Between the name of a stage and a level."""
+
+REST = "everything else"
+WHOLE = "in all"
+
+
+@dataclass
+class Cost:
+    """What a stage took, summed over its calls.
+
+    Attributes
+    ----------
+    wall, cpu : float
+        Seconds, without the stages inside.
+    touched : int
+        Bytes of the arrays that go in and come out, each counted once: the least that has to be moved.
+    calls : int
+    """
+
+    wall: float = 0.0
+    cpu: float = 0.0
+    touched: int = 0
+    calls: int = 0
+
+
+@dataclass
+class Bill:
+    """Costs by stage, and the time spent inside of those that are running."""
+
+    costs: dict[str, Cost] = field(default_factory=dict)
+    inside: list[list[float]] = field(default_factory=list)
+
+    def timed(self, name: str, run: Callable[..., Any]) -> Callable[..., Any]:
+        """The same function, billed to a stage."""
+
+        def billed(*arguments: Any, **options: Any) -> Any:
+            self.inside.append([0.0, 0.0])
+            wall, cpu = time.perf_counter(), time.process_time()
+            result = run(*arguments, **options)
+            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+            wall_inside, cpu_inside = self.inside.pop()
+            if self.inside:
+                self.inside[-1][0] += wall
+                self.inside[-1][1] += cpu
+            cost = self.costs.setdefault(name, Cost())
+            cost.wall += wall - wall_inside
+            cost.cpu += cpu - cpu_inside
+            cost.touched += bytes_of((arguments, tuple(options.values()), result))
+            cost.calls += 1
+            return result
+
+        return billed
+
+    def wrapped(self, name: str, stage: Stage, run: Callable[..., Any], width: int) -> Callable[..., Any]:
+        """The same function, billed as its stage says; `width` is that of the frames."""
+        width_of = stage.width_of
+        if width_of is None:
+            return self.timed(name, run)
+
+        def billed(*arguments: Any, **options: Any) -> Any:
+            shrunk = 2 ** round(math.log2(width / width_of(*arguments, **options)))
+            level = f"1/{shrunk}" if shrunk > 1 else "full size"
+            return self.timed(name + LEVEL + level, run)(*arguments, **options)
+
+        return billed
+
+
+def bytes_of(value: Any) -> int:
+    """Bytes of all arrays in nested tuples, lists and dataclasses."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    if isinstance(value, tuple | list):
+        return sum(bytes_of(each) for each in value)
+    if is_dataclass(value):
+        return sum(bytes_of(getattr(value, each.name)) for each in fields(value))
+    return 0
+
+
+@contextmanager
+def watched(bill: Bill, width: int) -> Iterator[list[str]]:
+    """Bill every call of a stage's function to its stage; gives the stages that were not found."""
+    missing = []
+    with ExitStack() as patches:
+        for name, stage in STAGES.items():
+            owner: Any = importlib.import_module(stage.module)
+            *outer, last = stage.name.split(".")
+            for each in outer:
+                owner = getattr(owner, each, None)
+            function = getattr(owner, last, None)
+            if function is None:
+                missing.append(name)
+            else:
+                patches.enter_context(patch.object(owner, last, bill.wrapped(name, stage, function, width)))
+        yield missing
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What a sequence took.
+
+    Attributes
+    ----------
+    stages : dict of str to Cost
+        In the order of `STAGES`; then `REST`, what no stage is billed for, and `WHOLE`.
+    frames : int
+        In-between frames.
+    missing : list of str
+        Stages that were not found.
+    """
+
+    stages: dict[str, Cost]
+    frames: int
+    missing: list[str]
+
+
+def profile_sequence(interpolator: Interpolator, frames: Sequence[Image]) -> Profile:
+    """Make a sequence and bill its stages."""
+    warm_up(interpolator, frames[0])
+    bill, whole = Bill(), Cost()
+    with watched(bill, frames[0].shape[1]) as missing:
+        wall, cpu = time.perf_counter(), time.process_time()
+        made = sum(1 for _ in make_between(interpolator, frames))
+        whole.wall, whole.cpu = time.perf_counter() - wall, time.process_time() - cpu
+    order = {name: place for place, name in enumerate(STAGES)}
+    stages = dict(sorted(bill.costs.items(), key=lambda item: order[item[0].partition(LEVEL)[0]]))
+    known = list(stages.values())
+    stages[REST] = Cost(whole.wall - sum(each.wall for each in known), whole.cpu - sum(each.cpu for each in known))
+    return Profile({**stages, WHOLE: whole}, made, missing)
+
+
+def copy_bandwidth(threads: int, megabytes: int = 256) -> float:
+    """Bytes a second that are read and written by a plain copy, in so many threads: the best of five."""
+    length = megabytes * 2**20 // threads
+    parts = [(np.ones(length, np.uint8), np.zeros(length, np.uint8)) for _ in range(threads)]
+    seconds = []
+    with ThreadPoolExecutor(threads) as pool:
+        for _ in range(5):
+            begin = time.perf_counter()
+            list(pool.map(lambda part: np.copyto(part[1], part[0]), parts))
+            seconds.append(time.perf_counter() - begin)
+    return 2 * length * threads / min(seconds)

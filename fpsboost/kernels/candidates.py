@@ -1,0 +1,71 @@
+"""The few motions that may hold in each cell of an in-between frame.
+
+Every few pixels of both frames, the motion there is carried to time t. What lands in a cell or near it becomes a
+candidate of that cell; candidates that agree become one, with a vote each.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from fpsboost.kernels.jit import JIT
+
+CELL = 16
+"""Side of a cell, pixels."""
+
+
+@njit(cache=True, **JIT)
+def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, sums):
+    """Add one frame's motion to the cells' candidates.
+
+    Parameters
+    ----------
+    flow : (H, W, 2) float32
+        Motion of the frame.
+    sign : float32
+        1 for frame 0, -1 for frame 1: candidates always lead from frame 0 to frame 1.
+    t : float32
+        Distance in time from the frame, in intervals.
+    step : int
+        One pixel in so many, along x and y, is asked.
+    around : float32
+        A motion counts for the cells this near to where it lands, pixels.
+    tolerance : float32
+        Motions that differ by less along x and y are the same, pixels.
+    count : (rows, columns) int32
+        Candidates of each cell so far; in and out.
+    votes : (rows, columns, capacity) float32
+        In and out.
+    sums : (rows, columns, capacity, 2) float32
+        Sums of the motions of each candidate's votes; in and out.
+    """
+    height, width = flow.shape[:2]
+    rows, columns, capacity = votes.shape
+    for y in range(min(step // 2, height - 1), height, step):
+        for x in range(min(step // 2, width - 1), width, step):
+            landing_x, landing_y = np.float32(x) + t * flow[y, x, 0], np.float32(y) + t * flow[y, x, 1]
+            dx, dy = sign * flow[y, x, 0], sign * flow[y, x, 1]
+            top = max(math.floor((landing_y - around) / CELL), 0)
+            left = max(math.floor((landing_x - around) / CELL), 0)
+            bottom = min(math.floor((landing_y + around) / CELL), rows - 1)
+            right = min(math.floor((landing_x + around) / CELL), columns - 1)
+            for row in range(top, bottom + 1):
+                for column in range(left, right + 1):
+                    cell_votes, cell_sums = votes[row, column], sums[row, column]
+                    known = count[row, column]
+                    k = 0
+                    while k < known and not (
+                        abs(cell_sums[k, 0] - dx * cell_votes[k]) < tolerance * cell_votes[k]
+                        and abs(cell_sums[k, 1] - dy * cell_votes[k]) < tolerance * cell_votes[k]
+                    ):
+                        k += 1
+                    if k == capacity:
+                        continue
+                    if k == known:
+                        count[row, column] += 1
+                    cell_votes[k] += 1
+                    cell_sums[k, 0] += dx
+                    cell_sums[k, 1] += dy

@@ -1,0 +1,76 @@
+"""Images as the padded component planes that the tile search compares, in one go."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from fpsboost.kernels.jit import FINITE_JIT
+
+
+@njit(parallel=True, cache=True, **FINITE_JIT)
+def split_colours(image, normalise, scale, padding, luma, planes):
+    """Luma, and the first and third plane: half luma and mean chroma.
+
+    Parameters
+    ----------
+    image : (H, W, C)
+        Its first three channels count, multiplied by the fourth; or the first alone where there are fewer.
+    normalise : float32
+        Factor that brings the image's white to 1.
+    scale : float32
+        Factor on the planes.
+    padding : int
+    luma : (H, W) float32 out
+    planes : (3, H + 2 padding, W + 2 padding or more) float32 out
+        Only the frame itself is written, and nothing of the second plane.
+    """
+    height, width, channels = image.shape
+    half, chroma_red, chroma_blue = np.float32(0.5), np.float32(0.713 / 2), np.float32(0.564 / 2)
+    for row in prange(height):
+        y = np.int64(row)
+        for x in range(width):
+            blue = np.float32(image[y, x, 0]) * normalise
+            value, chroma = blue, np.float32(0)
+            if channels >= 3:
+                green, red = np.float32(image[y, x, 1]) * normalise, np.float32(image[y, x, 2]) * normalise
+                alpha = np.float32(1)
+                if channels == 4:
+                    alpha = np.float32(image[y, x, 3]) * normalise
+                value = np.float32(0.299) * red + np.float32(0.587) * green + np.float32(0.114) * blue
+                chroma = (chroma_red * (red - value) + chroma_blue * (blue - value)) * alpha + half
+                value *= alpha
+            luma[y, x] = value
+            planes[0, padding + y, padding + x] = value * half * scale
+            planes[2, padding + y, padding + x] = chroma * scale
+
+
+@njit(parallel=True, cache=True, **FINITE_JIT)
+def finish_planes(luma, local_mean, scale, padding, planes):
+    """The second plane, twice the luma less its local mean, and repeated edges on all three.
+
+    Parameters
+    ----------
+    luma, local_mean : (H, W) float32
+    scale, padding
+        As for `split_colours`.
+    planes : (3, H + 2 padding, W + 2 padding or more) float32
+        In and out.
+    """
+    height, width = luma.shape
+    twice = np.float32(2) * scale
+    for row in prange(height):
+        y = np.int64(row)
+        target = planes[1, padding + y, padding : padding + width]
+        here, around = luma[y], local_mean[y]
+        for x in range(width):
+            target[x] = twice * (here[x] - around[x])
+        for c in range(3):
+            line = planes[c, padding + y]
+            line[:padding] = line[padding]
+            line[padding + width :] = line[padding + width - 1]
+    for row in prange(padding):
+        y = np.int64(row)
+        for c in range(3):
+            planes[c, y] = planes[c, padding]
+            planes[c, padding + height + y] = planes[c, padding + height - 1]

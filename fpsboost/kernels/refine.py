@@ -1,0 +1,98 @@
+"""Whole-pixel motion made exact: one weighted least-squares step at every point.
+
+Around each point, the motion is moved so that the two frames differ least (Lucas and Kanade 1981). Each pixel of the
+window counts by its similarity, as in the search itself, so that another object in the window has no say.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.tiles import Index
+
+WIDE, HIGH = 16, 11
+"""Of the window, pixels: as wide as one vector."""
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def add_row(flat0, flat1, start0, start1, stride, plane, wide):
+    """Sums of one row of a window: products of the gradients (xx, xy, yy) and of gradient and change (xt, yt).
+
+    Sums may be reordered here: which order it is depends on the compiled code alone, never on the threads.
+    """
+    xx, xy, yy, xt, yt = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+    one = Index(1)
+    for i in range(Index(wide)):
+        squares, wxx, wxy, wyy = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+        wxt, wyt = np.float32(0), np.float32(0)
+        p0, p1 = start0 + i, start1 + i
+        for _ in range(3):
+            change = flat1[p1] - flat0[p0]
+            along_x = flat0[p0 + one] - flat0[p0 - one] + flat1[p1 + one] - flat1[p1 - one]
+            along_y = flat0[p0 + stride] - flat0[p0 - stride] + flat1[p1 + stride] - flat1[p1 - stride]
+            squares += change * change
+            wxx += along_x * along_x
+            wxy += along_x * along_y
+            wyy += along_y * along_y
+            wxt += along_x * change
+            wyt += along_y * change
+            p0 += plane
+            p1 += plane
+        # falls slower than the similarity itself: the fraction of a pixel is not known yet
+        weight = np.float32(1) + squares * np.float32(0.0625)
+        weight *= weight
+        weight = np.float32(1) / (weight * weight)
+        xx += weight * wxx
+        xy += weight * wxy
+        yy += weight * wyy
+        xt += weight * wxt
+        yt += weight * wyt
+    return xx, xy, yy, xt, yt
+
+
+@njit(parallel=True, cache=True, **FINITE_JIT)
+def refine_points(planes0, planes1, padding, height, width, step, wide, damping, largest, flow):
+    """Move the vector of every point by the least-squares step of its window.
+
+    Parameters
+    ----------
+    planes0, planes1 : (3, H + 2 padding, W + 2 padding or more) float32
+        Components with repeated edges, scaled by `colour_scale`.
+    padding, height, width : int
+    step : int
+        Distance of the points, pixels.
+    wide : int
+        WIDE.
+    damping : float32
+        Added to the squared gradients; keeps flat areas where they are.
+    largest : float32
+        Longest step along x or y, pixels.
+    flow : (points down, points across, 2) float32
+        Whole pixels in, exact out.
+    """
+    _, plane_height, stride = planes0.shape
+    flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
+    plane = Index(plane_height * stride)
+    for number in prange(flow.shape[0]):
+        row = np.int64(number)
+        for point in range(flow.shape[1]):
+            y0 = min(row * step + step // 2, height - 1) - HIGH // 2 + padding
+            x0 = min(point * step + step // 2, width - 1) - WIDE // 2 + padding
+            # beyond the padding nothing changes any more
+            y1 = min(max(y0 + int(flow[row, point, 1]), 1), plane_height - HIGH - 1)
+            x1 = min(max(x0 + int(flow[row, point, 0]), 1), stride - WIDE - 1)
+            xx, xy, yy, xt, yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
+            for j in range(HIGH):
+                start0, start1 = Index((y0 + j) * stride + x0), Index((y1 + j) * stride + x1)
+                more = add_row(flat0, flat1, start0, start1, Index(stride), plane, wide)
+                xx += more[0]
+                xy += more[1]
+                yy += more[2]
+                xt += more[3]
+                yt += more[4]
+            # gradients were summed over four pixels
+            factor = np.float32(-4) / (xx * yy - xy * xy)
+            flow[row, point, 0] += min(max(factor * (yy * xt - xy * yt), -largest), largest)
+            flow[row, point, 1] += min(max(factor * (xx * yt - xy * xt), -largest), largest)

@@ -1,0 +1,164 @@
+"""The default: every pixel a mean over the motions that may hold there, weighed by patch similarity at time t."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import OptionError
+from fpsboost.frame import Image
+from fpsboost.kernels.candidates import CELL, collect_candidates
+from fpsboost.kernels.fuse import ROW, SPARE, fuse_candidates, write_pixels
+from fpsboost.kernels.memory import aligned_empty
+from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
+from fpsboost.motion.field import MotionField
+from fpsboost.synthesis.rounding import rounding_offset, value_range
+
+CAPACITY = 48
+"""Candidates of one cell, at most."""
+
+
+class Fused(NamedTuple):
+    """An in-between frame and how far it can be trusted."""
+
+    image: Image
+    """(H, W, C)."""
+    confidence: NDArray[Any]
+    """(H, W) float32 in [0, 1]."""
+
+
+@dataclass(frozen=True)
+class Fuse:
+    """Collect the motions of both frames that lead through each cell at time t, and weigh what they bring together.
+
+    Parameters
+    ----------
+    step : int
+        One pixel in so many of each frame, along x and y, has its motion tried.
+    around : float
+        A motion is tried this far around the place where it leads to, pixels.
+    tolerance : float
+        Motions that differ by less are tried once, pixels.
+    width : float
+        v of the similarity at time t, for colours in [0, 1].
+    sharpness : float
+        How clearly the most similar motion wins: its weight is ``exp(sharpness * similarity)``.
+    prior : float
+        Power of the number of pixels that vote for a motion.
+    enough : float
+        Similarity at which a cell needs no further candidates.
+    """
+
+    step: int = 8
+    around: float = 8
+    tolerance: float = 0.5
+    width: float = 0.3
+    sharpness: float = 30
+    prior: float = 1.5
+    enough: float = 0.99
+
+    def __post_init__(self) -> None:
+        if self.step < 1:
+            raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
+
+    def synthesize(
+        self,
+        image0: Image,
+        image1: Image,
+        field01: MotionField,
+        field10: MotionField,
+        times: Sequence[float],
+        acceleration: NDArray[Any] | None = None,
+    ) -> Iterator[Image]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        for fused in self.fuse(image0, image1, field01, field10, times, acceleration):
+            yield fused.image
+
+    def fuse(
+        self,
+        image0: Image,
+        image1: Image,
+        field01: MotionField,
+        field10: MotionField,
+        times: Sequence[float],
+        acceleration: NDArray[Any] | None = None,
+    ) -> Iterator[Fused]:
+        """Like `synthesize`, with the confidence of every pixel."""
+        height, width, channels = image0.shape
+        samples0, samples1 = _samples(image0), _samples(image1)
+        cells = -(-height // CELL), -(-width // CELL)
+        scale = np.float32(0.5 / self.width**2 * max(1, 3 / channels))
+        if acceleration is None:
+            acceleration = np.zeros((*cells, 2), np.float32)
+        for t in times:
+            count = np.zeros(cells, np.int32)
+            votes, sums = np.zeros((*cells, CAPACITY), np.float32), np.zeros((*cells, CAPACITY, 2), np.float32)
+            flows0, flows1 = ((field.flow, *field.alternatives) for field in (field01, field10))
+            landings = [(flow, 1, t) for flow in flows0] + [(flow, -1, 1 - t) for flow in flows1]
+            for flow, sign, time in landings:
+                collect_candidates(
+                    flow,
+                    np.float32(sign),
+                    np.float32(time),
+                    self.step,
+                    np.float32(self.around),
+                    np.float32(self.tolerance),
+                    count,
+                    votes,
+                    sums,
+                )
+            mean = np.empty((channels, height, width), np.float32)
+            confidence = np.empty((height, width), np.float32)
+            bend = acceleration * np.float32(t * (1 - t) / 2)
+            fuse_candidates(
+                *samples0,
+                *samples1,
+                height,
+                width,
+                np.float32(t),
+                count,
+                votes,
+                sums,
+                bend,
+                scale,
+                np.float32(self.sharpness),
+                np.float32(self.prior),
+                np.float32(self.enough),
+                CELL,
+                ROW,
+                mean,
+                confidence,
+            )
+            yield Fused(_as_image(mean, image0, image1, t), confidence)
+
+
+def _samples(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Planes of an image and their spline coefficients; colours with straight alpha are multiplied by it."""
+    height, width, channels = image.shape
+    planes = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+    coefficients = np.empty_like(planes)
+    is_float = image.dtype == np.float32
+    scale = 1 if is_float else 1 / np.iinfo(image.dtype).max
+    fill_planes(image, np.float32(scale), channels == 4 and not is_float, planes)
+    find_coefficients(planes, filter_response(), coefficients)
+    return planes, coefficients
+
+
+def _as_image(mean: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
+    image = np.empty_like(image0)
+    is_float = image0.dtype == np.float32
+    if is_float:  # sharp samples overshoot: nothing may be darker or brighter than all there is
+        lowest, highest = min(image0.min(), image1.min()), max(image0.max(), image1.max())
+    else:
+        lowest, highest = value_range(image0)
+    scale = np.float32(1) if is_float else highest
+    straight_alpha = image0.shape[2] == 4 and not is_float
+    write_pixels(mean, scale, rounding_offset(image0), lowest, highest, straight_alpha, image)
+    if straight_alpha:  # what cannot be seen has a colour all the same
+        unseen = image[..., 3] == 0
+        image[unseen, :3] = np.rint(image0[unseen, :3] * (1 - t) + image1[unseen, :3] * t)
+    return image

@@ -1,0 +1,97 @@
+"""Candidate motions of the cells, against a slow twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from twins import collected
+
+from fpsboost.kernels.candidates import CELL, collect_candidates
+
+
+def collect(flows, times, size, step=4, around=8.0, tolerance=0.5, capacity=12):
+    """Both frames' motion as the kernel collects it: count, votes and sums."""
+    cells = -(-size[0] // CELL), -(-size[1] // CELL)
+    count = np.zeros(cells, np.int32)
+    votes, sums = np.zeros((*cells, capacity), np.float32), np.zeros((*cells, capacity, 2), np.float32)
+    limits = np.float32(around), np.float32(tolerance)
+    for flow, sign, t in zip(flows, (1, -1), times, strict=False):
+        collect_candidates(np.float32(flow), np.float32(sign), np.float32(t), step, *limits, count, votes, sums)
+    return count, votes, sums
+
+
+def steady(size, dx, dy):
+    """Everything moves alike."""
+    return np.broadcast_to(np.float32([dx, dy]), (*size, 2)).copy()
+
+
+@settings(deadline=None, max_examples=20)
+@given(
+    st.integers(1, 40),
+    st.integers(1, 40),
+    st.integers(1, 9),
+    st.sampled_from([4, 20, 200]),
+    st.sampled_from([2, 5, 30]),
+    st.integers(0, 2**32),
+)
+def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity, seed):
+    """Both directions, also out of the frame and with too little room, give the twin's candidates in its order."""
+    flows = (np.random.default_rng(seed).integers(-largest, largest + 1, (2, height, width, 2)) / 8).astype(np.float32)
+    around, tolerance = 6.5, 0.7  # between the eighths, so that nothing is on the edge of two answers
+    count, votes, sums = collect(flows, (0.25, 0.75), (height, width), step, around, tolerance, capacity)
+    expected = np.empty(count.shape, object)
+    for place in np.ndindex(expected.shape):
+        expected[place] = []
+    for flow, sign, t in zip(flows, (1, -1), (0.25, 0.75), strict=True):
+        collected(flow, sign, t, step, around, tolerance, expected, capacity=capacity)
+    for place in np.ndindex(expected.shape):
+        known = count[place]
+        assert known == len(expected[place])
+        found = np.column_stack([votes[place][:known], sums[place][:known]])
+        np.testing.assert_array_equal(found, np.reshape(expected[place], (known, 3)))
+        assert not votes[place][known:].any()
+
+
+def test_one_motion_is_one_candidate_with_all_the_votes():
+    """Both frames' vectors agree once their direction is minded, and each is counted."""
+    size = (48, 48)
+    count, votes, sums = collect((steady(size, 2, -1), steady(size, -2, 1)), (0.5, 0.5), size, around=0.0)
+    assert (count == 1).all()
+    assert votes.sum() == 2 * 12 * 12  # none lands outside
+    np.testing.assert_array_equal(sums[..., 0, :] / votes[..., :1], np.broadcast_to([2, -1], (3, 3, 2)))
+
+
+def test_motions_within_the_tolerance_are_one():
+    """Their mean is the candidate; further apart they are two."""
+    size = (16, 16)
+    flow = steady(size, 3, 0)
+    flow[8:, :, 0] = 3.25
+    count, votes, sums = collect([flow], [0.0], size)
+    assert count[0, 0] == 1
+    np.testing.assert_allclose(sums[0, 0, 0] / votes[0, 0, 0], [3.125, 0])
+    flow[8:, :, 0] = 4
+    count, votes, _ = collect([flow], [0.0], size)
+    assert count[0, 0] == 2
+    assert votes[0, 0, :2].tolist() == [8, 8]
+
+
+@pytest.mark.parametrize(("around", "cells"), [(0, [1]), (8, [1, 2]), (9, [0, 1, 2])])
+def test_a_motion_counts_where_it_lands_and_around(around, cells):
+    """A vector from the middle of the first cell to that of the second belongs there, and to what is within reach."""
+    flow = np.zeros((16, 48, 2), np.float32)
+    flow[:, :16, 0] = 32
+    count, _, sums = collect([flow], [0.5], (16, 48), step=16, around=around)
+    assert [cell for cell in range(3) if (sums[0, cell, : count[0, cell], 0] == 32).any()] == cells
+
+
+def test_no_more_candidates_than_there_is_room_for():
+    """What comes first stays and goes on collecting votes; nothing is written beyond."""
+    size = (16, 16)
+    flow = np.zeros((*size, 2), np.float32)
+    flow[..., 0] = np.arange(256).reshape(size) // 2 * 2
+    count, votes, sums = collect([flow], [0.0], size, step=1, capacity=5)
+    assert count[0, 0] == 5
+    assert votes[0, 0].tolist() == [2] * 5
+    assert (sums[0, 0, :, 0] / 2).tolist() == [0, 2, 4, 6, 8]

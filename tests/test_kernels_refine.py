@@ -1,0 +1,78 @@
+"""The least-squares step to fractions of a pixel, against a slow twin and against smooth textures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from truth import noise, waves
+from twins import refined
+
+from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.refine import WIDE, refine_points
+from fpsboost.motion.colour import padded_planes
+
+PADDING = 40
+
+
+def refine(components0, components1, step, flow, damping=0.1, largest=1.0):
+    """The kernel on a copy of the flow."""
+    height, width = components0.shape[:2]
+    planes = [padded_planes(each, PADDING, 0, 2 * LANES, 1.0) for each in (components0, components1)]
+    out = np.array(flow, np.float32)
+    refine_points(*planes, PADDING, height, width, step, WIDE, np.float32(damping), np.float32(largest), out)
+    return out
+
+
+def points(size, step):
+    """How many points there are."""
+    return -(-size[0] // step), -(-size[1] // step)
+
+
+@settings(deadline=None, max_examples=8)
+@given(st.integers(1, 20), st.integers(1, 20), st.integers(4, 9), st.sampled_from([0.1, 5.0]), st.integers(0, 2**32))
+def test_refinement_equals_its_slow_twin(height, width, step, damping, seed):
+    """Any frames and whole vectors, also such as lead out of the frame, move by the twin's step."""
+    random = np.random.default_rng(seed)
+    components = [2 * noise(height, width, 3, np.float32, seed + k) for k in (0, 1)]
+    flow = random.integers(-6, 7, (*points((height, width), step), 2)).astype(np.float32)
+    found = refine(*components, step, flow, damping)
+    np.testing.assert_allclose(found, refined(*components, step, damping, 1.0, flow), atol=2e-4)
+
+
+@pytest.mark.parametrize("shift", [(0.25, -0.1), (0.4, 0.4), (3.3, -1.8), (-0.45, 0.0)])
+def test_fractions_of_a_pixel_are_found(shift):
+    """From the nearest whole pixel, a smooth texture's vector is right to 0.05 pixels on average."""
+    y, x = np.mgrid[0:40, 0:56].astype(float)
+    components = [4 * waves(x - k * shift[0], y - k * shift[1], seed=5).astype(np.float32) for k in (0, 1)]
+    flow = np.broadcast_to(np.rint(np.float32(shift)), (*points((40, 56), 8), 2))
+    off = np.linalg.norm(refine(*components, 8, flow) - np.float32(shift), axis=-1)
+    assert off[1:-1, 1:-1].mean() < 0.05
+
+
+def test_equal_frames_stay_where_they_are():
+    """Where nothing changes there is no step, to the bit; nor where there is no gradient."""
+    image = noise(24, 30, 3, np.float32)
+    still = np.zeros((*points((24, 30), 8), 2), np.float32)
+    assert not refine(image, image, 8, still).any()
+    assert not refine(np.full_like(image, 0.2), np.full_like(image, 0.3), 8, still).any()
+
+
+def test_no_step_is_longer_than_allowed():
+    """Along x and along y."""
+    y, x = np.mgrid[0:24, 0:40].astype(float)
+    components = [4 * waves(x - k * 2.5, y + k * 2.5, seed=1).astype(np.float32) for k in (0, 1)]
+    still = np.zeros((*points((24, 40), 8), 2), np.float32)
+    found = refine(*components, 8, still, largest=0.25)
+    assert np.abs(found).max() == 0.25
+
+
+def test_vectors_that_lead_far_away_do_no_harm():
+    """Beyond the padding everything is the frame's edge, and nothing else is read."""
+    components = [noise(20, 24, 3, np.float32, seed) for seed in (1, 2)]
+    flow = np.empty((*points((20, 24), 8), 2), np.float32)
+    for far in (-500, 500):
+        flow[:] = far
+        found = refine(*components, 8, flow)
+        np.testing.assert_allclose(found, refined(*components, 8, 0.1, 1.0, flow), atol=2e-3)
