@@ -20,7 +20,7 @@ def samples(image):
     planes = np.empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
     coefficients = np.empty_like(planes)
     fill_planes(image, np.float32(1), False, planes)
-    find_coefficients(planes, filter_response(), coefficients)
+    find_coefficients(planes, filter_response(2**-19), coefficients)
     return planes, coefficients
 
 

@@ -17,8 +17,7 @@ MARGIN = 32
 """Edges are repeated this far beyond the frame, pixels."""
 
 POLE = math.sqrt(3) - 2
-TAPS = 10
-"""Beyond this distance the filter's response is below 3e-6."""
+"""The filter's response falls by this factor with every pixel of distance."""
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
@@ -55,36 +54,44 @@ def find_coefficients(planes, response, coefficients):
     Parameters
     ----------
     planes : (C, H, W) float32
-    response : (TAPS + 1,) float32
+    response : (taps + 1,) float32
         See `filter_response`.
     coefficients : (C, H, W) float32 out
     """
     channels, height, width = planes.shape
+    taps = response.shape[0] - 1
     for number in prange(channels * height):
         c, y = np.int64(number) // height, np.int64(number) % height
-        line = np.empty(width + 2 * TAPS, np.float32)
-        down = line[TAPS : TAPS + width]
+        line = np.empty(width + 2 * taps, np.float32)
+        down = line[taps : taps + width]
         here = planes[c, y]
         for x in range(width):
             down[x] = response[0] * here[x]
-        for n in range(1, TAPS + 1):
+        for n in range(1, taps + 1):
             above, below = planes[c, max(y - n, 0)], planes[c, min(y + n, height - 1)]
             for x in range(width):
                 down[x] += response[n] * (above[x] + below[x])
-        line[:TAPS] = line[TAPS]
-        line[TAPS + width :] = line[TAPS + width - 1]
+        line[:taps] = line[taps]
+        line[taps + width :] = line[taps + width - 1]
         across = coefficients[c, y]
         for x in range(width):
             across[x] = response[0] * down[x]
-        for n in range(1, TAPS + 1):
-            before, after = line[TAPS - n : TAPS - n + width], line[TAPS + n : TAPS + n + width]
+        for n in range(1, taps + 1):
+            before, after = line[taps - n : taps - n + width], line[taps + n : taps + n + width]
             for x in range(width):
                 across[x] += response[n] * (before[x] + after[x])
 
 
-def filter_response() -> np.ndarray:
-    """Half of the symmetric response that turns samples into coefficients, (TAPS + 1,) float32."""
-    return np.array([math.sqrt(3) * POLE**n for n in range(TAPS + 1)], np.float32)
+def filter_response(precision: float) -> np.ndarray:
+    """Half of the symmetric response that turns samples into coefficients, (taps + 1,) float32.
+
+    Parameters
+    ----------
+    precision : float
+        What is cut off may add up to this share of the largest difference between two samples.
+    """
+    taps = math.ceil(math.log(precision) / math.log(-POLE))
+    return np.array([math.sqrt(3) * POLE**n for n in range(taps + 1)], np.float32)
 
 
 @njit(**FINITE_JIT)

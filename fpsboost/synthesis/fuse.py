@@ -144,7 +144,8 @@ def _samples(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
     is_float = image.dtype == np.float32
     scale = 1 if is_float else 1 / np.iinfo(image.dtype).max
     fill_planes(image, np.float32(scale), channels == 4 and not is_float, planes)
-    find_coefficients(planes, filter_response(), coefficients)
+    precision = 1 / 2**11 if image.dtype == np.uint8 else 1 / 2**19
+    find_coefficients(planes, filter_response(precision), coefficients)
     return planes, coefficients
 
 
