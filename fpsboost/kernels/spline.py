@@ -91,7 +91,9 @@ def filter_response(precision: float) -> np.ndarray:
         What is cut off may add up to this share of the largest difference between two samples.
     """
     taps = math.ceil(math.log(precision) / math.log(-POLE))
-    return np.array([math.sqrt(3) * POLE**n for n in range(taps + 1)], np.float32)
+    response = np.array([math.sqrt(3) * POLE**n for n in range(taps + 1)])
+    # flat areas keep their brightness whatever was cut off
+    return (response / (response[0] + 2 * response[1:].sum())).astype(np.float32)
 
 
 @njit(**FINITE_JIT)

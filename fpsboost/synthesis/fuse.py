@@ -15,6 +15,7 @@ from fpsboost.kernels.candidates import CELL, collect_candidates
 from fpsboost.kernels.fuse import ROW, SPARE, fuse_candidates, write_pixels
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
+from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis.rounding import rounding_offset, value_range
 
@@ -89,6 +90,8 @@ class Fuse:
     ) -> Iterator[Fused]:
         """Like `synthesize`, with the confidence of every pixel."""
         height, width, channels = image0.shape
+        if image0.dtype == np.float32:  # what is no number would spread to its surroundings
+            image0, image1 = normalised(image0), normalised(image1)
         samples0, samples1 = _samples(image0), _samples(image1)
         cells = -(-height // CELL), -(-width // CELL)
         scale = np.float32(0.5 / self.width**2 * max(1, 3 / channels))
