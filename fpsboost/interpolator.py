@@ -204,7 +204,7 @@ def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(), Fuse()),
-        "nlm-fast": Interpolator(CoarseToFine(reach=1 / 8, finest_level=1), Fuse(enough=0.98)),
+        "nlm-fast": Interpolator(CoarseToFine(reach=1 / 8, finest_level=1), Fuse(step=16, enough=0.97)),
         "nlm-best": Interpolator(
             Together(CoarseToFine(patch_radius=4), (Dis(),)),
             Fuse(around=12, sharpness=25),

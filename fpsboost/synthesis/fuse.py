@@ -92,7 +92,7 @@ class Fuse:
         height, width, channels = image0.shape
         if image0.dtype == np.float32:  # what is no number would spread to its surroundings
             image0, image1 = normalised(image0), normalised(image1)
-        samples0, samples1 = _samples(image0), _samples(image1)
+        samples0, samples1 = _samples(image0, image1)
         cells = -(-height // CELL), -(-width // CELL)
         scale = np.float32(0.5 / self.width**2 * max(1, 3 / channels))
         if acceleration is None:
@@ -139,17 +139,21 @@ class Fuse:
             yield Fused(_as_image(mean, image0, image1, t), confidence)
 
 
-def _samples(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Planes of an image and their spline coefficients; colours with straight alpha are multiplied by it."""
-    height, width, channels = image.shape
-    planes = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
-    coefficients = np.empty_like(planes)
-    is_float = image.dtype == np.float32
-    scale = 1 if is_float else 1 / np.iinfo(image.dtype).max
-    fill_planes(image, np.float32(scale), channels == 4 and not is_float, planes)
-    precision = 1 / 2**11 if image.dtype == np.uint8 else 1 / 2**19
-    find_coefficients(planes, filter_response(precision), coefficients)
-    return planes, coefficients
+def _samples(image0: Image, image1: Image) -> NDArray[Any]:
+    """Planes of both images and their spline coefficients, (2 images, 2, C, H, W).
+
+    Colours with straight alpha are multiplied by it. One array, because fresh memory is dear: each of its pages costs
+    more than the filter's work on it.
+    """
+    height, width, channels = image0.shape
+    samples = aligned_empty((2, 2, channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+    for image, (planes, coefficients) in zip((image0, image1), samples, strict=True):
+        is_float = image.dtype == np.float32
+        scale = 1 if is_float else 1 / np.iinfo(image.dtype).max
+        precision = 1 / 2**11 if image.dtype == np.uint8 else 1 / 2**19
+        fill_planes(image, np.float32(scale), channels == 4 and not is_float, planes)
+        find_coefficients(planes, filter_response(precision), coefficients)
+    return samples
 
 
 def _as_image(mean: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
