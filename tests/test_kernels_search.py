@@ -222,3 +222,18 @@ def test_searches_of_smooth_frames_agree():
     exhaustive, _ = search_fused(image0, image1, 3, 2, "box", 0.25)
     inner = slice(6, -6)
     np.testing.assert_allclose(tiles.similarity[inner, inner], exhaustive.similarity[inner, inner], atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("motion", [(0, TILE - 1), (0, -TILE), (TILE - 1, 0), (-TILE, 0)])
+@pytest.mark.parametrize("step", [1, 8])
+def test_tiles_that_lead_far_outside_read_nothing_else(motion, step):
+    """The last, partial tiles stay within the planes at the largest offsets; uncompiled, a stray index would raise."""
+    height, width, radius = TILE + 1, TILE + 1, 2
+    padding = PADDING + radius
+    planes = padded_planes(colours(height, width, 13), padding, 0, 2 * LANES, colour_scale(0.25))
+    proposals = np.full((1, 1, 2), motion, np.int32)
+    points = -(-height // step), -(-width // step)
+    best, flow = np.empty(points, np.float32), np.empty((*points, 2), np.float32)
+    limits = 0, TILE, radius, 3 * LANES, np.float32(0)
+    run_tiles(planes, planes, height, width, proposals, 2 * TILE, step, *limits, best, flow)
+    assert np.isfinite(best).all()

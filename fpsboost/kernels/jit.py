@@ -4,6 +4,12 @@ Contraction to fused multiply-add is allowed everywhere; reordering of sums nowh
 how a loop was cut into vectors or threads.
 """
 
+import os
+
+# A thread that waits for another must not spin: decoder, encoder and other programs want its core, and beside one of
+# them spinning made frames take five to ten times as long. Acts when numba starts its threads, if nobody chose before.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 FINITE_JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz", "nnan", "ninf"}}

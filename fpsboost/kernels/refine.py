@@ -92,7 +92,9 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
                 yy += more[2]
                 xt += more[3]
                 yt += more[4]
+            # along a straight edge rounding would leave nothing or less of the determinant
+            determinant = max(xx * yy - xy * xy, damping * (xx + yy) * np.float32(0.5))
             # gradients were summed over four pixels
-            factor = np.float32(-4) / (xx * yy - xy * xy)
+            factor = np.float32(-4) / determinant
             flow[row, point, 0] += min(max(factor * (yy * xt - xy * yt), -largest), largest)
             flow[row, point, 1] += min(max(factor * (xx * yt - xy * xt), -largest), largest)

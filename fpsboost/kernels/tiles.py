@@ -114,12 +114,14 @@ def search_tiles(
                 seen,
                 offsets,
             )
+            # the last points of a frame may lie beyond its edge
+            reached = max(bottom, top + down * step)
             for k in range(count):
                 dy, dx = offsets[0, k], offsets[1, k]
-                if min(top + dy, left + dx) < -TILE or bottom + dy > height + TILE or right + dx > width + TILE:
+                if min(top + dy, left + dx) < -TILE or reached + dy > height + TILE or right + dx > width + TILE:
                     continue  # hardly anything of the tile would be inside
                 columns[:] = 0
-                for row in range(TILE + 2 * radius):
+                for row in range(reached - top + 2 * radius):
                     # the patch around the tile's first pixel begins here, in padded coordinates
                     y0, x0 = top - radius + padding + row, left - radius + padding
                     start0 = Index(y0 * stride + x0)

@@ -74,13 +74,14 @@ def _at_shared_frame(
     """Acceleration at the frame that two pairs share; each is given as motion from that frame and back to it."""
     onward, sure_onward = _sampled(*this)
     backward, sure_backward = _sampled(*other)
-    sure = (sure_onward & sure_backward).astype(np.float32)
+    sure = sure_onward & sure_backward
     # x(1) = v + a / 2 and x(-r) = -r v + r^2 a / 2
     change = (onward * np.float32(ratio) + backward) * np.float32(2 / (ratio + ratio * ratio))
+    known = np.where(sure[..., np.newaxis], change, np.float32(0))
     height, width = this[0].flow.shape[:2]
     cells = -(-width // CELL), -(-height // CELL)
     covered = cv2.copyMakeBorder(
-        np.dstack([change * sure[..., None], sure]),
+        np.dstack([known, sure.astype(np.float32)]),
         0,
         cells[1] * CELL // EVERY - sure.shape[0],
         0,
