@@ -100,7 +100,7 @@ def convert(
     input_fps
         Frames per second of input images.
     method
-        nlm, nlm-fast (half the time), nlm-best (twice), nlm-exhaustive (the report's), dis, farneback, blend, nearest.
+        nlm, nlm-fast, nlm-best (slower), nlm-exhaustive (the report's), dis, farneback, blend or nearest.
     search
         How nlm-exhaustive finds source pixels.
     search_radius

@@ -205,10 +205,7 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(), Fuse()),
         "nlm-fast": Interpolator(CoarseToFine(reach=1 / 8, finest_level=1), Fuse(step=16, enough=0.97)),
-        "nlm-best": Interpolator(
-            Together(CoarseToFine(patch_radius=4), (Dis(),)),
-            Fuse(around=12, sharpness=25),
-        ),
+        "nlm-best": Interpolator(Together(CoarseToFine(patch_radius=4), (Dis(),)), Fuse(around=12, sharpness=25)),
         "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False),
         "dis": Interpolator(Dis(), Fuse()),
         "farneback": Interpolator(Farneback(), Fuse()),

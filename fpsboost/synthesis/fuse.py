@@ -97,10 +97,10 @@ class Fuse:
         scale = np.float32(0.5 / self.width**2 * max(1, 3 / channels))
         if acceleration is None:
             acceleration = np.zeros((*cells, 2), np.float32)
+        flows0, flows1 = ((field.flow, *field.alternatives) for field in (field01, field10))
         for t in times:
             count = np.zeros(cells, np.int32)
             votes, sums = np.zeros((*cells, CAPACITY), np.float32), np.zeros((*cells, CAPACITY, 2), np.float32)
-            flows0, flows1 = ((field.flow, *field.alternatives) for field in (field01, field10))
             landings = [(flow, 1, t) for flow in flows0] + [(flow, -1, 1 - t) for flow in flows1]
             for flow, sign, time in landings:
                 collect_candidates(
