@@ -42,7 +42,8 @@ from fpsboost.motion import MotionEstimator, nlm
 from fpsboost.motion.colour import colour_components, padded_planes
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
-from fpsboost.synthesis import Synthesizer, fuse
+from fpsboost.prepared import PreparedImage
+from fpsboost.synthesis import Synthesizer, Transition, fuse
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.reproject import Reproject
 
@@ -55,10 +56,15 @@ class WholePixels:
 
     inner: MotionEstimator
 
-    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         field01, field10 = self.inner.estimate(image0, image1)
-        return replace(field01, flow=np.rint(field01.flow)), replace(field10, flow=np.rint(field10.flow))
+        return whole_pixels(field01), whole_pixels(field10)
+
+
+def whole_pixels(field: MotionField) -> MotionField:
+    """The field with every vector rounded."""
+    return replace(field, flow=np.rint(field.flow), alternatives=tuple(np.rint(each) for each in field.alternatives))
 
 
 def plain_planes(image: Image, padding: int, scale: float) -> NDArray[Any]:
@@ -72,7 +78,7 @@ class PlainColours:
 
     inner: nlm.CoarseToFine
 
-    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         with patch.multiple(nlm, contrast_components=colour_components, contrast_planes=plain_planes):
             return self.inner.estimate(image0, image1)
@@ -84,18 +90,11 @@ class OneDirection:
 
     inner: Synthesizer
 
-    def synthesize(
-        self,
-        image0: Image,
-        image1: Image,
-        field01: MotionField,
-        field10: MotionField,
-        times: Sequence[float],
-        acceleration: NDArray[Any] | None = None,
-    ) -> Iterator[Image]:
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        far_away = replace(field10, flow=np.full_like(field10.flow, 1e6))  # lands in no cell
-        return self.inner.synthesize(image0, image1, field01, far_away, times, acceleration)
+        nowhere = np.full_like(transition.field10.flow, 1e6)  # lands in no cell
+        one_way = replace(transition, field10=replace(transition.field10, flow=nowhere, alternatives=()))
+        return self.inner.synthesize(one_way, times)
 
 
 @dataclass(frozen=True)
@@ -107,15 +106,7 @@ class MovingOnly:
 
     inner: fuse.Fuse
 
-    def synthesize(
-        self,
-        image0: Image,
-        image1: Image,
-        field01: MotionField,
-        field10: MotionField,
-        times: Sequence[float],
-        acceleration: NDArray[Any] | None = None,
-    ) -> Iterator[Image]:
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
         kernel: Any = vars(fuse)["fuse_candidates"]
         names = list(inspect.signature(kernel.py_func).parameters)
@@ -126,7 +117,7 @@ class MovingOnly:
             return kernel(*changed.values())
 
         with patch.object(fuse, "fuse_candidates", outvoted):
-            images = list(self.inner.synthesize(image0, image1, field01, field10, times, acceleration))
+            images = list(self.inner.synthesize(transition, times))
         yield from images
 
 
@@ -146,6 +137,7 @@ class NextPairOnly(Interpolator):
 
 
 MOTION: dict[str, dict[str, Any]] = {
+    "no second opinion": {"others": ()},
     "no price of distance": {"penalty": 0.0},
     "patch radius 3": {"patch_radius": 3},
     "patch radius 8": {"patch_radius": 8},

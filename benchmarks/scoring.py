@@ -23,8 +23,9 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.opening import open_source
 from fpsboost.motion.colour import normalised
-from fpsboost.motion.field import MotionField
+from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
+from fpsboost.synthesis import Transition
 from fpsboost.synthesis.fuse import Fuse
 
 Figures = dict[str, float]
@@ -124,7 +125,7 @@ def read_clip(name: str, path: str, largest: int) -> Clip:
     shown, hidden = frames[::2], frames[1::2]
     if not hidden:
         raise InputError(f"{path} holds fewer than three frames; one between two others is needed.")
-    cuts = [CutDetector().is_cut(*pair) for pair in pairwise(shown)]
+    cuts = [CutDetector().is_cut(*pair) for pair in pairwise(map(PreparedImage, shown))]
     return Clip(name, shown, hidden, [index for index, cut in enumerate(cuts) if not cut])
 
 
@@ -135,17 +136,9 @@ class KeepingConfidence:
     inner: Fuse
     kept: list[NDArray[Any]] = field(default_factory=list)
 
-    def synthesize(
-        self,
-        image0: Image,
-        image1: Image,
-        field01: MotionField,
-        field10: MotionField,
-        times: Sequence[float],
-        acceleration: NDArray[Any] | None = None,
-    ) -> Iterator[Image]:
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        for fused in self.inner.fuse(image0, image1, field01, field10, times, acceleration):
+        for fused in self.inner.fuse(transition, times):
             self.kept.append(fused.confidence)
             yield fused.image
 
@@ -153,7 +146,7 @@ class KeepingConfidence:
 def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:
     """The frame in the middle of every two, one pair behind: how motion goes on is seen in the next pair."""
     before = pair = None
-    for image0, image1 in pairwise(frames):
+    for image0, image1 in pairwise(map(PreparedImage, frames)):  # one of each frame, for both of its pairs
         after = interpolator.pair(image0, image1)
         if pair is not None:
             yield from interpolator.between(pair, [0.5], before, after).images

@@ -21,6 +21,7 @@ from scoring import make_between, warm_up
 
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
+from fpsboost.prepared import PreparedImage
 
 INTERPOLATOR, NLM, FUSE = "fpsboost.interpolator", "fpsboost.motion.nlm", "fpsboost.synthesis.fuse"
 
@@ -42,6 +43,7 @@ STAGES = {
     "components, padded": Stage(NLM, "contrast_planes"),
     "coarse search": Stage(NLM, "search_fused"),
     "tile search": Stage(NLM, "search_tiles", width_of=lambda planes0, planes1, height, width, *_: width),
+    "DIS": Stage("fpsboost.motion.opencv", "Dis.estimate"),
     "least-squares step": Stage(NLM, "refine_points"),
     "acceleration": Stage(INTERPOLATOR, "find_acceleration"),
     "sample planes": Stage(FUSE, "fill_planes"),
@@ -121,9 +123,11 @@ class Bill:
 
 
 def bytes_of(value: Any) -> int:
-    """Bytes of all arrays in nested tuples, lists and dataclasses."""
+    """Bytes of all arrays in nested tuples, lists and dataclasses, and of the pixels of images."""
     if isinstance(value, np.ndarray):
         return value.nbytes
+    if isinstance(value, PreparedImage):
+        return value.pixels.nbytes
     if isinstance(value, tuple | list):
         return sum(bytes_of(each) for each in value)
     if is_dataclass(value):

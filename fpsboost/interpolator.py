@@ -13,17 +13,20 @@ import numpy as np
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
+from fpsboost.lighting import Lighting, find_lighting
 from fpsboost.motion import MotionEstimator
+from fpsboost.motion.colour import normalised
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, Still
-from fpsboost.motion.together import Together
 from fpsboost.motion.trajectory import Neighbour, find_acceleration
+from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
-from fpsboost.synthesis import Synthesizer
+from fpsboost.synthesis import Synthesizer, Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.fuse import Fuse, Fused
+from fpsboost.synthesis.overlay import find_overlay, keep_overlay
 from fpsboost.synthesis.reproject import Reproject
 
 AtCuts = Literal["repeat", "blend"]
@@ -42,7 +45,7 @@ class Pair:
     Parameters
     ----------
     interpolator : Interpolator
-    image0, image1 : (H, W, C) uint8, uint16 or float32
+    image0, image1 : PreparedImage
         Two frames of one size and type.
     duration : Fraction or float
         Time between them, in any unit that neighbouring pairs share.
@@ -54,22 +57,38 @@ class Pair:
     """
 
     def __init__(
-        self, interpolator: Interpolator, image0: Image, image1: Image, duration: Fraction | float = 1
+        self,
+        interpolator: Interpolator,
+        image0: PreparedImage,
+        image1: PreparedImage,
+        duration: Fraction | float = 1,
     ) -> None:
-        check_pair(image0, image1)
+        check_pair(image0.pixels, image1.pixels)
         self.image0, self.image1, self.duration = image0, image1, duration
         self._interpolator = interpolator
+
+    @cached_property
+    def lighting(self) -> Lighting | None:
+        """How the light changes from one to the other; None where it does not."""
+        return find_lighting(self.image0, self.image1) if self._interpolator.relight else None
+
+    @cached_property
+    def in_one_light(self) -> tuple[PreparedImage, PreparedImage]:
+        """The two frames, both in the light of the first."""
+        if self.lighting is None:
+            return self.image0, self.image1
+        return PreparedImage(normalised(self.image0.pixels)), PreparedImage(self.lighting.undo(self.image1.pixels))
 
     @cached_property
     def is_cut(self) -> bool:
         """Whether a scene ends between the two."""
         cuts = self._interpolator.cuts
-        return cuts is not None and cuts.is_cut(self.image0, self.image1)
+        return cuts is not None and cuts.is_cut(*self.in_one_light)
 
     @cached_property
     def fields(self) -> tuple[MotionField, MotionField]:
         """Motion in both directions."""
-        return self._interpolator.estimator.estimate(self.image0, self.image1)
+        return self._interpolator.estimator.estimate(*self.in_one_light)
 
 
 @dataclass(frozen=True)
@@ -88,6 +107,10 @@ class Interpolator:
         Across a cut, repeat the nearer frame or mix the two.
     curved : bool
         Follow curved paths where the pairs before and after are known, straight ones otherwise.
+    relight : bool
+        Where the light changes between two frames, search for motion in the same light.
+    overlays : bool
+        Leave alone what stands still in front of a moving picture; the pairs before and after must be known.
 
     Examples
     --------
@@ -103,6 +126,8 @@ class Interpolator:
     cuts: CutDetector | None = CutDetector()
     at_cuts: AtCuts = "repeat"
     curved: bool = True
+    relight: bool = True
+    overlays: bool = True
 
     def __post_init__(self) -> None:
         check_choice("--at-cuts", self.at_cuts, get_args(AtCuts))
@@ -128,9 +153,10 @@ class Interpolator:
         OptionError
             A time lies outside of [0, 1].
         """
-        return list(self.between(self.pair(image0, image1), times).images)
+        pair = self.pair(PreparedImage(image0), PreparedImage(image1))
+        return list(self.between(pair, times).images)
 
-    def pair(self, image0: Image, image1: Image, duration: Fraction | float = 1) -> Pair:
+    def pair(self, image0: PreparedImage, image1: PreparedImage, duration: Fraction | float = 1) -> Pair:
         """Two frames as `between` takes them; see `Pair`."""
         return Pair(self, image0, image1, duration)
 
@@ -171,16 +197,23 @@ class Interpolator:
         inner = [float(t) for t in times if 0 < t < 1]
         made = self._made(pair, inner, before, after) if inner else iter(())
         for t in times:
-            yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).copy()
+            yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
 
     def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
         if pair.is_cut:
             mixer: Synthesizer = Blend() if self.at_cuts == "blend" else Nearest()
-            return mixer.synthesize(pair.image0, pair.image1, *Still().estimate(pair.image0, pair.image1), times)
+            still = Still().estimate(pair.image0, pair.image1)
+            return mixer.synthesize(Transition(pair.image0, pair.image1, *still), times)
+        before, after = (each if each is not None and not each.is_cut else None for each in (before, after))
         acceleration = None
         if self.curved:
             acceleration = find_acceleration(*pair.fields, _neighbour(before, pair), _neighbour(after, pair))
-        return self.synthesizer.synthesize(pair.image0, pair.image1, *pair.fields, times, acceleration)
+        images = self.synthesizer.synthesize(Transition(*pair.in_one_light, *pair.fields, acceleration), times)
+        if pair.lighting is not None:
+            images = _relit(images, times, pair.lighting, pair.image0.pixels.dtype)
+        elif self.overlays and (before or after):
+            images = _with_overlay(images, times, pair, before or pair, after or pair)
+        return images
 
     def compile_for(self, image: Image) -> None:
         """Compile the kernels for images of this type, or load them from the cache, on a tiny pair.
@@ -196,21 +229,41 @@ class Interpolator:
 
 
 def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
-    if neighbour is None or neighbour.is_cut:
+    if neighbour is None:
         return None
     return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration))
 
 
+def _relit(
+    images: Iterator[Image], times: Sequence[float], lighting: Lighting, dtype: np.dtype[Any]
+) -> Iterator[Image]:
+    for image, t in zip(images, times, strict=True):
+        yield lighting.apply(image, t, dtype)
+
+
+def _with_overlay(
+    images: Iterator[Image], times: Sequence[float], pair: Pair, before: Pair, after: Pair
+) -> Iterator[Image]:
+    image0, image1 = pair.image0.pixels, pair.image1.pixels
+    overlay = find_overlay(image0, image1, before.image0.pixels, after.image1.pixels, pair.fields[0])
+    for image, t in zip(images, times, strict=True):
+        keep_overlay(image, image0, image1, t, overlay)
+        yield image
+
+
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
-        "nlm": Interpolator(CoarseToFine(), Fuse()),
+        "nlm": Interpolator(CoarseToFine(others=(Dis("ultrafast"),)), Fuse()),
         "nlm-fast": Interpolator(CoarseToFine(reach=1 / 8, finest_level=1), Fuse(step=16, enough=0.97)),
-        "nlm-best": Interpolator(Together(CoarseToFine(patch_radius=4), (Dis(),)), Fuse(around=12, sharpness=25)),
-        "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False),
+        "nlm-best": Interpolator(
+            CoarseToFine(others=(Dis("ultrafast"), Dis("medium"), CoarseToFine(patch_radius=4, v=0.06))),
+            Fuse(around=12, sharpness=25),
+        ),
+        "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False, relight=False, overlays=False),
         "dis": Interpolator(Dis(), Fuse()),
         "farneback": Interpolator(Farneback(), Fuse()),
-        "blend": Interpolator(Still(), Blend(), curved=False),
-        "nearest": Interpolator(Still(), Nearest(), cuts=None, curved=False),
+        "blend": Interpolator(Still(), Blend(), curved=False, relight=False, overlays=False),
+        "nearest": Interpolator(Still(), Nearest(), cuts=None, curved=False, relight=False, overlays=False),
     }
 )
 """The methods by the names that the command line knows."""
@@ -338,8 +391,9 @@ def interpolate_with_confidence(
         raise OptionError(f"The method {method!r} does not know its confidence; take nlm, nlm-fast or nlm-best.")
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
-    pair = interpolator.pair(*_with_channels(frame0, frame1))
-    (fused,) = interpolator.synthesizer.fuse(pair.image0, pair.image1, *pair.fields, [float(t)])
+    image0, image1 = (PreparedImage(image) for image in _with_channels(frame0, frame1))
+    pair = interpolator.pair(image0, image1)
+    (fused,) = interpolator.synthesizer.fuse(Transition(image0, image1, *pair.fields), [float(t)])
     return Fused(fused.image.reshape(frame0.shape), fused.confidence)
 
 

@@ -20,6 +20,7 @@ from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_sink, open_source
 from fpsboost.overlap import read_ahead, write_behind
+from fpsboost.prepared import PreparedImage
 from fpsboost.timing import ByFactor, ByRate, Schedule, Step
 
 READ_AHEAD = 4
@@ -217,22 +218,22 @@ def _output_frames(
     Runs one pair behind the source: how a pair's motion goes on is seen in the next.
     """
     previous: Frame | None = None
+    last: PreparedImage | None = None
     start = Fraction(0)
     before: _Interval | None = None
     interval: _Interval | None = None
     for frame in frames:
-        if previous is None:
+        image = PreparedImage(frame.image)
+        if previous is None or last is None:
             start = frame.time
         else:
             index = summary.frames_in - 1
             steps = list(schedule.steps(index, start, previous.time, frame.time))
-            after = _Interval(
-                previous, steps, interpolator.pair(previous.image, frame.image, frame.time - previous.time)
-            )
+            after = _Interval(previous, steps, interpolator.pair(last, image, frame.time - previous.time))
             if interval is not None:
                 yield from _between(interval, before, after, interpolator, summary)
             before, interval = interval, after
-        previous = frame
+        previous, last = frame, image
         summary.frames_in += 1
     if interval is not None:
         yield from _between(interval, before, None, interpolator, summary)

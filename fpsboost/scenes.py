@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
-
-import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
-from fpsboost.motion.colour import contrast_components
+from fpsboost.motion.colour import contrast_components, small_copy
 from fpsboost.motion.exhaustive import search_fused
+from fpsboost.prepared import PreparedImage
 
 
 @dataclass(frozen=True)
@@ -46,25 +41,18 @@ class CutDetector:
         if self.thumbnail_side < 1:
             raise OptionError(f"thumbnail_side must be at least 1 pixel, not {self.thumbnail_side}.")
 
-    def is_cut(self, image0: Image, image1: Image) -> bool:
+    def is_cut(self, image0: PreparedImage, image1: PreparedImage) -> bool:
         """Whether a scene ends between the two frames.
 
         Parameters
         ----------
-        image0, image1 : (H, W, C) uint8, uint16 or float32
+        image0, image1 : PreparedImage
         """
         return self.threshold == 1 or self.likeness(image0, image1) < self.threshold
 
-    def likeness(self, image0: Image, image1: Image) -> float:
+    def likeness(self, image0: PreparedImage, image1: PreparedImage) -> float:
         """How much of the frames can be found in each other, 0 to 1: the better of both directions."""
-        thumbnails = [contrast_components(self._thumbnail(image)) for image in (image0, image1)]
+        thumbnails = [contrast_components(image.once(small_copy, self.thumbnail_side)) for image in (image0, image1)]
         reach = math.ceil(self.thumbnail_side / 6)
         fields = search_fused(thumbnails[0], thumbnails[1], reach, 5, "box", 0.06)
         return max(float(field.similarity.mean()) for field in fields)
-
-    def _thumbnail(self, image: Image) -> NDArray[Any]:
-        height, width = image.shape[:2]
-        scale = self.thumbnail_side / max(height, width)
-        size = max(1, round(width * scale)), max(1, round(height * scale))
-        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        return np.ascontiguousarray(small.reshape(size[1], size[0], -1))

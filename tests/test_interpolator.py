@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 
 import cv2
 import numba
 import numpy as np
 import pytest
-from truth import accelerating, affine, as_type, eroded, layers, moving_object, noise, translation, waves
+from truth import accelerating, affine, as_type, eroded, layers, moving_object, noise, prepared, translation, waves
 
 import fpsboost
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator, configure, find_method, interpolate, methods
 from fpsboost.motion.exhaustive import ExhaustiveSearch
-from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Still
 from fpsboost.scenes import CutDetector
 from fpsboost.synthesis.blend import Nearest
@@ -80,7 +80,7 @@ def test_unlike_frames_are_refused(method):
     image = noise(40, 48)
     for other in (noise(40, 47), noise(40, 48, 3, np.uint16), noise(40, 48, 1), image[..., 0]):
         with pytest.raises(InputError):
-            methods[method].pair(image, other)
+            methods[method].pair(*prepared(image, other))
         with pytest.raises(InputError):
             methods[method].interpolate(image, other, [])
     with pytest.raises(InputError, match="float64"):
@@ -93,7 +93,7 @@ def test_times_outside_of_the_pair_are_refused(method, t):
     """Even next to good ones, and before the first image."""
     image = noise(40, 48)
     with pytest.raises(OptionError, match=r"\[0, 1\]"):
-        methods[method].between(methods[method].pair(image, image), [0.5, t])
+        methods[method].between(methods[method].pair(*prepared(image, image)), [0.5, t])
 
 
 @every_method
@@ -315,8 +315,8 @@ def _threads() -> Iterator[None]:
 def three_pairs(interpolator, **motion):
     """The pairs before, in and after the middle of an accelerating texture, and its truth at 1/2."""
     at = accelerating(96, 128, **motion)
-    images = [at(t) for t in (-1, 0, 1, 2)]
-    return [interpolator.pair(images[k], images[k + 1]) for k in range(3)], at(0.5)
+    images = prepared(*(at(t) for t in (-1, 0, 1, 2)))
+    return [interpolator.pair(*each) for each in pairwise(images)], at(0.5)
 
 
 @pytest.mark.parametrize("motion", [((4, -2), (2, 1)), ((3, 1), (-2, 1.5)), ((6, 0), (3, 0))])
@@ -352,7 +352,7 @@ class CutsTo:
 
 def test_a_cut_is_no_neighbour():
     """A pair that a scene ends in tells nothing about the next one's motion."""
-    other = affine(96, 128, seed=9).image0
+    (other,) = prepared(affine(96, 128, seed=9).image0)
     nlm = replace(methods["nlm"], cuts=CutsTo(other))
     (before, pair, after), _ = three_pairs(nlm, velocity=(4, -2), acceleration=(2, 1))
     cut_before, cut_after = nlm.pair(other, pair.image0), nlm.pair(pair.image1, other)
@@ -385,7 +385,7 @@ def test_cuts_repeat_the_nearer_frame_or_mix():
     image0, image1 = affine(60, 80, seed=1).image0, affine(60, 80, seed=2).image0
     times = [0.25, Fraction(1, 2), 0.75, 1]
     nlm = methods["nlm"]
-    repeated = nlm.between(nlm.pair(image0, image1), times)
+    repeated = nlm.between(nlm.pair(*prepared(image0, image1)), times)
     assert repeated.scene_cut
     np.testing.assert_array_equal(list(repeated.images), [image0, image0, image1, image1])
     mixed = replace(methods["nlm"], at_cuts="blend").interpolate(image0, image1, [0.5])
@@ -397,10 +397,10 @@ def test_cuts_repeat_the_nearer_frame_or_mix():
 def test_within_a_scene_nothing_is_cut():
     """A pan is one scene, and without a detector everything is."""
     clip = affine(60, 80, shift=(5, 2))
-    assert not methods["nlm"].pair(clip.image0, clip.image1).is_cut
-    other = affine(60, 80, seed=2).image0
-    assert methods["nlm"].pair(clip.image0, other).is_cut
-    assert not replace(methods["nlm"], cuts=None).pair(clip.image0, other).is_cut
+    assert not methods["nlm"].pair(*clip.prepared).is_cut
+    unlike = clip.image0, affine(60, 80, seed=2).image0
+    assert methods["nlm"].pair(*prepared(*unlike)).is_cut
+    assert not replace(methods["nlm"], cuts=None).pair(*prepared(*unlike)).is_cut
 
 
 def test_motion_is_estimated_once_a_pair_and_only_if_needed():
@@ -431,7 +431,7 @@ def test_options_reach_the_estimator_and_the_synthesizer():
     assert changed.synthesizer == Reproject("brute-force", 3)
     assert changed.cuts == CutDetector()
     assert configure(methods["nlm"], "nlm", {}) == methods["nlm"]
-    assert configure(methods["nlm"], "nlm", {"v": 0.1}).estimator == CoarseToFine(v=0.1)
+    assert configure(methods["nlm"], "nlm", {"v": 0.1}).estimator == replace(methods["nlm"].estimator, v=0.1)
     assert methods["nlm-exhaustive"].estimator == ExhaustiveSearch()
 
 

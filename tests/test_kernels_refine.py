@@ -16,13 +16,20 @@ from fpsboost.motion.colour import padded_planes
 PADDING = 40
 
 
-def refine(components0, components1, step, flow, damping=0.1, largest=1.0):
+def refine(components0, components1, step, flow, damping=0.1, largest=1.0, steps=1):
     """The kernel on a copy of the flow."""
     height, width = components0.shape[:2]
     planes = [padded_planes(each, PADDING, 0, 2 * LANES, 1.0) for each in (components0, components1)]
     out = np.array(flow, np.float32)
-    refine_points(*planes, PADDING, height, width, step, WIDE, np.float32(damping), np.float32(largest), out)
+    limits = np.float32(damping), np.float32(largest), steps
+    refine_points(*planes, PADDING, height, width, step, WIDE, *limits, out)
     return out
+
+
+def moved(size, shift):
+    """Components of a smooth texture in two frames, of some contrast, that shifts by ``(dx, dy)``."""
+    y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
+    return [4 * waves(x - k * shift[0], y - k * shift[1], seed=5).astype(np.float32) for k in (0, 1)]
 
 
 def points(size, step):
@@ -41,11 +48,37 @@ def test_refinement_equals_its_slow_twin(height, width, step, damping, seed):
     np.testing.assert_allclose(found, refined(*components, step, damping, 1.0, flow), atol=2e-4)
 
 
+@pytest.mark.parametrize("steps", [2, 3])
+def test_further_steps_start_from_the_nearest_whole_pixel(steps):
+    """Bit by bit what so many single steps give, each from where the last one led, for those that left their pixel."""
+    components = moved((30, 50), (0.4, -0.3))
+    flow = np.random.default_rng(3).uniform(-2, 2, (*points((30, 50), 6), 2)).astype(np.float32)
+    expected = refine(*components, 6, flow)
+    moving = (np.rint(expected) != np.rint(flow)).any(axis=-1)
+    assert moving.any()
+    assert not moving.all()
+    for _ in range(steps - 1):
+        again = refine(*components, 6, expected)
+        again[~moving] = expected[~moving]
+        moving &= (np.rint(again) != np.rint(expected)).any(axis=-1)
+        expected = again
+    np.testing.assert_array_equal(refine(*components, 6, flow, steps=steps), expected)
+
+
+def test_a_second_step_finds_what_is_more_than_a_pixel_away():
+    """From a pixel and more off in x and y, two steps lead nearer than one, to 0.1 pixels on average."""
+    components, flow = moved((40, 56), (2.3, -1.2)), np.broadcast_to(np.float32([1, 0]), (*points((40, 56), 8), 2))
+    one, two = (
+        np.linalg.norm(refine(*components, 8, flow, steps=steps) - np.float32([2.3, -1.2]), axis=-1)[1:-1, 1:-1]
+        for steps in (1, 2)
+    )
+    assert two.mean() < min(0.1, one.mean() / 2)
+
+
 @pytest.mark.parametrize("shift", [(0.25, -0.1), (0.4, 0.4), (3.3, -1.8), (-0.45, 0.0)])
 def test_fractions_of_a_pixel_are_found(shift):
     """From the nearest whole pixel, a smooth texture's vector is right to 0.05 pixels on average."""
-    y, x = np.mgrid[0:40, 0:56].astype(float)
-    components = [4 * waves(x - k * shift[0], y - k * shift[1], seed=5).astype(np.float32) for k in (0, 1)]
+    components = moved((40, 56), shift)
     flow = np.broadcast_to(np.rint(np.float32(shift)), (*points((40, 56), 8), 2))
     off = np.linalg.norm(refine(*components, 8, flow) - np.float32(shift), axis=-1)
     assert off[1:-1, 1:-1].mean() < 0.05

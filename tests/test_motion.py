@@ -8,17 +8,20 @@ from itertools import pairwise
 import numba
 import numpy as np
 import pytest
-from truth import Clip, affine, as_type, eroded, frozen, layers, moving_object, noise, translation
+from truth import Clip, affine, as_type, eroded, frozen, layers, moving_object, noise, prepared, translation
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import colour_components, contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius, expected_motion
+from fpsboost.motion.field import MotionField
 from fpsboost.motion.nlm import CoarseToFine, pyramid
 from fpsboost.motion.opencv import Dis, Farneback, Still
+from fpsboost.prepared import PreparedImage
 
 estimators: dict[str, MotionEstimator] = {
     "nlm": CoarseToFine(),
+    "nlm with others": CoarseToFine(others=(Dis("ultrafast"), CoarseToFine(patch_radius=3))),
     "exhaustive": ExhaustiveSearch(search_radius=8),
     "exhaustive, own radius": ExhaustiveSearch(),
     "exhaustive, gaussian": ExhaustiveSearch(search_radius=8, patch_radius=2, window="gaussian"),
@@ -28,9 +31,8 @@ estimators: dict[str, MotionEstimator] = {
     "still": Still(),
 }
 every_estimator = pytest.mark.parametrize("estimator", estimators.values(), ids=estimators.keys())
-own_kernels = pytest.mark.parametrize(
-    "estimator", [estimators["nlm"], estimators["exhaustive"]], ids=["nlm", "exhaustive"]
-)
+own = "nlm", "nlm with others", "exhaustive"
+own_kernels = pytest.mark.parametrize("estimator", [estimators[name] for name in own], ids=own)
 
 
 @pytest.fixture
@@ -50,19 +52,23 @@ def errors(field, flow) -> np.ndarray:
 def test_fields_have_the_frames_size(estimator, channels, dtype):
     """(H, W, 2) and (H, W) float32, finite, similarity in [0, 1]; read-only frames of every kind are taken."""
     clip = affine(37, 45, shift=(1, 1), channels=channels, dtype=dtype)
-    for field in estimator.estimate(clip.image0, clip.image1):
+    for field in estimator.estimate(*clip.prepared):
         assert field.flow.shape == (37, 45, 2)
         assert field.similarity.shape == (37, 45)
         assert field.flow.dtype == field.similarity.dtype == np.float32
         assert np.isfinite(field.flow).all()
         assert 0 <= field.similarity.min() <= field.similarity.max() <= 1
+        for flow in field.alternatives:
+            assert flow.shape == (37, 45, 2)
+            assert flow.dtype == np.float32
+            assert np.isfinite(flow).all()
 
 
 @every_estimator
 def test_identical_frames_do_not_move(estimator):
     """The same picture twice: nothing moves, everything is similar; flat pictures too."""
     for image in (noise(40, 50), frozen(np.full((40, 50, 3), 90, np.uint8))):
-        for field in estimator.estimate(image, image):
+        for field in estimator.estimate(*prepared(image, image)):
             if isinstance(estimator, Farneback):  # OpenCV's trembles a little at the frame's edge
                 assert np.abs(field.flow).mean() < 0.01
                 assert np.abs(field.flow).max() < 0.5
@@ -75,8 +81,8 @@ def test_identical_frames_do_not_move(estimator):
 def test_swapped_frames_swap_the_fields(estimator):
     """Estimating backwards gives the backward field, where no two offsets tie."""
     clip = translation(40, 48, 2, 1, seed=3)
-    field01, field10 = estimator.estimate(clip.image0, clip.image1)
-    swapped10, swapped01 = estimator.estimate(clip.image1, clip.image0)
+    field01, field10 = estimator.estimate(*clip.prepared)
+    swapped10, swapped01 = estimator.estimate(*prepared(clip.image1, clip.image0))
     for field, swapped in ((field01, swapped01), (field10, swapped10)):
         assert (field.flow == swapped.flow).all(axis=-1).mean() > 0.99
         np.testing.assert_allclose(field.similarity, swapped.similarity, atol=1e-5)
@@ -88,9 +94,9 @@ def test_mismatched_frames_are_refused(estimator):
     image = noise(40, 48)
     for other in (noise(40, 47), noise(40, 48, 3, np.uint16), noise(40, 48, 1), image[..., 0]):
         with pytest.raises(InputError):
-            estimator.estimate(image, other)
+            estimator.estimate(*prepared(image, other))
         with pytest.raises(InputError):
-            estimator.estimate(other, image)
+            estimator.estimate(*prepared(other, image))
 
 
 @every_estimator
@@ -98,7 +104,7 @@ def test_mismatched_frames_are_refused(estimator):
 def test_tiny_frames_have_motion(estimator, size):
     """Down to a single pixel, a field of the right size comes out."""
     for image0, image1 in ((noise(*size), noise(*size)), (noise(*size, 1, seed=1), noise(*size, 1, seed=2))):
-        for field in estimator.estimate(image0, image1):
+        for field in estimator.estimate(*prepared(image0, image1)):
             assert field.flow.shape == (*size, 2)
             assert np.isfinite(field.flow).all()
 
@@ -109,7 +115,7 @@ def test_whole_translations_are_found_exactly(estimator, shift):
     """Every pixel whose patch is in both frames has the exact vector, forward and back."""
     clip = translation(72, 90, *shift, seed=1)
     for field, flow, seen in zip(
-        estimator.estimate(clip.image0, clip.image1), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
+        estimator.estimate(*clip.prepared), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
     ):
         inner = eroded(seen, 5)
         np.testing.assert_array_equal(field.flow[inner], flow[inner])
@@ -119,7 +125,7 @@ def test_sub_pixel_translations_are_found_to_the_pixel():
     """A vector of whole pixels is off by half a pixel an axis at most, and a little where the texture is weak."""
     clip = affine(96, 120, shift=(3.4, -2.3))
     for field, flow, seen in zip(
-        ExhaustiveSearch(search_radius=8).estimate(clip.image0, clip.image1),
+        ExhaustiveSearch(search_radius=8).estimate(*clip.prepared),
         (clip.flow01, clip.flow10),
         (clip.seen0, clip.seen1),
         strict=True,
@@ -134,7 +140,7 @@ def test_coarse_to_fine_finds_fractions_of_a_pixel(shift):
     """Every translation of a smooth texture is right to a tenth of a pixel on average, and to one everywhere."""
     clip = affine(96, 120, shift=shift)
     for field, flow, seen in zip(
-        CoarseToFine().estimate(clip.image0, clip.image1),
+        CoarseToFine().estimate(*clip.prepared),
         (clip.flow01, clip.flow10),
         (clip.seen0, clip.seen1),
         strict=True,
@@ -149,7 +155,7 @@ def test_coarse_to_fine_follows_zoom_and_rotation_closely(motion):
     """Right to a quarter of a pixel on average: most of that is one vector for all the pixels around a point."""
     clip = affine(120, 160, **motion, seed=4)
     for field, flow, seen in zip(
-        CoarseToFine().estimate(clip.image0, clip.image1),
+        CoarseToFine().estimate(*clip.prepared),
         (clip.flow01, clip.flow10),
         (clip.seen0, clip.seen1),
         strict=True,
@@ -164,9 +170,57 @@ def test_coarse_to_fine_follows_zoom_and_rotation_closely(motion):
 def test_small_fast_things_are_found(size, shift, bright):
     """To the pixel: 12 pixels that stand out and move by 30; 32 of the background's own contrast, by 24."""
     clip = layers(160, 240, box=(60, 100, 60 + size, 100 + size), shift=shift, bright=bright)
-    for field, flow in zip(CoarseToFine().estimate(clip.image0, clip.image1), (clip.flow01, clip.flow10), strict=True):
+    for field, flow in zip(CoarseToFine().estimate(*clip.prepared), (clip.flow01, clip.flow10), strict=True):
         thing = eroded(flow.any(axis=-1), size // 4)
         assert np.median(errors(field, flow)[thing]) < 1
+
+
+class Pointing:
+    """Everything moves alike, whatever the frames show."""
+
+    def __init__(self, dx: float, dy: float) -> None:
+        self._motion = np.float32([dx, dy])
+
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+        size = image0.pixels.shape[:2]
+        alike = np.ones(size, np.float32)
+        there, back = (np.broadcast_to(sign * self._motion, (*size, 2)) for sign in (1, -1))
+        return MotionField(there, alike), MotionField(back, alike)
+
+
+@pytest.mark.parametrize("level", [0, 1])
+@pytest.mark.parametrize("size", [(40, 50), (67, 130)])
+def test_other_estimators_are_alternatives_in_their_order(size, level):
+    """One for each, forward and back, and where there is nothing to make exact they stay what they were."""
+    motions = [(4, -2), (0, 0), (-6, 8)]
+    flat = frozen(np.full((*size, 3), 90, np.uint8))
+    search = CoarseToFine(finest_level=level, others=tuple(Pointing(*motion) for motion in motions))
+    for sign, field in zip((1, -1), search.estimate(*prepared(flat, flat)), strict=True):
+        assert not field.flow.any()
+        assert len(field.alternatives) == len(motions)
+        for flow, motion in zip(field.alternatives, motions, strict=True):
+            np.testing.assert_array_equal(flow, np.broadcast_to(np.multiply(sign, motion), (*size, 2)))
+
+
+@pytest.mark.parametrize("shift", [(0.25, 0), (3.4, -2.3), (-7.7, 4.1)])
+@pytest.mark.parametrize("preset", ["ultrafast", "medium"])
+def test_what_others_find_is_made_exact(preset, shift):
+    """Motion of DIS, too, is right to a tenth of a pixel on average where its whole pixels are."""
+    clip = affine(96, 120, shift=shift)
+    fields = CoarseToFine(others=(Dis(preset),)).estimate(*clip.prepared)
+    for field, flow, seen in zip(fields, (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True):
+        (alternative,) = field.alternatives
+        assert np.linalg.norm(alternative - flow, axis=-1)[eroded(seen, 6)].mean() < 0.1
+
+
+def test_others_leave_the_search_as_it_is():
+    """With and without them it finds the same bits; without them there are no alternatives."""
+    clip = affine(96, 120, shift=(3.4, -2.3), degrees=2)
+    alone, among = (estimators[name].estimate(*clip.prepared) for name in ("nlm", "nlm with others"))
+    for one, other in zip(alone, among, strict=True):
+        assert (len(one.alternatives), len(other.alternatives)) == (0, 2)
+        np.testing.assert_array_equal(one.flow, other.flow)
+        np.testing.assert_array_equal(one.similarity, other.similarity)
 
 
 @pytest.mark.parametrize("name", ["nlm", "exhaustive", "dis", "farneback"])
@@ -175,7 +229,7 @@ def test_zoom_and_rotation_are_followed(name, motion):
     """Off by less than a pixel on average where both frames show the scene."""
     clip = affine(120, 160, **motion, seed=4)
     for field, flow, seen in zip(
-        estimators[name].estimate(clip.image0, clip.image1),
+        estimators[name].estimate(*clip.prepared),
         (clip.flow01, clip.flow10),
         (clip.seen0, clip.seen1),
         strict=True,
@@ -188,7 +242,7 @@ def test_an_object_moves_over_a_still_background(estimator):
     """Away from its outline, old and new, the object has its motion and the background none."""
     clip = moving_object(96, 120, box=(30, 34, 70, 74), dx=8, dy=-6)
     for field, flow, seen in zip(
-        estimator.estimate(clip.image0, clip.image1), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
+        estimator.estimate(*clip.prepared), (clip.flow01, clip.flow10), (clip.seen0, clip.seen1), strict=True
     ):
         moving = flow.any(axis=-1)
         sure = eroded(moving, 5) | eroded(seen & ~moving, 5)
@@ -202,7 +256,7 @@ def test_an_object_moves_over_a_still_background(estimator):
 def test_large_motion_is_found_coarse_to_fine(shift):
     """Motion up to a sixth of the frame survives the pyramid."""
     clip = affine(180, 260, shift=shift, seed=6)
-    field, _ = CoarseToFine().estimate(clip.image0, clip.image1)
+    field, _ = CoarseToFine().estimate(*clip.prepared)
     assert np.median(errors(field, clip.flow01)[eroded(clip.seen0, 6)]) <= 0.5
 
 
@@ -212,7 +266,7 @@ def test_the_type_of_the_pixels_does_not_matter(estimator, dtype):
     """The same colours in 8 bits, in 16 and as floats give the same motion."""
     clip = translation(48, 56, 3, -2, seed=2)
     others = [as_type(image / 255.0, dtype) for image in (clip.image0, clip.image1)]
-    for field, other in zip(estimator.estimate(clip.image0, clip.image1), estimator.estimate(*others), strict=True):
+    for field, other in zip(estimator.estimate(*clip.prepared), estimator.estimate(*prepared(*others)), strict=True):
         assert (field.flow == other.flow).all(axis=-1).mean() > 0.999
         np.testing.assert_allclose(field.similarity, other.similarity, atol=1e-4)
 
@@ -225,11 +279,12 @@ def test_the_number_of_threads_does_not_matter(estimator):
     results = []
     for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS), 1):
         numba.set_num_threads(count)
-        results.append(estimator.estimate(clip.image0, clip.image1))
+        results.append(estimator.estimate(*clip.prepared))
     for result in results[1:]:
         for field, first in zip(result, results[0], strict=True):
             np.testing.assert_array_equal(field.flow, first.flow)
             np.testing.assert_array_equal(field.similarity, first.similarity)
+            np.testing.assert_array_equal(field.alternatives, first.alternatives)
 
 
 @pytest.mark.parametrize(
@@ -248,7 +303,7 @@ def test_the_search_radius_covers_the_motion(clip: Clip):
     radius = choose_search_radius(colour_components(clip.image0), colour_components(clip.image1))
     assert radius >= max(4, true)
     assert radius <= max(8, 2 * true + 4)
-    field, _ = ExhaustiveSearch().estimate(clip.image0, clip.image1)
+    field, _ = ExhaustiveSearch().estimate(*clip.prepared)
     moving = clip.flow01.any(axis=-1)
     assert np.median(errors(field, clip.flow01)[eroded(clip.seen0 & moving, 6)]) <= 0.5
 
@@ -329,6 +384,6 @@ def test_pyramids_halve_down_to_the_coarsest_side(size, expected):
     for channels in (1, 3):
         levels = pyramid(np.zeros((*size, channels), np.uint8), 60)
         assert len(levels) == expected
-        for finer, coarser in pairwise(levels):
+        for finer, coarser in pairwise(level.pixels for level in levels):
             assert coarser.shape == ((finer.shape[0] + 1) // 2, (finer.shape[1] + 1) // 2, channels)
-        assert max(levels[-1].shape[:2]) >= min(60, max(size))
+        assert max(levels[-1].pixels.shape[:2]) >= min(60, max(size))

@@ -19,7 +19,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from truth import accelerating
+from truth import accelerating, prepared
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
@@ -264,7 +264,7 @@ class Counting:
         self.pairs = 0
 
     def estimate(self, image0: Any, image1: Any) -> Any:
-        self.pairs += image0.shape[:2] == SIZE
+        self.pairs += image0.pixels.shape[:2] == SIZE
         return Still().estimate(image0, image1)
 
 
@@ -285,7 +285,7 @@ class CutsBefore:
         self._values = {10 * number for number in numbers}
 
     def is_cut(self, image0: Any, image1: Any) -> bool:
-        return image0.shape[:2] == SIZE and int(image1.max()) in self._values
+        return image0.pixels.shape[:2] == SIZE and int(image1.pixels.max()) in self._values
 
 
 @pytest.mark.parametrize("at_cuts", ["repeat", "blend"])
@@ -329,7 +329,7 @@ def test_the_loop_follows_curved_paths():
     times = [Fraction(t, 25) for t in (0, 1, 3, 4, 5)]
     source = [Frame(at(float(t * 25)), t, b - t) for t, b in pairwise([*times, Fraction(6, 25)])]
     interpolator = replace(methods["nlm"], cuts=None)
-    pairs = [interpolator.pair(a.image, b.image, b.time - a.time) for a, b in pairwise(source)]
+    pairs = [interpolator.pair(*prepared(a.image, b.image), b.time - a.time) for a, b in pairwise(source)]
     frames, _ = run(source, ByFactor(Fraction(2)), holds=False, interpolator=interpolator)
     for pair, before, after, frame in zip(pairs, [None, *pairs], [*pairs[1:], None], frames[1::2], strict=False):
         (expected,) = interpolator.between(pair, [0.5], before, after).images
@@ -351,10 +351,8 @@ class FailingSynthesizer:
     def __init__(self, fail_at: int, error: BaseException) -> None:
         self._left, self._error = fail_at, error
 
-    def synthesize(
-        self, image0: Any, image1: Any, field01: Any, field10: Any, times: Any, acceleration: Any = None
-    ) -> Iterator[Any]:
-        for image in Blend().synthesize(image0, image1, field01, field10, times, acceleration):
+    def synthesize(self, transition: Any, times: Any) -> Iterator[Any]:
+        for image in Blend().synthesize(transition, times):
             if image.shape[:2] == SIZE or self._left < 0:
                 if self._left <= 0:
                     raise self._error

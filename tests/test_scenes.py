@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from truth import affine, as_type, frozen, moving_object, noise, translation, waves
+from truth import affine, as_type, frozen, moving_object, noise, prepared, translation, waves
 
 from fpsboost.errors import OptionError
 from fpsboost.scenes import CutDetector
@@ -19,23 +19,23 @@ def scene(seed: int, height: int = 90, width: int = 120, channels: int = 3, dtyp
 @pytest.mark.parametrize(("first", "second"), [(1, 2), (3, 4), (5, 6), (7, 8), (9, 10)])
 def test_different_scenes_are_cuts(first, second):
     """Two pictures of nothing in common, both ways."""
-    assert CutDetector().is_cut(scene(first), scene(second))
-    assert CutDetector().is_cut(scene(second), scene(first))
+    assert CutDetector().is_cut(*prepared(scene(first), scene(second)))
+    assert CutDetector().is_cut(*prepared(scene(second), scene(first)))
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)])
 def test_cuts_are_found_in_images_of_every_kind(channels, dtype):
     """Gray, with alpha, deep and float; and the picture itself is no cut to itself."""
     one, other = scene(1, channels=channels, dtype=dtype), scene(2, channels=channels, dtype=dtype)
-    assert CutDetector().is_cut(one, other)
-    assert not CutDetector().is_cut(one, one)
+    assert CutDetector().is_cut(*prepared(one, other))
+    assert not CutDetector().is_cut(*prepared(one, one))
 
 
 def test_a_cut_to_black_is_found():
     """From a picture to nothing and back."""
     black = frozen(np.zeros((90, 120, 3), np.uint8))
-    assert CutDetector().is_cut(scene(1), black)
-    assert CutDetector().is_cut(black, scene(1))
+    assert CutDetector().is_cut(*prepared(scene(1), black))
+    assert CutDetector().is_cut(*prepared(black, scene(1)))
 
 
 @pytest.mark.parametrize(
@@ -51,15 +51,15 @@ def test_a_cut_to_black_is_found():
 )
 def test_motion_is_no_cut(clip):
     """Whatever can be followed belongs to one scene."""
-    assert not CutDetector().is_cut(clip.image0, clip.image1)
-    assert not CutDetector().is_cut(clip.image1, clip.image0)
+    assert not CutDetector().is_cut(*clip.prepared)
+    assert not CutDetector().is_cut(*prepared(clip.image1, clip.image0))
 
 
 @pytest.mark.parametrize("image", [noise(90, 120), scene(1), np.full((90, 120, 3), 128, np.uint8)])
 def test_identical_frames_are_no_cut(image):
     """Likeness 1."""
-    assert CutDetector().likeness(image, image) == pytest.approx(1, abs=1e-5)
-    assert not CutDetector().is_cut(image, image)
+    assert CutDetector().likeness(*prepared(image, image)) == pytest.approx(1, abs=1e-5)
+    assert not CutDetector().is_cut(*prepared(image, image))
 
 
 def test_noise_and_slow_fades_are_no_cut():
@@ -67,30 +67,30 @@ def test_noise_and_slow_fades_are_no_cut():
     image = scene(1)
     grain = np.random.default_rng(1).normal(0, 8, image.shape)
     noisy = frozen((image + grain).clip(0, 255).astype(np.uint8))
-    assert not CutDetector().is_cut(image, noisy)
+    assert not CutDetector().is_cut(*prepared(image, noisy))
     for other in (scene(2), np.zeros_like(image)):
         faded = frozen(np.rint(0.95 * image + 0.05 * other).astype(np.uint8))
-        assert not CutDetector().is_cut(image, faded)
+        assert not CutDetector().is_cut(*prepared(image, faded))
 
 
 def test_likeness_is_a_share_and_symmetric():
     """In [0, 1], and the same both ways."""
     for image0, image1 in ((scene(1), scene(2)), (scene(1), affine(90, 120, shift=(5, 2), seed=1).image1)):
-        likeness = CutDetector().likeness(image0, image1)
+        likeness = CutDetector().likeness(*prepared(image0, image1))
         assert 0 <= likeness <= 1
-        assert likeness == CutDetector().likeness(image1, image0)
+        assert likeness == CutDetector().likeness(*prepared(image1, image0))
 
 
 def test_the_threshold_runs_from_no_cuts_to_all():
     """0 finds none, 1 finds all."""
     clip = translation(48, 64, 1, 0)
-    assert not CutDetector(threshold=0).is_cut(scene(1), scene(2))
-    assert CutDetector(threshold=1).is_cut(clip.image0, clip.image1)
+    assert not CutDetector(threshold=0).is_cut(*prepared(scene(1), scene(2)))
+    assert CutDetector(threshold=1).is_cut(*clip.prepared)
 
 
 def test_at_threshold_one_even_identical_frames_are_a_cut():
     """1 means all pairs, so these too."""
-    assert CutDetector(threshold=1).is_cut(scene(1), scene(1))
+    assert CutDetector(threshold=1).is_cut(*prepared(scene(1), scene(1)))
 
 
 @pytest.mark.parametrize("threshold", [-0.1, 1.1, float("nan")])
@@ -105,7 +105,7 @@ def test_tiny_frames_have_a_likeness(size):
     """Down to a single pixel."""
     for channels in (1, 3):
         image = noise(*size, channels)
-        assert not CutDetector().is_cut(image, image)
+        assert not CutDetector().is_cut(*prepared(image, image))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -114,5 +114,5 @@ def test_one_broken_pixel_of_a_render_is_no_cut(value):
     image = affine(120, 160, dtype=np.float32).image0
     broken = image.copy()
     broken[30, 40] = value
-    assert not CutDetector().is_cut(image, broken)
-    assert not CutDetector().is_cut(broken, image)
+    assert not CutDetector().is_cut(*prepared(image, broken))
+    assert not CutDetector().is_cut(*prepared(broken, image))

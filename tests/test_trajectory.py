@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from truth import accelerating
+from truth import accelerating, prepared
 
 from fpsboost.kernels.candidates import CELL
 from fpsboost.motion.field import MotionField
@@ -56,7 +56,7 @@ def test_exact_fields_give_the_acceleration(velocity, acceleration, times):
 def test_estimated_fields_give_the_acceleration(velocity, acceleration, times):
     """A smooth texture's, too, to 15 % and what the motion itself is off by at a cell, a fifth of a pixel."""
     at = accelerating(*SIZE, velocity=velocity, acceleration=acceleration)
-    images = [at(t) for t in times]
+    images = prepared(*(at(t) for t in times))
     fields = [CoarseToFine().estimate(images[k], images[k + 1]) for k in range(3)]
     assert_found(fields, times, acceleration, 0.15 * np.linalg.norm(acceleration) + 0.2)
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.prepared import PreparedImage
+
 Array = NDArray[Any]
 
 
@@ -34,6 +36,16 @@ class Clip:
     seen0: Array
     seen1: Array
     at: Callable[[float], Array]
+
+    @property
+    def prepared(self) -> tuple[PreparedImage, PreparedImage]:
+        """Both frames as estimators take them, nothing remembered of them yet."""
+        return PreparedImage(self.image0), PreparedImage(self.image1)
+
+
+def prepared(*images: Array) -> list[PreparedImage]:
+    """The images as estimators take them, nothing remembered of them yet."""
+    return [PreparedImage(image) for image in images]
 
 
 def frozen(image: Array) -> Array:

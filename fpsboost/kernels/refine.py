@@ -53,7 +53,7 @@ def add_row(flat0, flat1, start0, start1, stride, plane, wide):
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
-def refine_points(planes0, planes1, padding, height, width, step, wide, damping, largest, flow):
+def refine_points(planes0, planes1, padding, height, width, step, wide, damping, largest, steps, flow):
     """Move the vector of every point by the least-squares step of its window.
 
     Parameters
@@ -69,8 +69,10 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
         Added to the squared gradients; keeps flat areas where they are.
     largest : float32
         Longest step along x or y, pixels.
+    steps : int
+        A vector that moves by more than half a pixel is rounded and moved again, this often in all.
     flow : (points down, points across, 2) float32
-        Whole pixels in, exact out.
+        Rounded to whole pixels at first; in and out.
     """
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
@@ -80,21 +82,27 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
         for point in range(flow.shape[1]):
             y0 = min(row * step + step // 2, height - 1) - HIGH // 2 + padding
             x0 = min(point * step + step // 2, width - 1) - WIDE // 2 + padding
-            # beyond the padding nothing changes any more
-            y1 = min(max(y0 + int(flow[row, point, 1]), 1), plane_height - HIGH - 1)
-            x1 = min(max(x0 + int(flow[row, point, 0]), 1), stride - WIDE - 1)
-            xx, xy, yy, xt, yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
-            for j in range(HIGH):
-                start0, start1 = Index((y0 + j) * stride + x0), Index((y1 + j) * stride + x1)
-                more = add_row(flat0, flat1, start0, start1, Index(stride), plane, wide)
-                xx += more[0]
-                xy += more[1]
-                yy += more[2]
-                xt += more[3]
-                yt += more[4]
-            # along a straight edge rounding would leave nothing or less of the determinant
-            determinant = max(xx * yy - xy * xy, damping * (xx + yy) * np.float32(0.5))
-            # gradients were summed over four pixels
-            factor = np.float32(-4) / determinant
-            flow[row, point, 0] += min(max(factor * (yy * xt - xy * yt), -largest), largest)
-            flow[row, point, 1] += min(max(factor * (xx * yt - xy * xt), -largest), largest)
+            dx, dy = np.rint(flow[row, point, 0]), np.rint(flow[row, point, 1])
+            for _ in range(steps):
+                # beyond the padding nothing changes any more
+                y1 = min(max(y0 + int(dy), 1), plane_height - HIGH - 1)
+                x1 = min(max(x0 + int(dx), 1), stride - WIDE - 1)
+                xx, xy, yy, xt, yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
+                for j in range(HIGH):
+                    start0, start1 = Index((y0 + j) * stride + x0), Index((y1 + j) * stride + x1)
+                    more = add_row(flat0, flat1, start0, start1, Index(stride), plane, wide)
+                    xx += more[0]
+                    xy += more[1]
+                    yy += more[2]
+                    xt += more[3]
+                    yt += more[4]
+                # along a straight edge rounding would leave nothing or less of the determinant
+                determinant = max(xx * yy - xy * xy, damping * (xx + yy) * np.float32(0.5))
+                # gradients were summed over four pixels
+                factor = np.float32(-4) / determinant
+                flow[row, point, 0] = dx + min(max(factor * (yy * xt - xy * yt), -largest), largest)
+                flow[row, point, 1] = dy + min(max(factor * (xx * yt - xy * xt), -largest), largest)
+                x, y = np.rint(flow[row, point, 0]), np.rint(flow[row, point, 1])
+                if x == dx and y == dy:
+                    break
+                dx, dy = x, y

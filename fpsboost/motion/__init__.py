@@ -9,19 +9,19 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from fpsboost.frame import Image
 from fpsboost.motion.field import MotionField
+from fpsboost.prepared import PreparedImage
 
 
 class MotionEstimator(Protocol):
     """Contract: where do the pixels of each frame go in the other one?"""
 
-    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions.
 
         Parameters
         ----------
-        image0, image1 : (H, W, C) uint8, uint16 or float32
+        image0, image1 : PreparedImage
             Two frames of one size and type.
 
         Returns

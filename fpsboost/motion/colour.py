@@ -102,6 +102,26 @@ def normalised(image: Image) -> NDArray[Any]:
     return values
 
 
+def small_copy(image: Image, longer_side: int) -> NDArray[Any]:
+    """A thumbnail, float32 with 1.0 for white.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32
+    longer_side : int
+        Of the thumbnail, pixels.
+
+    Returns
+    -------
+    (h, w, C) float32
+    """
+    height, width = image.shape[:2]
+    scale = longer_side / max(height, width)
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return normalised(small.reshape(size[1], size[0], -1))
+
+
 def padded_planes(
     components: Components, padding: int, extra_left: int, extra_right: int, scale: float
 ) -> NDArray[Any]:

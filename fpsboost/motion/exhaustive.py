@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
-from fpsboost.frame import Image, check_pair
+from fpsboost.frame import check_pair
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.search import exhaustive_kernel, rank_offsets
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.colour import Components, colour_components, padded_planes
 from fpsboost.motion.field import MotionField
+from fpsboost.prepared import PreparedImage
 
 Window = Literal["box", "gaussian"]
 Implementation = Literal["fused", "passes"]
@@ -59,8 +60,8 @@ class ExhaustiveSearch:
     Examples
     --------
     >>> import numpy as np
-    >>> image0 = np.random.default_rng(1).integers(0, 256, (32, 48, 3), dtype=np.uint8)
-    >>> image1 = np.roll(image0, 3, axis=1)
+    >>> noise = np.random.default_rng(1).integers(0, 256, (32, 48, 3), dtype=np.uint8)
+    >>> image0, image1 = PreparedImage(noise), PreparedImage(np.roll(noise, 3, axis=1))
     >>> field01, field10 = ExhaustiveSearch(search_radius=4, patch_radius=2).estimate(image0, image1)
     >>> field01.flow[16, 24].tolist(), field10.flow[16, 24].tolist()
     ([3.0, 0.0], [-3.0, 0.0])
@@ -82,10 +83,10 @@ class ExhaustiveSearch:
         check_choice("--window", self.window, get_args(Window))
         check_choice("--implementation", self.implementation, get_args(Implementation))
 
-    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`; flows are whole pixels."""
-        check_pair(image0, image1)
-        colours0, colours1 = colour_components(image0), colour_components(image1)
+        check_pair(image0.pixels, image1.pixels)
+        colours0, colours1 = image0.once(colour_components), image1.once(colour_components)
         radius = self.search_radius or choose_search_radius(colours0, colours1)
         search = search_fused if self.implementation == "fused" else search_by_passes
         return search(colours0, colours1, radius, self.patch_radius, self.window, self.v)

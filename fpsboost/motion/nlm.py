@@ -4,11 +4,15 @@ A small copy of the frames is searched in full; each finer level searches only a
 the neighbourhood of a tile. The data term is the report's at every level; the components are chosen to see low
 contrast, and an offset pays a little for its distance from the coarser level's proposal, which holds flat areas
 together.
+
+Other estimators may have a say. What they find is made exact in the same way and kept beside the search's own result:
+no estimator is right everywhere, and which one is shows only in the in-between frame.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,11 +26,11 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.refine import WIDE, refine_points
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, TILE, search_tiles
+from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import contrast_components, contrast_planes
 from fpsboost.motion.exhaustive import search_fused
 from fpsboost.motion.field import MotionField
-
-Pyramid = list[Image]
+from fpsboost.prepared import PreparedImage
 
 
 class Points(NamedTuple):
@@ -46,6 +50,9 @@ DAMPING = np.float32(0.1)
 
 LONGEST_STEP = np.float32(1)
 """Of the least-squares step, pixels."""
+
+STEPS = 2
+"""Least-squares steps of a vector, at most."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,8 @@ class CoarseToFine:
         Distance of the points that have a vector of their own, pixels: 1, 2, 4, 8, 16 or 32.
     finest_level : int
         Where the search ends: 0 at the frames themselves, 1 at half their size.
+    others : tuple of MotionEstimator
+        Estimators whose motion is kept as an alternative.
 
     Raises
     ------
@@ -78,11 +87,12 @@ class CoarseToFine:
 
     reach: float = 1 / 6
     patch_radius: int = 5
-    v: float = 0.06
+    v: float = 0.09
     penalty: float = 0.004
     coarsest_side: int = 60
     step: int = 8
     finest_level: int = 0
+    others: tuple[MotionEstimator, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.reach <= 1:
@@ -94,29 +104,63 @@ class CoarseToFine:
         if not self.v > 0:
             raise OptionError(f"--v must be above 0, not {self.v}.")
 
-    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
-        check_pair(image0, image1)
-        levels0, levels1 = (pyramid(image, self.coarsest_side) for image in (image0, image1))
+        check_pair(image0.pixels, image1.pixels)
+        levels0, levels1 = (image.once(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
-        coarsest = contrast_components(levels0[-1]), contrast_components(levels1[-1])
-        fields = search_fused(*coarsest, self._limit(levels0[-1]), self.patch_radius, "box", self.v, self.penalty)
-        found, step = [Points(each.flow, each.similarity) for each in fields], 1
+        found, step = self._search_coarsest(levels0[-1], levels1[-1]), 1
         for level in range(len(levels0) - 2, last - 1, -1):
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
             found = self._search(levels0[level], levels1[level], found, spacing, step, reach=int(level > last))
-        field01, field10 = (_at_every_pixel(points, image0, step, 2**last) for points in found)
+        ends = levels0[last], levels1[last]
+        foreign = [self._made_exact(*ends, other.estimate(image0, image1), step, 2**last) for other in self.others]
+        size, spacing = image0.pixels.shape[:2], step * 2**last
+        field01, field10 = (
+            MotionField(
+                _spread(points.flow * np.float32(2**last), size, spacing),
+                _spread(points.similarity.clip(0, 1), size, spacing),
+                tuple(_spread(flow, size, spacing) for flow in alternatives),
+            )
+            for points, *alternatives in zip(found, *foreign, strict=True)
+        )
         return field01, field10
 
+    def _made_exact(
+        self,
+        image0: PreparedImage,
+        image1: PreparedImage,
+        fields: tuple[MotionField, MotionField],
+        step: int,
+        scale: int,
+    ) -> list[NDArray[Any]]:
+        """Another estimator's motion at the points of a level that is `scale` times smaller, refined as our own."""
+        size = fields[0].flow.shape[:2]
+        flows = [_at_points(field.flow, size, step * scale) / np.float32(scale) for field in fields]
+        self._refine(image0, image1, flows, step)
+        return [flow * np.float32(scale) for flow in flows]
+
+    def _search_coarsest(self, image0: PreparedImage, image1: PreparedImage) -> list[Points]:
+        components = image0.once(contrast_components), image1.once(contrast_components)
+        limit = self._limit(image0.pixels)
+        fields = search_fused(*components, limit, self.patch_radius, "box", self.v, self.penalty)
+        return [Points(field.flow, field.similarity) for field in fields]
+
     def _search(
-        self, image0: Image, image1: Image, coarser: list[Points], spacing: int, step: int, reach: int
+        self,
+        image0: PreparedImage,
+        image1: PreparedImage,
+        coarser: list[Points],
+        spacing: int,
+        step: int,
+        reach: int,
     ) -> list[Points]:
         """Search one level in both directions around what the coarser one found."""
-        size, padding = image0.shape[:2], PADDING + self.patch_radius
-        planes = [contrast_planes(image, padding, colour_scale(self.v)) for image in (image0, image1)]
+        size = image0.pixels.shape[:2]
+        planes0, planes1 = self._planes(image0), self._planes(image1)
         lanes = -(-(TILE + 2 * self.patch_radius) // LANES) * LANES
         found = []
-        for points, pair in zip(coarser, (planes, planes[::-1]), strict=True):
+        for points, pair in zip(coarser, ((planes0, planes1), (planes1, planes0)), strict=True):
             shape = -(-size[0] // step), -(-size[1] // step)
             similarity, flow = np.empty(shape, np.float32), np.empty((*shape, 2), np.float32)
             search_tiles(
@@ -126,36 +170,50 @@ class CoarseToFine:
                 spacing,
                 step,
                 reach,
-                self._limit(image0),
+                self._limit(image0.pixels),
                 self.patch_radius,
                 lanes,
                 np.float32(self.penalty),
                 similarity,
                 flow,
             )
-            refine_points(*pair, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, flow)
             found.append(Points(flow, similarity))
+        self._refine(image0, image1, [points.flow for points in found], step)
         return found
+
+    def _refine(self, image0: PreparedImage, image1: PreparedImage, flows: Sequence[NDArray[Any]], step: int) -> None:
+        """Make motion in both directions exact, in place."""
+        size, padding = image0.pixels.shape[:2], PADDING + self.patch_radius
+        planes0, planes1 = self._planes(image0), self._planes(image1)
+        for flow, pair in zip(flows, ((planes0, planes1), (planes1, planes0)), strict=True):
+            refine_points(*pair, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, flow)
+
+    def _planes(self, image: PreparedImage) -> NDArray[Any]:
+        return image.once(contrast_planes, PADDING + self.patch_radius, colour_scale(self.v))
 
     def _limit(self, image: Image) -> int:
         longer_side: int = max(image.shape[:2])
         return math.ceil(self.reach * longer_side) + 1
 
 
-def _at_every_pixel(points: Points, image: Image, step: int, scale: int) -> MotionField:
+def _spread(points: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
     """Every pixel takes what its point has."""
-    height, width = image.shape[:2]
-    flow, similarity = (
-        each.repeat(step * scale, axis=0).repeat(step * scale, axis=1)[:height, :width] for each in points
-    )
-    return MotionField(np.ascontiguousarray(flow) * np.float32(scale), np.clip(similarity, 0, 1))
+    height, width = size
+    return np.ascontiguousarray(points.repeat(spacing, axis=0).repeat(spacing, axis=1)[:height, :width])
 
 
-def pyramid(image: Image, coarsest_side: int) -> Pyramid:
+def _at_points(flow: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
+    """The inverse: what the pixel at each point has."""
+    y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in size)
+    at_points: NDArray[Any] = flow[np.ix_(y, x)]
+    return at_points
+
+
+def pyramid(image: Image, coarsest_side: int) -> list[PreparedImage]:
     """The image and its halves, until the longer side would fall below `coarsest_side`; at most five levels."""
     levels = [image]
     while len(levels) < 5 and max(levels[-1].shape[:2]) >= 2 * coarsest_side:
         height, width = levels[-1].shape[:2]
         half = cv2.resize(levels[-1], ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
         levels.append(half.reshape(half.shape[0], half.shape[1], -1))
-    return levels
+    return [PreparedImage(level) for level in levels]

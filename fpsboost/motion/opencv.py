@@ -13,6 +13,7 @@ from fpsboost.errors import check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField
+from fpsboost.prepared import PreparedImage
 
 DIS_PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
@@ -37,14 +38,14 @@ class Dis:
     def __post_init__(self) -> None:
         check_choice("preset", self.preset, DIS_PRESETS)
 
-    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
         flow = cv2.DISOpticalFlow.create(DIS_PRESETS[self.preset])
         flow01, flow10 = (
             flow.calc(a, b, np.zeros((*a.shape, 2), np.float32)) for a, b in ((gray0, gray1), (gray1, gray0))
         )
-        return _field(_unpadded(flow01, image0)), _field(_unpadded(flow10, image0))
+        return _field(_unpadded(flow01, image0.pixels)), _field(_unpadded(flow10, image0.pixels))
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,11 @@ class Farneback:
     window_size: int = 15
     iterations: int = 3
 
-    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
         flow01, flow10 = (self._flow(a, b) for a, b in ((gray0, gray1), (gray1, gray0)))
-        return _field(_unpadded(flow01, image0)), _field(_unpadded(flow10, image0))
+        return _field(_unpadded(flow01, image0.pixels)), _field(_unpadded(flow10, image0.pixels))
 
     def _flow(self, gray0: NDArray[Any], gray1: NDArray[Any]) -> NDArray[Any]:
         start = np.zeros((*gray0.shape, 2), np.float32)
@@ -91,16 +92,16 @@ class Farneback:
 class Still:
     """Every pixel stays where it is: the motion of `blend` and `nearest`."""
 
-    def estimate(self, image0: Image, image1: Image) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
-        check_pair(image0, image1)
-        nothing = np.zeros((*image0.shape[:2], 2), np.float32)
+        check_pair(image0.pixels, image1.pixels)
+        nothing = np.zeros((*image0.pixels.shape[:2], 2), np.float32)
         return _field(nothing), _field(nothing)
 
 
-def _gray_pair(image0: Image, image1: Image) -> tuple[NDArray[Any], NDArray[Any]]:
-    check_pair(image0, image1)
-    first, second = (_gray(image) for image in (image0, image1))
+def _gray_pair(image0: PreparedImage, image1: PreparedImage) -> tuple[NDArray[Any], NDArray[Any]]:
+    check_pair(image0.pixels, image1.pixels)
+    first, second = (image.once(_gray) for image in (image0, image1))
     return first, second
 
 

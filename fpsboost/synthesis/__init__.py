@@ -7,38 +7,48 @@ One contract, `Synthesizer`, and its implementations: `Fuse` (the default), `Rep
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image
 from fpsboost.motion.field import MotionField
+from fpsboost.prepared import PreparedImage
+
+
+@dataclass(frozen=True)
+class Transition:
+    """Two frames and what is known of the way from one to the other.
+
+    Attributes
+    ----------
+    image0, image1 : PreparedImage
+        Two frames of one size and type.
+    field01, field10 : MotionField
+        Motion in both directions.
+    acceleration : (rows, columns, 2) float32, optional
+        How the motion through each cell changes; see `fpsboost.motion.trajectory`. Constant speed without it.
+    """
+
+    image0: PreparedImage
+    image1: PreparedImage
+    field01: MotionField
+    field10: MotionField
+    acceleration: NDArray[Any] | None = None
 
 
 class Synthesizer(Protocol):
     """Contract: what does the scene look like between two frames?"""
 
-    def synthesize(
-        self,
-        image0: Image,
-        image1: Image,
-        field01: MotionField,
-        field10: MotionField,
-        times: Sequence[float],
-        acceleration: NDArray[Any] | None = None,
-    ) -> Iterator[Image]:
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """Make one image for every time.
 
         Parameters
         ----------
-        image0, image1 : (H, W, C) uint8, uint16 or float32
-            Two frames of one size and type.
-        field01, field10 : MotionField
-            Motion in both directions.
+        transition : Transition
         times : sequence of float
             Each in (0, 1).
-        acceleration : (rows, columns, 2) float32, optional
-            How the motion through each cell changes; see `fpsboost.motion.trajectory`. Constant speed without it.
 
         Yields
         ------

@@ -16,7 +16,7 @@ from fpsboost.kernels.fuse import ROW, SPARE, fuse_candidates, write_pixels
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
-from fpsboost.motion.field import MotionField
+from fpsboost.synthesis import Transition
 from fpsboost.synthesis.rounding import rounding_offset, value_range
 
 CAPACITY = 48
@@ -66,38 +66,22 @@ class Fuse:
         if self.step < 1:
             raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
 
-    def synthesize(
-        self,
-        image0: Image,
-        image1: Image,
-        field01: MotionField,
-        field10: MotionField,
-        times: Sequence[float],
-        acceleration: NDArray[Any] | None = None,
-    ) -> Iterator[Image]:
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        for fused in self.fuse(image0, image1, field01, field10, times, acceleration):
+        for fused in self.fuse(transition, times):
             yield fused.image
 
-    def fuse(
-        self,
-        image0: Image,
-        image1: Image,
-        field01: MotionField,
-        field10: MotionField,
-        times: Sequence[float],
-        acceleration: NDArray[Any] | None = None,
-    ) -> Iterator[Fused]:
+    def fuse(self, transition: Transition, times: Sequence[float]) -> Iterator[Fused]:
         """Like `synthesize`, with the confidence of every pixel."""
+        samples0, samples1 = (image.once(_samples) for image in (transition.image0, transition.image1))
+        image0, image1 = transition.image0.pixels, transition.image1.pixels
         height, width, channels = image0.shape
-        if image0.dtype == np.float32:  # what is no number would spread to its surroundings
-            image0, image1 = normalised(image0), normalised(image1)
-        samples0, samples1 = _samples(image0, image1)
         cells = -(-height // CELL), -(-width // CELL)
         scale = np.float32(0.5 / self.width**2 * max(1, 3 / channels))
+        acceleration = transition.acceleration
         if acceleration is None:
             acceleration = np.zeros((*cells, 2), np.float32)
-        flows0, flows1 = ((field.flow, *field.alternatives) for field in (field01, field10))
+        flows0, flows1 = ((field.flow, *field.alternatives) for field in (transition.field01, transition.field10))
         for t in times:
             count = np.zeros(cells, np.int32)
             votes, sums = np.zeros((*cells, CAPACITY), np.float32), np.zeros((*cells, CAPACITY, 2), np.float32)
@@ -139,20 +123,21 @@ class Fuse:
             yield Fused(_as_image(mean, image0, image1, t), confidence)
 
 
-def _samples(image0: Image, image1: Image) -> NDArray[Any]:
-    """Planes of both images and their spline coefficients, (2 images, 2, C, H, W).
+def _samples(image: Image) -> NDArray[Any]:
+    """Planes of an image and their spline coefficients, (2, C, H, W); colours with straight alpha are multiplied by it.
 
-    Colours with straight alpha are multiplied by it. One array, because fresh memory is dear: each of its pages costs
-    more than the filter's work on it.
+    One array, because fresh memory is dear: each of its pages costs more than the filter's work on it.
     """
-    height, width, channels = image0.shape
-    samples = aligned_empty((2, 2, channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
-    for image, (planes, coefficients) in zip((image0, image1), samples, strict=True):
-        is_float = image.dtype == np.float32
-        scale = 1 if is_float else 1 / np.iinfo(image.dtype).max
-        precision = 1 / 2**11 if image.dtype == np.uint8 else 1 / 2**19
-        fill_planes(image, np.float32(scale), channels == 4 and not is_float, planes)
-        find_coefficients(planes, filter_response(precision), coefficients)
+    height, width, channels = image.shape
+    is_float = image.dtype == np.float32
+    if is_float:  # what is no number would spread to its surroundings
+        image = normalised(image)
+    samples = aligned_empty((2, channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+    planes, coefficients = samples
+    scale = 1 if is_float else 1 / np.iinfo(image.dtype).max
+    precision = 1 / 2**11 if image.dtype == np.uint8 else 1 / 2**19
+    fill_planes(image, np.float32(scale), channels == 4 and not is_float, planes)
+    find_coefficients(planes, filter_response(precision), coefficients)
     return samples
 
 
@@ -160,7 +145,8 @@ def _as_image(mean: NDArray[Any], image0: Image, image1: Image, t: float) -> Ima
     image = np.empty_like(image0)
     is_float = image0.dtype == np.float32
     if is_float:  # sharp samples overshoot: nothing may be darker or brighter than all there is
-        lowest, highest = min(image0.min(), image1.min()), max(image0.max(), image1.max())
+        numbers = normalised(image0), normalised(image1)
+        lowest, highest = min(each.min() for each in numbers), max(each.max() for each in numbers)
     else:
         lowest, highest = value_range(image0)
     scale = np.float32(1) if is_float else highest

@@ -1,0 +1,39 @@
+"""What is computed from one image alone: once, for both pairs that the image is part of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
+
+from fpsboost.frame import Image
+
+Result = TypeVar("Result")
+
+
+class PreparedImage:
+    """An image that remembers what was made of it.
+
+    Parameters
+    ----------
+    pixels : (H, W, C) uint8, uint16 or float32
+        Not to be written to any more.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> image = PreparedImage(np.zeros((2, 3, 1), np.uint8))
+    >>> image.once(np.zeros_like) is image.once(np.zeros_like)
+    True
+    """
+
+    def __init__(self, pixels: Image) -> None:
+        self.pixels = pixels
+        self._results: dict[tuple[Hashable, ...], Any] = {}
+
+    def once(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
+        """``function(pixels, *arguments)``, computed when it is first asked for."""
+        key = function, *arguments
+        if key not in self._results:
+            self._results[key] = function(self.pixels, *arguments)
+        result: Result = self._results[key]
+        return result

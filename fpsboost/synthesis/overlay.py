@@ -1,0 +1,75 @@
+"""Titles, logos and whatever else stands still in front of a moving picture.
+
+Patches around a thin letter hold more of the background than of the letter, so that its motion is the background's. But
+a pixel that keeps its colour over three frames or four, where everything around it moves and the colour would have had
+to change, does not move. What is found so is left as it is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image
+from fpsboost.kernels.overlay import STANDS_OUT, mark_overlay
+from fpsboost.motion.field import MotionField
+
+SPACING = 32
+"""Surroundings are looked at in blocks of this size, pixels."""
+
+AROUND = 5
+"""Blocks across whose median is the motion of the surroundings."""
+
+SHORTEST = np.float32(1)
+"""Motion below which surroundings count as still, pixels."""
+
+SAME, DIFFERENT = 0.03, 0.1
+"""A colour that changes by less has stayed, one that changes by more has not; with 1 for white."""
+
+NEIGHBOURS = 3
+"""A pixel of an overlay stands with others: so many at least of the nine around it, itself included."""
+
+STROKE = 3
+"""What stays this near to a pixel of an overlay belongs to it, pixels."""
+
+
+def find_overlay(image0: Image, image1: Image, before: Image, after: Image, field01: MotionField) -> NDArray[Any]:
+    """The pixels of a pair that stand still in front of moving surroundings.
+
+    Parameters
+    ----------
+    image0, image1 : (H, W, C) uint8, uint16 or float32
+        The pair.
+    before, after : (H, W, C)
+        The frames before and after the pair, or the pair's own where there is none.
+    field01 : MotionField
+        Motion of the pair.
+
+    Returns
+    -------
+    (H, W) bool
+    """
+    height, width = image0.shape[:2]
+    rows, columns = (np.minimum(np.arange(0, length, SPACING) + SPACING // 2, length - 1) for length in (height, width))
+    motion = field01.flow[np.ix_(rows, columns)]
+    surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), AROUND) for axis in (0, 1)])
+    white = 1 if image0.dtype == np.float32 else np.iinfo(image0.dtype).max
+    marks = np.empty((height, width), np.uint8)
+    same, different = np.float32(SAME * white), np.float32(DIFFERENT * white)
+    lines = (image.reshape(height, -1) for image in (image0, image1, before, after))
+    mark_overlay(*lines, image0.shape[2], surroundings, SPACING, SHORTEST, same, different, marks)
+    found = marks == STANDS_OUT
+    together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= NEIGHBOURS)
+    near = cv2.dilate(together.astype(np.uint8), np.ones((2 * STROKE + 1, 2 * STROKE + 1), np.uint8))
+    overlay: NDArray[Any] = (near > 0) & (marks > 0)
+    return overlay
+
+
+def keep_overlay(image: Image, image0: Image, image1: Image, t: float, overlay: NDArray[Any]) -> None:
+    """Give an in-between frame the overlay's own pixels, in place."""
+    places = np.nonzero(overlay)
+    mixed = image0[places] * (1 - t) + image1[places] * t
+    image[places] = mixed if image.dtype == np.float32 else np.rint(mixed)

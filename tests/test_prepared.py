@@ -1,0 +1,161 @@
+"""What is computed from one frame alone: once, however many ask for it, and forgotten with the frame."""
+
+from __future__ import annotations
+
+import importlib
+import weakref
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from truth import affine, noise, prepared
+
+from fpsboost.interpolator import methods
+from fpsboost.pipeline import Silent, convert
+from fpsboost.prepared import PreparedImage
+
+PER_FRAME = [
+    "fpsboost.scenes.small_copy",
+    "fpsboost.motion.nlm.pyramid",
+    "fpsboost.motion.nlm.contrast_components",
+    "fpsboost.motion.nlm.contrast_planes",
+    "fpsboost.motion.opencv.colour_components",
+    "fpsboost.synthesis.fuse.find_coefficients",
+]
+"""What the default method asks of each frame of one level, under the names that it knows."""
+
+
+class Counted:
+    """A function that counts its calls."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        self.calls = 0
+
+    def __call__(self, *arguments: Any) -> Any:
+        self.calls += 1
+        return self._function(*arguments)
+
+
+@pytest.fixture
+def counted(monkeypatch) -> Callable[[str], Counted]:
+    """A function that puts a counter in place of the function of a name."""
+
+    def replace(name: str) -> Counted:
+        module, _, function = name.rpartition(".")
+        counter = Counted(getattr(importlib.import_module(module), function))
+        monkeypatch.setattr(name, counter)
+        return counter
+
+    return replace
+
+
+class FromTheFirstFrame(Silent):
+    """Forgets the calls of compiling."""
+
+    def __init__(self, counter: Counted) -> None:
+        self._counter = counter
+
+    def ready(self) -> None:
+        self._counter.calls = 0
+
+
+def test_pixels_are_the_image_itself():
+    """Not a copy."""
+    image = noise(3, 4)
+    assert PreparedImage(image).pixels is image
+
+
+def test_a_function_is_called_once():
+    """On the pixels, when it is first asked for; after that the very same result comes back, None and 0 too."""
+    for result in (np.zeros(3), None, 0):
+        counter = Counted(lambda pixels, result=result: result)
+        image = PreparedImage(noise(3, 4))
+        assert counter.calls == 0
+        assert all(image.once(counter) is result for _ in range(3))
+        assert counter.calls == 1
+
+
+def test_other_arguments_and_functions_are_other_results():
+    """Each is computed by itself, and none takes the place of another."""
+    plus, times = (
+        Counted(lambda pixels, *numbers: pixels + sum(numbers)),
+        Counted(lambda pixels, number: pixels * number),
+    )
+    image = PreparedImage(np.full((1, 1, 1), 5.0, np.float32))
+    for _ in range(2):
+        assert [float(image.once(plus, *numbers).item()) for numbers in ((), (1,), (2,), (1, 2))] == [5, 6, 7, 8]
+        assert [float(image.once(times, number).item()) for number in (1, 2)] == [5, 10]
+    assert (plus.calls, times.calls) == (4, 2)
+
+
+def test_images_do_not_share_results():
+    """Equal pixels or not, each image has its own."""
+    counter = Counted(np.sum)
+    one, other = prepared(noise(3, 4), noise(3, 4))
+    assert one.once(counter) == other.once(counter)
+    assert counter.calls == 2
+
+
+def test_what_failed_is_tried_again():
+    """An error comes through and is not taken for a result."""
+    image = PreparedImage(noise(3, 4))
+    attempts = iter([ZeroDivisionError(), None])
+
+    def fail_at_first(pixels: Any) -> int:
+        error = next(attempts)
+        if error:
+            raise error
+        return 7
+
+    with pytest.raises(ZeroDivisionError):
+        image.once(fail_at_first)
+    assert image.once(fail_at_first) == 7
+
+
+@pytest.mark.parametrize("name", PER_FRAME)
+def test_neighbouring_pairs_share_what_their_frame_needs(counted, name):
+    """Three pairs of four frames, several times each, with word of their neighbours: four calls, not six or more."""
+    counter, nlm = counted(name), methods["nlm"]
+    frames = prepared(*(affine(48, 64, shift=(2 * k, k)).image1 for k in range(4)))
+    pairs = [nlm.pair(frames[k], frames[k + 1]) for k in range(3)]
+    for before, pair, after in zip([None, *pairs], pairs, [*pairs[1:], None], strict=False):
+        assert not nlm.between(pair, [], before, after).scene_cut
+        assert len(list(nlm.between(pair, [0.25, 0.5, 0.75], before, after).images)) == 3
+    assert counter.calls == len(frames)
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("name", PER_FRAME)
+@pytest.mark.parametrize(("factor", "calls"), [(Fraction(3), 5), (Fraction(5, 2), 5), (Fraction(1), 0)], ids=str)
+def test_a_conversion_prepares_every_frame_once(tmp_path, save_images, counted, name, factor, calls):
+    """One call for each frame, however many pairs and times it is part of; none where nothing lies between."""
+    save_images(tmp_path / "in", count=5)
+    counter = counted(name)
+    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=factor, observer=FromTheFirstFrame(counter))
+    assert summary.scene_cuts == 0
+    assert counter.calls == calls
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypatch):
+    """What was made of a frame goes with it: of 20 frames, the samples of no more than five are there at a time."""
+    alive: set[int] = set()
+    most = 0
+    samples = importlib.import_module("fpsboost.synthesis.fuse")._samples
+
+    def followed(image: Any) -> Any:
+        nonlocal most
+        result = samples(image)
+        alive.add(id(result))
+        weakref.finalize(result, alive.discard, id(result))
+        most = max(most, len(alive))
+        return result
+
+    monkeypatch.setattr("fpsboost.synthesis.fuse._samples", followed)
+    save_images(tmp_path / "in", count=20)
+    convert(str(tmp_path / "in"), str(tmp_path / "out"))
+    assert 2 <= most <= 5
+    assert not alive
