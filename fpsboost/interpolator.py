@@ -216,7 +216,7 @@ class Interpolator:
         return images
 
     def compile_for(self, image: Image) -> None:
-        """Compile the kernels for images of this type, or load them from the cache, on a tiny pair.
+        """Compile the kernels for images of this type, or load them from the cache, on a tiny clip.
 
         Parameters
         ----------
@@ -225,7 +225,10 @@ class Interpolator:
         """
         # large enough for a pyramid of more than one level
         noise = np.random.default_rng(0).integers(0, 256, (96, 128, image.shape[2])).astype(image.dtype)
-        self.interpolate(noise, noise, [0.5])
+        first, second, third = (PreparedImage(noise) for _ in range(3))
+        before, pair = self.pair(first, second), self.pair(second, third)
+        for _ in self.between(pair, [0.5], before).images:
+            pass
 
 
 def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
@@ -244,10 +247,9 @@ def _relit(
 def _with_overlay(
     images: Iterator[Image], times: Sequence[float], pair: Pair, before: Pair, after: Pair
 ) -> Iterator[Image]:
-    image0, image1 = pair.image0.pixels, pair.image1.pixels
-    overlay = find_overlay(image0, image1, before.image0.pixels, after.image1.pixels, pair.fields[0])
+    overlay = find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
     for image, t in zip(images, times, strict=True):
-        keep_overlay(image, image0, image1, t, overlay)
+        keep_overlay(image, pair.image0.pixels, pair.image1.pixels, t, overlay)
         yield image
 
 
@@ -391,10 +393,12 @@ def interpolate_with_confidence(
         raise OptionError(f"The method {method!r} does not know its confidence; take nlm, nlm-fast or nlm-best.")
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
-    image0, image1 = (PreparedImage(image) for image in _with_channels(frame0, frame1))
-    pair = interpolator.pair(image0, image1)
-    (fused,) = interpolator.synthesizer.fuse(Transition(image0, image1, *pair.fields), [float(t)])
-    return Fused(fused.image.reshape(frame0.shape), fused.confidence)
+    pair = interpolator.pair(*(PreparedImage(image) for image in _with_channels(frame0, frame1)))
+    (fused,) = interpolator.synthesizer.fuse(Transition(*pair.in_one_light, *pair.fields), [float(t)])
+    image = fused.image
+    if pair.lighting is not None:
+        image = pair.lighting.apply(image, float(t), frame0.dtype)
+    return Fused(image.reshape(frame0.shape), fused.confidence)
 
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:

@@ -12,43 +12,48 @@ from numba import njit, prange
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.tiles import Index
 
-WIDE, HIGH = 16, 11
+WIDE, HIGH = 16, 10
 """Of the window, pixels: as wide as one vector."""
 
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
-def add_row(flat0, flat1, start0, start1, stride, plane, wide):
-    """Sums of one row of a window: products of the gradients (xx, xy, yy) and of gradient and change (xt, yt).
+def add_rows(flat0, flat1, start0, start1, stride, plane, wide):
+    """Sums of two rows of a window: products of the gradients (xx, xy, yy) and of gradient and change (xt, yt).
 
-    Sums may be reordered here: which order it is depends on the compiled code alone, never on the threads.
+    Two, because adding up the lanes of five vectors costs as much as a row. Sums may be reordered here: which order it
+    is depends on the compiled code alone, never on the threads.
     """
     xx, xy, yy, xt, yt = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
     one = Index(1)
     for i in range(Index(wide)):
-        squares, wxx, wxy, wyy = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
-        wxt, wyt = np.float32(0), np.float32(0)
-        p0, p1 = start0 + i, start1 + i
-        for _ in range(3):
-            change = flat1[p1] - flat0[p0]
-            along_x = flat0[p0 + one] - flat0[p0 - one] + flat1[p1 + one] - flat1[p1 - one]
-            along_y = flat0[p0 + stride] - flat0[p0 - stride] + flat1[p1 + stride] - flat1[p1 - stride]
-            squares += change * change
-            wxx += along_x * along_x
-            wxy += along_x * along_y
-            wyy += along_y * along_y
-            wxt += along_x * change
-            wyt += along_y * change
-            p0 += plane
-            p1 += plane
-        # falls slower than the similarity itself: the fraction of a pixel is not known yet
-        weight = np.float32(1) + squares * np.float32(0.0625)
-        weight *= weight
-        weight = np.float32(1) / (weight * weight)
-        xx += weight * wxx
-        xy += weight * wxy
-        yy += weight * wyy
-        xt += weight * wxt
-        yt += weight * wyt
+        row0, row1 = start0 + i, start1 + i
+        for _ in range(2):
+            squares, wxx, wxy, wyy = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+            wxt, wyt = np.float32(0), np.float32(0)
+            p0, p1 = row0, row1
+            for _ in range(3):
+                change = flat1[p1] - flat0[p0]
+                along_x = flat0[p0 + one] - flat0[p0 - one] + flat1[p1 + one] - flat1[p1 - one]
+                along_y = flat0[p0 + stride] - flat0[p0 - stride] + flat1[p1 + stride] - flat1[p1 - stride]
+                squares += change * change
+                wxx += along_x * along_x
+                wxy += along_x * along_y
+                wyy += along_y * along_y
+                wxt += along_x * change
+                wyt += along_y * change
+                p0 += plane
+                p1 += plane
+            # falls slower than the similarity itself: the fraction of a pixel is not known yet
+            weight = np.float32(1) + squares * np.float32(0.0625)
+            weight *= weight
+            weight = np.float32(1) / (weight * weight)
+            xx += weight * wxx
+            xy += weight * wxy
+            yy += weight * wyy
+            xt += weight * wxt
+            yt += weight * wyt
+            row0 += stride
+            row1 += stride
     return xx, xy, yy, xt, yt
 
 
@@ -88,9 +93,9 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
                 y1 = min(max(y0 + int(dy), 1), plane_height - HIGH - 1)
                 x1 = min(max(x0 + int(dx), 1), stride - WIDE - 1)
                 xx, xy, yy, xt, yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
-                for j in range(HIGH):
+                for j in range(0, HIGH, 2):
                     start0, start1 = Index((y0 + j) * stride + x0), Index((y1 + j) * stride + x1)
-                    more = add_row(flat0, flat1, start0, start1, Index(stride), plane, wide)
+                    more = add_rows(flat0, flat1, start0, start1, Index(stride), plane, wide)
                     xx += more[0]
                     xy += more[1]
                     yy += more[2]

@@ -38,6 +38,25 @@ def colour_components(image: Image) -> Components:
     return values
 
 
+def gray(image: Image) -> NDArray[Any]:
+    """Luma in 8 bits.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32
+
+    Returns
+    -------
+    (H, W) uint8
+    """
+    if image.dtype == np.uint8 and image.shape[2] == 3:
+        return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    colours = colour_components(image)
+    luma = colours[..., 0] if image.shape[2] == 1 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
+    eight_bit: NDArray[Any] = np.clip(luma * 255 + 0.5, 0, 255).astype(np.uint8)
+    return eight_bit
+
+
 def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
     """Half luma, doubled high-pass luma, mean chroma: sees low contrast and forgives slow brightness changes.
 

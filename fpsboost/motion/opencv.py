@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import check_choice
 from fpsboost.frame import Image, check_pair
-from fpsboost.motion.colour import colour_components
+from fpsboost.motion.colour import gray
 from fpsboost.motion.field import MotionField
 from fpsboost.prepared import PreparedImage
 
@@ -101,15 +101,13 @@ class Still:
 
 def _gray_pair(image0: PreparedImage, image1: PreparedImage) -> tuple[NDArray[Any], NDArray[Any]]:
     check_pair(image0.pixels, image1.pixels)
-    first, second = (image.once(_gray) for image in (image0, image1))
+    first, second = (_padded_gray(image) for image in (image0, image1))
     return first, second
 
 
-def _gray(image: Image) -> NDArray[Any]:
-    colours = colour_components(image)
-    gray = colours[..., 0] if image.shape[2] == 1 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
-    eight_bit = np.clip(gray * 255 + 0.5, 0, 255).astype(np.uint8)
-    height, width = gray.shape
+def _padded_gray(image: PreparedImage) -> NDArray[Any]:
+    eight_bit = image.once(gray)
+    height, width = eight_bit.shape
     below, right = max(0, SMALLEST_SIDE - height), max(0, SMALLEST_SIDE - width)
     return cv2.copyMakeBorder(eight_bit, 0, below, 0, right, cv2.BORDER_REPLICATE)
 

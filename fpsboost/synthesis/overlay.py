@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from fpsboost.frame import Image
 from fpsboost.kernels.overlay import STANDS_OUT, mark_overlay
+from fpsboost.motion.colour import gray
 from fpsboost.motion.field import MotionField
+from fpsboost.prepared import PreparedImage
 
 SPACING = 32
 """Surroundings are looked at in blocks of this size, pixels."""
@@ -26,8 +28,8 @@ AROUND = 5
 SHORTEST = np.float32(1)
 """Motion below which surroundings count as still, pixels."""
 
-SAME, DIFFERENT = 0.03, 0.1
-"""A colour that changes by less has stayed, one that changes by more has not; with 1 for white."""
+SAME, DIFFERENT = 8, 25
+"""What changes by at most so many levels of 255 has stayed, what changes by more has not."""
 
 NEIGHBOURS = 3
 """A pixel of an overlay stands with others: so many at least of the nine around it, itself included."""
@@ -36,14 +38,16 @@ STROKE = 3
 """What stays this near to a pixel of an overlay belongs to it, pixels."""
 
 
-def find_overlay(image0: Image, image1: Image, before: Image, after: Image, field01: MotionField) -> NDArray[Any]:
+def find_overlay(
+    image0: PreparedImage, image1: PreparedImage, before: PreparedImage, after: PreparedImage, field01: MotionField
+) -> NDArray[Any]:
     """The pixels of a pair that stand still in front of moving surroundings.
 
     Parameters
     ----------
-    image0, image1 : (H, W, C) uint8, uint16 or float32
+    image0, image1 : PreparedImage
         The pair.
-    before, after : (H, W, C)
+    before, after : PreparedImage
         The frames before and after the pair, or the pair's own where there is none.
     field01 : MotionField
         Motion of the pair.
@@ -52,15 +56,13 @@ def find_overlay(image0: Image, image1: Image, before: Image, after: Image, fiel
     -------
     (H, W) bool
     """
-    height, width = image0.shape[:2]
+    grays = [image.once(gray) for image in (image0, image1, before, after)]
+    height, width = grays[0].shape
     rows, columns = (np.minimum(np.arange(0, length, SPACING) + SPACING // 2, length - 1) for length in (height, width))
     motion = field01.flow[np.ix_(rows, columns)]
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), AROUND) for axis in (0, 1)])
-    white = 1 if image0.dtype == np.float32 else np.iinfo(image0.dtype).max
     marks = np.empty((height, width), np.uint8)
-    same, different = np.float32(SAME * white), np.float32(DIFFERENT * white)
-    lines = (image.reshape(height, -1) for image in (image0, image1, before, after))
-    mark_overlay(*lines, image0.shape[2], surroundings, SPACING, SHORTEST, same, different, marks)
+    mark_overlay(*grays, surroundings, SPACING, SHORTEST, SAME, DIFFERENT, marks)
     found = marks == STANDS_OUT
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= NEIGHBOURS)
     near = cv2.dilate(together.astype(np.uint8), np.ones((2 * STROKE + 1, 2 * STROKE + 1), np.uint8))
