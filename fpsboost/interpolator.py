@@ -393,7 +393,8 @@ def interpolate_with_confidence(
         raise OptionError(f"The method {method!r} does not know its confidence; take nlm, nlm-fast or nlm-best.")
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
-    pair = interpolator.pair(*(PreparedImage(image) for image in _with_channels(frame0, frame1)))
+    image0, image1 = (PreparedImage(image) for image in _with_channels(frame0, frame1))
+    pair = interpolator.pair(image0, image1)
     (fused,) = interpolator.synthesizer.fuse(Transition(*pair.in_one_light, *pair.fields), [float(t)])
     image = fused.image
     if pair.lighting is not None:

@@ -21,7 +21,7 @@ PER_FRAME = [
     "fpsboost.motion.nlm.pyramid",
     "fpsboost.motion.nlm.contrast_components",
     "fpsboost.motion.nlm.contrast_planes",
-    "fpsboost.motion.opencv.colour_components",
+    "fpsboost.motion.opencv.gray",
     "fpsboost.synthesis.fuse.find_coefficients",
 ]
 """What the default method asks of each frame of one level, under the names that it knows."""

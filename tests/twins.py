@@ -304,7 +304,7 @@ def _along(
 
 
 def refined(components0: Array, components1: Array, step: int, damping: float, largest: float, flow: Array) -> Array:
-    """One weighted least-squares step of the motion at points `step` pixels apart; windows of 16 x 11, edges repeat."""
+    """One weighted least-squares step of the motion at points `step` pixels apart; windows of 16 x 10, edges repeat."""
     height, width = components0.shape[:2]
     both = components0.astype(float), components1.astype(float)
 
@@ -318,7 +318,7 @@ def refined(components0: Array, components1: Array, step: int, damping: float, l
             x0 = min(point * step + step // 2, width - 1) - 8
             dx, dy = (int(value) for value in flow[row, point])
             matrix, vector = damping * np.eye(2), np.zeros(2)
-            for y in range(y0, y0 + 11):
+            for y in range(y0, y0 + 10):
                 for x in range(x0, x0 + 16):
                     change = pixel(1, y + dy, x + dx) - pixel(0, y, x)
                     # twice the central difference of each frame, together four times the gradient
