@@ -45,7 +45,7 @@ def test_refinement_equals_its_slow_twin(height, width, step, damping, seed):
     components = [2 * noise(height, width, 3, np.float32, seed + k) for k in (0, 1)]
     flow = random.integers(-6, 7, (*points((height, width), step), 2)).astype(np.float32)
     found = refine(*components, step, flow, damping)
-    np.testing.assert_allclose(found, refined(*components, step, damping, 1.0, flow), atol=2e-4)
+    np.testing.assert_allclose(found, refined(*components, step, damping, 1.0, flow), atol=1e-3)
 
 
 @pytest.mark.parametrize("steps", [2, 3])
