@@ -177,6 +177,8 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
         "DIS instead of the search": replace(full, estimator=Dis()),
         "straight paths": replace(full, curved=False),
         "paths curved by the next pair alone": NextPairOnly(**same),
+        "light not matched": replace(full, relight=False),
+        "overlays move along": replace(full, overlays=False),
         "one direction's candidates": replace(full, synthesizer=OneDirection(fusing)),
         "no candidate without motion": replace(full, synthesizer=MovingOnly(fusing)),
         **{name: replace(full, synthesizer=each) for name, each in changed(fusing, SYNTHESIS).items()},

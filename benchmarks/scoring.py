@@ -155,19 +155,12 @@ def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterato
         yield from interpolator.between(pair, [0.5], before, None).images
 
 
-def warm_up(interpolator: Interpolator, frame: Image) -> None:
-    """Compile every kernel, or load it, on three small frames of this type."""
-    noise: Image = np.random.default_rng(0).integers(0, 256, (144, 192, frame.shape[2])).astype(frame.dtype)
-    for _ in make_between(interpolator, [noise] * 3):
-        pass
-
-
 def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False) -> Made:
     """Make the hidden frames of a clip, with how far they can be trusted if asked and known."""
     kept: list[NDArray[Any]] = []
     if confidence and isinstance(interpolator.synthesizer, Fuse):
         interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
-    warm_up(interpolator, clip.shown[0])
+    interpolator.compile_for(clip.shown[0])
     kept.clear()
     images, spent = [], 0.0
     sequence = make_between(interpolator, clip.shown)

@@ -11,7 +11,7 @@ import time
 
 import cv2
 import numba
-from scoring import make_between, read_frames, warm_up
+from scoring import make_between, read_frames
 
 from fpsboost.interpolator import find_method
 
@@ -27,7 +27,7 @@ def main() -> None:
     cv2.setNumThreads(threads)
     frames = read_frames(arguments.clip, arguments.frames)
     interpolator = find_method(arguments.method)
-    warm_up(interpolator, frames[0])
+    interpolator.compile_for(frames[0])
     wall, cpu = time.perf_counter(), time.process_time()
     made = sum(1 for _ in make_between(interpolator, frames))
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu

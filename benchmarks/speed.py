@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scoring import ALL_THREADS, make_between, read_frames, use_threads, warm_up, wide_console
+from scoring import ALL_THREADS, make_between, read_frames, use_threads, wide_console
 from stages import WHOLE, Cost, Profile, copy_bandwidth, profile_sequence
 
 from fpsboost.errors import OptionError
@@ -315,7 +315,7 @@ def sizes(console: Console, options: Options) -> Figures:
 def sequence_cpu(interpolator: Interpolator, frames: Sequence[Image]) -> float:
     """CPU seconds per in-between frame of a sequence, in one thread."""
     use_threads(1)
-    warm_up(interpolator, frames[0])
+    interpolator.compile_for(frames[0])
     begin = time.process_time()
     made = sum(1 for _ in make_between(interpolator, frames))
     spent = time.process_time() - begin

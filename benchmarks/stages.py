@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
-from scoring import make_between, warm_up
+from scoring import make_between
 
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
@@ -37,6 +37,7 @@ class Stage(NamedTuple):
 
 
 STAGES = {
+    "lighting": Stage(INTERPOLATOR, "find_lighting"),
     "cut detection": Stage("fpsboost.scenes", "CutDetector.is_cut"),
     "pyramid": Stage(NLM, "pyramid"),
     "components, coarsest": Stage(NLM, "contrast_components"),
@@ -51,6 +52,7 @@ STAGES = {
     "collecting": Stage(FUSE, "collect_candidates"),
     "fusing": Stage(FUSE, "fuse_candidates"),
     "rounding": Stage(FUSE, "_as_image"),
+    "overlay": Stage(INTERPOLATOR, "find_overlay"),
 }
 """By the name in the table."""
 
@@ -174,7 +176,7 @@ class Profile:
 
 def profile_sequence(interpolator: Interpolator, frames: Sequence[Image]) -> Profile:
     """Make a sequence and bill its stages."""
-    warm_up(interpolator, frames[0])
+    interpolator.compile_for(frames[0])
     bill, whole = Bill(), Cost()
     with watched(bill, frames[0].shape[1]) as missing:
         wall, cpu = time.perf_counter(), time.process_time()

@@ -1,9 +1,9 @@
 """Frames, clips, and the conventions that every module of the package keeps.
 
 Images
-    Arrays of shape (height, width, channels), C-contiguous, channels 1 (gray), 3 (BGR) or 4 (BGRA) in OpenCV's
-    order; uint8 and uint16 use their whole range, float32 has 1.0 for white. Indexed ``[y, x]``, sizes given as
-    (height, width).
+    Arrays of shape (height, width, channels), C-contiguous, channels 1 (gray), 2 (gray and alpha), 3 (BGR) or 4 (BGRA)
+    in OpenCV's order; uint8 and uint16 use their whole range, float32 has 1.0 for white. Indexed ``[y, x]``, sizes
+    given as (height, width).
 Motion
     ``flow01[y, x] = (dx, dy)`` in pixels, float32: ``image1[y + dy, x + dx]`` looks like ``image0[y, x]``. The
     direction is in the name: ``flow01`` from frame 0 to frame 1, ``flow10`` back.
@@ -99,8 +99,8 @@ def check_pair(image0: Image, image1: Image) -> None:
     >>> check_pair(np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6, 3), np.uint8))
     """
     for image in (image0, image1):
-        if image.ndim != 3 or image.shape[2] not in (1, 3, 4) or 0 in image.shape:
-            raise InputError(f"An image must have the shape (height, width, 1, 3 or 4), not {image.shape}.")
+        if image.ndim != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
+            raise InputError(f"An image must have the shape (height, width, 1 to 4), not {image.shape}.")
         if image.dtype not in type_names:
             raise InputError(f"An image must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
     if image0.shape != image1.shape or image0.dtype != image1.dtype:
@@ -108,6 +108,11 @@ def check_pair(image0: Image, image1: Image) -> None:
             f"Two frames of one clip must be alike, but one is {describe(image0)} and the other {describe(image1)}; "
             "make them one size and type first."
         )
+
+
+def has_alpha(image: Image) -> bool:
+    """Whether the last channel is alpha."""
+    return image.shape[2] in {2, 4}
 
 
 def describe(image: Image) -> str:

@@ -259,7 +259,7 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
         "nlm-fast": Interpolator(CoarseToFine(reach=1 / 8, finest_level=1), Fuse(step=16, enough=0.97)),
         "nlm-best": Interpolator(
             CoarseToFine(others=(Dis("ultrafast"), Dis("medium"), CoarseToFine(patch_radius=4, v=0.06))),
-            Fuse(around=12, sharpness=25),
+            Fuse(around=16, sharpness=25),
         ),
         "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False, relight=False, overlays=False),
         "dis": Interpolator(Dis(), Fuse()),

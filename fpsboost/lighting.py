@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image
+from fpsboost.frame import Image, has_alpha
 from fpsboost.motion.colour import contrast_components, normalised, small_copy
 from fpsboost.motion.exhaustive import search_fused
 from fpsboost.motion.field import MotionField
@@ -66,9 +66,9 @@ def find_lighting(image0: PreparedImage, image1: PreparedImage) -> Lighting | No
     Parameters
     ----------
     image0, image1 : PreparedImage
-        Two frames of one size and type. With four channels the light is taken for constant.
+        Two frames of one size and type. With alpha the light is taken for constant.
     """
-    if image0.pixels.shape[2] == 4:
+    if has_alpha(image0.pixels):
         return None
     small0, small1 = (image.once(small_copy, LONGER_SIDE) for image in (image0, image1))
     lighting = _same_spread(small0, small1)

@@ -15,7 +15,14 @@ from truth import accelerating, affine, as_type, eroded, layers, moving_object, 
 
 import fpsboost
 from fpsboost.errors import InputError, OptionError
-from fpsboost.interpolator import Interpolator, configure, find_method, interpolate, methods
+from fpsboost.interpolator import (
+    Interpolator,
+    configure,
+    find_method,
+    interpolate,
+    interpolate_with_confidence,
+    methods,
+)
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.opencv import Still
 from fpsboost.scenes import CutDetector
@@ -28,13 +35,13 @@ moving_methods = pytest.mark.parametrize("method", [name for name in methods if 
 
 @every_method
 @pytest.mark.parametrize(
-    ("channels", "dtype"), [(1, np.uint8), (3, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)]
+    ("channels", "dtype"), [(1, np.uint8), (2, np.uint8), (3, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)]
 )
 def test_identical_frames_give_the_same_frame(method, channels, dtype):
     """At any time, in every type: the in-between image of a still is the still, but for colours nobody can see."""
     image = noise(36, 44, channels, dtype).copy()
-    if channels == 4:
-        image[..., 3] = image[..., 3].clip(1)  # what alpha hides may become black
+    if channels in {2, 4}:
+        image[..., -1] = image[..., -1].clip(1)  # what alpha hides may become black
     for made in methods[method].interpolate(image, image, [0.25, Fraction(1, 3), 0.5]):
         assert made.dtype == dtype
         if method == "farneback":  # OpenCV's own motion of a still trembles a little at the frame's edge
@@ -100,7 +107,7 @@ def test_times_outside_of_the_pair_are_refused(method, t):
 @pytest.mark.parametrize("size", [(1, 1), (3, 5), (1, 40), (33, 2)])
 def test_tiny_frames_work(method, size):
     """Down to a single pixel."""
-    for channels in (1, 3, 4):
+    for channels in (1, 2, 3, 4):
         image0, image1 = noise(*size, channels, seed=1), noise(*size, channels, seed=2)
         (image,) = methods[method].interpolate(image0, image1, [0.5])
         assert image.shape == (*size, channels)
@@ -293,7 +300,7 @@ def test_what_is_no_number_stays_in_its_place(value):
     assert off.max() < 0.05
 
 
-@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
 def test_any_number_of_channels_is_followed(channels):
     """Gray, colour and alpha: a tenth of what mixing is off by."""
     clip = affine(96, 128, shift=(5.3, -2.6), channels=channels, seed=2)
@@ -365,16 +372,115 @@ def test_a_cut_is_no_neighbour():
 
 
 @pytest.mark.usefixtures("_threads")
-def test_the_number_of_threads_does_not_matter():
-    """From three pairs to bent paths, one thread and all of them give the same bits."""
+@pytest.mark.parametrize("scene", ["speeding up", "fading", "titled"])
+def test_the_number_of_threads_does_not_matter(scene):
+    """From three pairs to bent paths, through a fade and with a title, one thread and all give the same bits."""
     results = []
     for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS)):
         numba.set_num_threads(count)
         nlm = replace(methods["nlm"], cuts=None)
-        (before, pair, after), _ = three_pairs(nlm, velocity=(4, -2), acceleration=(2, 1))
+        if scene == "speeding up":
+            (before, pair, after), _ = three_pairs(nlm, velocity=(4, -2), acceleration=(2, 1))
+        else:
+            before, pair, after = (nlm.pair(*each) for each in pairwise(prepared(*eventful(scene))))
         results.append(list(nlm.between(pair, [0.3, 0.5], before, after).images))
     for result in results[1:]:
         np.testing.assert_array_equal(result, results[0])
+
+
+# -------------------------------------------------------------------------------------------- fading light and overlays
+
+
+def eventful(scene, dtype=np.uint8):
+    """Four frames of a moving texture that gets darker, or has a title of thin strokes."""
+    y, x = np.mgrid[0:64, 0:112].astype(float)
+    frames = []
+    for t in range(4):
+        colours = 0.15 + 0.6 * waves(x - 8 * t, y + 2 * t, seed=1)
+        if scene == "fading":
+            colours *= 1 - 0.25 * t
+        else:
+            for left in (40, 51, 66):
+                colours[20:44, left : left + 2] = 1
+        frames.append(as_type(colours, dtype))
+    return frames
+
+
+eventful_scenes = pytest.mark.parametrize("scene", ["fading", "titled"])
+
+
+@eventful_scenes
+def test_an_eventful_scene_is_what_it_says(scene):
+    """The default sees the light change in one, and keeps the title in the other."""
+    nlm = methods["nlm"]
+    before, pair, after = (nlm.pair(*each) for each in pairwise(prepared(*eventful(scene))))
+    assert (pair.lighting is not None) == (scene == "fading")
+    assert not pair.is_cut
+    plain = replace(nlm, relight=False, overlays=False)
+    unaware = [plain.pair(each.image0, each.image1) for each in (before, pair, after)]
+    with_it, without = (
+        next(each.between(second, [0.5], first, third).images)
+        for each, (first, second, third) in ((nlm, (before, pair, after)), (plain, unaware))
+    )
+    assert (with_it != without).any()
+
+
+@every_method
+@eventful_scenes
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_originals_and_the_order_of_times_survive_light_and_overlays(method, scene, dtype):
+    """Frames at t = 0 and 1 come out to the bit, as copies; every image is where its time was, and as it is alone."""
+    interpolator = replace(methods[method], cuts=None)
+    frames = eventful(scene, dtype)
+    before, pair, after = (interpolator.pair(*each) for each in pairwise(prepared(*frames)))
+    times = [1, 0.75, 0, Fraction(1, 4), 0.75, Fraction(1)]
+    images = list(interpolator.between(pair, times, before, after).images)
+    assert len(images) == len(times)
+    for t, image in zip(times, images, strict=True):
+        assert image.dtype == dtype
+        assert image.flags.writeable
+        if t in {0, 1}:
+            np.testing.assert_array_equal(image, frames[1 + int(t)])
+            assert not np.shares_memory(image, frames[1 + int(t)])
+        else:
+            np.testing.assert_array_equal([image], list(interpolator.between(pair, [t], before, after).images))
+    np.testing.assert_array_equal(images[1], images[4])
+    assert (images[1] != images[3]).any()
+
+
+@pytest.mark.parametrize("method", ["nlm-exhaustive", "blend", "nearest"])
+@eventful_scenes
+def test_methods_that_are_to_be_plain_know_neither_light_nor_overlays(method, scene):
+    """The report's method and those without motion take the frames as they are."""
+    interpolator = methods[method]
+    before, pair, after = (interpolator.pair(*each) for each in pairwise(prepared(*eventful(scene))))
+    assert pair.lighting is None
+    assert pair.in_one_light == (pair.image0, pair.image1)
+    alone, among = (interpolator.between(pair, [0.4], *each).images for each in ((), (before, after)))
+    np.testing.assert_array_equal(next(alone), next(among))
+
+
+@eventful_scenes
+def test_confidence_belongs_to_the_image_that_interpolate_makes(scene):
+    """Of two frames alone: the same image, and for every pixel a share."""
+    image0, image1 = eventful(scene)[:2]
+    fused = interpolate_with_confidence(image0, image1, 0.25)
+    np.testing.assert_array_equal(fused.image, interpolate(image0, image1, 0.25))
+    assert fused.confidence.shape == image0.shape[:2]
+    assert 0 <= fused.confidence.min() <= fused.confidence.max() <= 1 + 1e-5
+
+
+def test_confidence_is_refused_where_there_is_none():
+    """By methods that do not fuse, at the frames themselves, and for frames that are unlike."""
+    image = noise(40, 48)
+    for method in ("nlm-exhaustive", "blend", "nearest", "magic"):
+        with pytest.raises(OptionError, match=method):
+            interpolate_with_confidence(image, image, method=method)
+    for t in (0, 1, -0.5, float("nan")):
+        with pytest.raises(OptionError, match="above 0 and below 1"):
+            interpolate_with_confidence(image, image, t)
+    with pytest.raises(InputError):
+        interpolate_with_confidence(image, noise(40, 47))
 
 
 # ----------------------------------------------------------------------------------------------------- cuts and options

@@ -125,7 +125,7 @@ def test_brute_force_never_lands_further_than_the_iterative_search():
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
 def test_fetched_colours_equal_the_slow_twin(dtype, channels):
     """Blended where both or neither was found, alone where one was, rounded half up."""
     random = np.random.default_rng(channels)

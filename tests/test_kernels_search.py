@@ -175,7 +175,8 @@ def search_tiles(image0, image1, reach, patch_radius, v, penalty=0.0, step=1):
     best, flow = np.empty(points, np.float32), np.empty((*points, 2), np.float32)
     lanes = -(-(TILE + 2 * patch_radius) // LANES) * LANES
     price = np.float32(penalty)
-    run_tiles(planes0, planes1, height, width, still, 1, step, reach, reach, patch_radius, lanes, price, best, flow)
+    limits = 1, step, reach, reach, patch_radius, lanes
+    run_tiles(planes0, planes1, height, width, still, still, *limits, price, best, flow)
     return MotionField(flow, best.clip(0, 1))
 
 
@@ -235,5 +236,5 @@ def test_tiles_that_lead_far_outside_read_nothing_else(motion, step):
     points = -(-height // step), -(-width // step)
     best, flow = np.empty(points, np.float32), np.empty((*points, 2), np.float32)
     limits = 0, TILE, radius, 3 * LANES, np.float32(0)
-    run_tiles(planes, planes, height, width, proposals, 2 * TILE, step, *limits, best, flow)
+    run_tiles(planes, planes, height, width, proposals, proposals, 2 * TILE, step, *limits, best, flow)
     assert np.isfinite(best).all()

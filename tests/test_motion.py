@@ -48,7 +48,9 @@ def errors(field, flow) -> np.ndarray:
 
 
 @every_estimator
-@pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (3, np.uint8), (4, np.uint16), (3, np.float32)])
+@pytest.mark.parametrize(
+    ("channels", "dtype"), [(1, np.uint8), (2, np.uint8), (3, np.uint8), (4, np.uint16), (3, np.float32)]
+)
 def test_fields_have_the_frames_size(estimator, channels, dtype):
     """(H, W, 2) and (H, W) float32, finite, similarity in [0, 1]; read-only frames of every kind are taken."""
     clip = affine(37, 45, shift=(1, 1), channels=channels, dtype=dtype)
@@ -387,3 +389,14 @@ def test_pyramids_halve_down_to_the_coarsest_side(size, expected):
         for finer, coarser in pairwise(level.pixels for level in levels):
             assert coarser.shape == ((finer.shape[0] + 1) // 2, (finer.shape[1] + 1) // 2, channels)
         assert max(levels[-1].pixels.shape[:2]) >= min(60, max(size))
+
+
+@pytest.mark.parametrize(("size", "shift"), [(20, 16), (32, 16), (32, 30)])
+def test_a_small_thing_over_a_still_background_is_found(size, shift):
+    """Even where its patches hold more of the background than of itself in all the smaller copies of the frames."""
+    clip = moving_object(240, 320, box=(100, 100, 100 + size, 100 + size), dx=shift, dy=0)
+    field01, field10 = CoarseToFine().estimate(*clip.prepared)
+    middle = 100 + size // 2
+    np.testing.assert_allclose(field01.flow[middle, middle], (shift, 0), atol=0.1)
+    np.testing.assert_allclose(field10.flow[middle, middle + shift], (-shift, 0), atol=0.1)
+    np.testing.assert_allclose(field01.flow[30, 30], (0, 0), atol=0.1)

@@ -18,11 +18,13 @@ from fpsboost.prepared import PreparedImage
 
 PER_FRAME = [
     "fpsboost.scenes.small_copy",
+    "fpsboost.lighting.small_copy",
     "fpsboost.motion.nlm.pyramid",
     "fpsboost.motion.nlm.contrast_components",
     "fpsboost.motion.nlm.contrast_planes",
     "fpsboost.motion.opencv.gray",
     "fpsboost.synthesis.fuse.find_coefficients",
+    "fpsboost.synthesis.overlay.gray",
 ]
 """What the default method asks of each frame of one level, under the names that it knows."""
 

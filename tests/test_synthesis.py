@@ -58,7 +58,7 @@ def made(synthesizer: Synthesizer, clip: Clip, times: Sequence[float] = TIMES) -
 
 
 @every_synthesizer
-@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
 def test_images_are_like_the_frames(synthesizer, channels):
     """Shape and type of the frames, in arrays of their own, one for every time."""
     clip = affine(19, 23, shift=(2, 1), channels=channels)
@@ -227,7 +227,7 @@ def test_the_number_of_threads_does_not_matter(synthesizer):
 def test_tiny_frames_have_images_between_them(synthesizer, size):
     """Down to a single pixel, moving out of the frame or not."""
     random = np.random.default_rng(1)
-    for channels in (1, 3, 4):
+    for channels in (1, 2, 3, 4):
         image0, image1 = noise(*size, channels, seed=1), noise(*size, channels, seed=2)
         fields = [
             MotionField(random.normal(size=(*size, 2)).astype(np.float32) * 4, np.ones(size, np.float32))

@@ -15,7 +15,7 @@ def split_colours(image, normalise, scale, padding, luma, planes):
     Parameters
     ----------
     image : (H, W, C)
-        Its first three channels count, multiplied by the fourth; or the first alone where there are fewer.
+        Gray or BGR, multiplied by alpha where there is a second or a fourth channel.
     normalise : float32
         Factor that brings the image's white to 1.
     scale : float32
@@ -31,15 +31,15 @@ def split_colours(image, normalise, scale, padding, luma, planes):
         y = np.int64(row)
         for x in range(width):
             blue = np.float32(image[y, x, 0]) * normalise
+            alpha = np.float32(1)
+            if channels in (2, 4):
+                alpha = np.float32(image[y, x, channels - 1]) * normalise
             value, chroma = blue, np.float32(0)
             if channels >= 3:
                 green, red = np.float32(image[y, x, 1]) * normalise, np.float32(image[y, x, 2]) * normalise
-                alpha = np.float32(1)
-                if channels == 4:
-                    alpha = np.float32(image[y, x, 3]) * normalise
                 value = np.float32(0.299) * red + np.float32(0.587) * green + np.float32(0.114) * blue
                 chroma = (chroma_red * (red - value) + chroma_blue * (blue - value)) * alpha + half
-                value *= alpha
+            value *= alpha
             luma[y, x] = value
             planes[0, padding + y, padding + x] = value * half * scale
             planes[2, padding + y, padding + x] = chroma * scale
@@ -60,17 +60,17 @@ def finish_planes(luma, local_mean, scale, padding, planes):
     height, width = luma.shape
     twice = np.float32(2) * scale
     for row in prange(height):
-        y = np.int64(row)
-        target = planes[1, padding + y, padding : padding + width]
-        here, around = luma[y], local_mean[y]
+        y = np.int64(row) + padding
         for x in range(width):
-            target[x] = twice * (here[x] - around[x])
+            planes[1, y, padding + x] = twice * (luma[row, x] - local_mean[row, x])
         for c in range(3):
-            line = planes[c, padding + y]
-            line[:padding] = line[padding]
-            line[padding + width :] = line[padding + width - 1]
+            for x in range(padding):
+                planes[c, y, x] = planes[c, y, padding]
+            for x in range(padding + width, planes.shape[2]):
+                planes[c, y, x] = planes[c, y, padding + width - 1]
     for row in prange(padding):
-        y = np.int64(row)
+        above, below = np.int64(row), np.int64(row) + padding + height
         for c in range(3):
-            planes[c, y] = planes[c, padding]
-            planes[c, padding + height + y] = planes[c, padding + height - 1]
+            for x in range(planes.shape[2]):
+                planes[c, above, x] = planes[c, padding, x]
+                planes[c, below, x] = planes[c, padding + height - 1, x]

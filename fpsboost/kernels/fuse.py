@@ -216,7 +216,7 @@ def write_pixels(mean, scale, half, lowest, highest, straight_alpha, image):
     scale, half, lowest, highest : float32
         What 1 becomes, what is added before the fraction is cut off, and the range of the image's values.
     straight_alpha : bool
-        Whether the first three planes are to be divided by the fourth.
+        Whether all other planes are to be divided by the last.
     image : (H, W, C) out
     """
     channels, height, width = mean.shape
@@ -225,6 +225,6 @@ def write_pixels(mean, scale, half, lowest, highest, straight_alpha, image):
         for c in range(channels):
             for x in range(width):
                 value = mean[c, y, x]
-                if straight_alpha and c < 3:
-                    value /= max(mean[3, y, x], np.float32(1e-6))
+                if straight_alpha and c < channels - 1:
+                    value /= max(mean[channels - 1, y, x], np.float32(1e-6))
                 image[y, x, c] = image.dtype.type(min(max(value * scale + half, lowest), highest))

@@ -30,7 +30,7 @@ def fill_planes(image, scale, premultiply, planes):
     scale : float32
         Factor on every value.
     premultiply : bool
-        Whether to multiply the first three channels by the fourth.
+        Whether to multiply all other channels by the last.
     planes : (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out
     """
     height, width, channels = image.shape
@@ -40,8 +40,8 @@ def fill_planes(image, scale, premultiply, planes):
             line = planes[c, row]
             for x in range(width):
                 value = np.float32(image[y, x, c]) * scale
-                if premultiply and c < 3:
-                    value *= np.float32(image[y, x, 3]) * scale
+                if premultiply and c < channels - 1:
+                    value *= np.float32(image[y, x, channels - 1]) * scale
                 line[MARGIN + x] = value
             line[:MARGIN] = line[MARGIN]
             line[MARGIN + width :] = line[MARGIN + width - 1]

@@ -52,7 +52,8 @@ def gather_offsets(proposals, top, left, bottom, right, reach, limit, seen, offs
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def search_tiles(
-    planes0, planes1, height, width, proposals, spacing, step, reach, limit, radius, lanes, penalty, best, flow
+    planes0, planes1, height, width, proposals, expected, spacing, step, reach, limit, radius, lanes, penalty, best,
+    flow,
 ):  # fmt: skip
     """Find the motion at every point of a frame.
 
@@ -64,6 +65,8 @@ def search_tiles(
         H and W.
     proposals : (places down, places across, 2) int32
         Motion (dx, dy) at places `spacing` pixels apart, the first at spacing / 2.
+    expected : (places down, places across, 2) int32
+        The motion from which distance is counted.
     spacing, step : int
         Distances between places and between points, pixels; `step` divides TILE.
     reach, limit : int
@@ -73,7 +76,7 @@ def search_tiles(
     lanes : int
         At least TILE + 2 radius, a multiple of LANES.
     penalty : float32
-        What a pixel of distance from the nearest proposal costs, in units of similarity (0 to 1).
+        What a pixel of distance from the expected motion costs, in units of similarity (0 to 1).
     best : (points down, points across) float32 out
         Mean similarity less the penalty, at points `step` pixels apart, the first at step / 2.
     flow : (points down, points across, 2) float32 out
@@ -149,7 +152,7 @@ def search_tiles(
                             total += columns[p, q * step + step // 2 + i]
                         y, x = (first_down + p) * step + step // 2, (first_across + q) * step + step // 2
                         place_y, place_x = min(y // spacing, places_down - 1), min(x // spacing, places_across - 1)
-                        apart = abs(dx - proposals[place_y, place_x, 0]) + abs(dy - proposals[place_y, place_x, 1])
+                        apart = abs(dx - expected[place_y, place_x, 0]) + abs(dy - expected[place_y, place_x, 1])
                         value = np.float32(total) * share - penalty * np.float32(apart)
                         if value > best[first_down + p, first_across + q]:
                             best[first_down + p, first_across + q] = value

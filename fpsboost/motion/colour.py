@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image
+from fpsboost.frame import Image, has_alpha
 from fpsboost.kernels.contrast import finish_planes, split_colours
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.memory import aligned_empty
@@ -30,11 +30,10 @@ def colour_components(image: Image) -> Components:
         Gray images have their value in the first component and zero in the others.
     """
     values = normalised(image)
-    if image.shape[2] == 1:
+    if has_alpha(image):
+        values = values[..., :-1] * values[..., -1:]
+    if values.shape[2] == 1:
         return np.dstack([values, np.zeros_like(values), np.zeros_like(values)])
-    if image.shape[2] == 4:
-        premultiplied: Components = values[..., :3] * values[..., 3:]
-        return premultiplied
     return values
 
 
@@ -52,7 +51,7 @@ def gray(image: Image) -> NDArray[Any]:
     if image.dtype == np.uint8 and image.shape[2] == 3:
         return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     colours = colour_components(image)
-    luma = colours[..., 0] if image.shape[2] == 1 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
+    luma = colours[..., 0] if image.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
     eight_bit: NDArray[Any] = np.clip(luma * 255 + 0.5, 0, 255).astype(np.uint8)
     return eight_bit
 
@@ -73,7 +72,7 @@ def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
     (H, W, 3) float32
     """
     colours = colour_components(image)
-    if image.shape[2] == 1:
+    if image.shape[2] < 3:
         luma, chroma = colours[..., 0], colours[..., 1]
     else:
         converted = cv2.cvtColor(colours, cv2.COLOR_BGR2YCrCb)

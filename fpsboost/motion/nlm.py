@@ -26,6 +26,7 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.refine import WIDE, refine_points
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, TILE, search_tiles
+from fpsboost.kernels.unexplained import measure_points, search_unexplained
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import contrast_components, contrast_planes
 from fpsboost.motion.exhaustive import search_fused
@@ -53,6 +54,16 @@ LONGEST_STEP = np.float32(1)
 
 STEPS = 2
 """Least-squares steps of a vector, at most."""
+
+
+SMALL_RADIUS = 2
+"""r of the patch that looks for small things."""
+
+ENOUGH = np.float32(0.6)
+"""Similarity of a small patch that explains what is seen."""
+
+BETTER = np.float32(0.2)
+"""What another motion must add to it."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +123,12 @@ class CoarseToFine:
         found, step = self._search_coarsest(levels0[-1], levels1[-1]), 1
         for level in range(len(levels0) - 2, last - 1, -1):
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
-            found = self._search(levels0[level], levels1[level], found, spacing, step, reach=int(level > last))
+            proposals = [points.flow for points in found]
+            if level == len(levels0) - 3:  # the level before was the first with points
+                proposals = self._second_look(levels0[level + 1], levels1[level + 1], proposals, spacing // 2)
+            found = self._search(
+                levels0[level], levels1[level], found, proposals, spacing, step, reach=int(level > last)
+            )
         ends = levels0[last], levels1[last]
         foreign = [self._made_exact(*ends, other.estimate(image0, image1), step, 2**last) for other in self.others]
         size, spacing = image0.pixels.shape[:2], step * 2**last
@@ -151,6 +167,7 @@ class CoarseToFine:
         image0: PreparedImage,
         image1: PreparedImage,
         coarser: list[Points],
+        proposals: list[NDArray[Any]],
         spacing: int,
         step: int,
         reach: int,
@@ -160,12 +177,14 @@ class CoarseToFine:
         planes0, planes1 = self._planes(image0), self._planes(image1)
         lanes = -(-(TILE + 2 * self.patch_radius) // LANES) * LANES
         found = []
-        for points, pair in zip(coarser, ((planes0, planes1), (planes1, planes0)), strict=True):
+        pairs = (planes0, planes1), (planes1, planes0)
+        for points, proposed, pair in zip(coarser, proposals, pairs, strict=True):
             shape = -(-size[0] // step), -(-size[1] // step)
             similarity, flow = np.empty(shape, np.float32), np.empty((*shape, 2), np.float32)
             search_tiles(
                 *pair,
                 *size,
+                np.rint(proposed * 2).astype(np.int32),
                 np.rint(points.flow * 2).astype(np.int32),
                 spacing,
                 step,
@@ -180,6 +199,22 @@ class CoarseToFine:
             found.append(Points(flow, similarity))
         self._refine(image0, image1, [points.flow for points in found], step)
         return found
+
+    def _second_look(
+        self, image0: PreparedImage, image1: PreparedImage, flows: list[NDArray[Any]], step: int
+    ) -> list[NDArray[Any]]:
+        """Motion of small things, too, where that of their surroundings does not explain what is seen."""
+        size, padding, limit = image0.pixels.shape[:2], PADDING + self.patch_radius, self._limit(image0.pixels)
+        planes0, planes1 = self._planes(image0), self._planes(image1)
+        pairs = (planes0, planes1), (planes1, planes0)
+        known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
+        for flow, pair, similarity in zip(flows, pairs, known, strict=True):
+            measure_points(*pair, padding, *size, step, SMALL_RADIUS, flow, similarity)
+        looked = [flow.copy() for flow in flows]
+        around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # least of the neighbours'
+        for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
+            search_unexplained(*pair, padding, *size, step, limit, SMALL_RADIUS, here, there, ENOUGH, BETTER, flow)
+        return looked
 
     def _refine(self, image0: PreparedImage, image1: PreparedImage, flows: Sequence[NDArray[Any]], step: int) -> None:
         """Make motion in both directions exact, in place."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
+from fpsboost.frame import Image, has_alpha
 from fpsboost.kernels.candidates import CELL, collect_candidates
 from fpsboost.kernels.fuse import ROW, SPARE, fuse_candidates, write_pixels
 from fpsboost.kernels.memory import aligned_empty
@@ -136,7 +136,7 @@ def _samples(image: Image) -> NDArray[Any]:
     planes, coefficients = samples
     scale = 1 if is_float else 1 / np.iinfo(image.dtype).max
     precision = 1 / 2**11 if image.dtype == np.uint8 else 1 / 2**19
-    fill_planes(image, np.float32(scale), channels == 4 and not is_float, planes)
+    fill_planes(image, np.float32(scale), has_alpha(image) and not is_float, planes)
     find_coefficients(planes, filter_response(precision), coefficients)
     return samples
 
@@ -150,9 +150,9 @@ def _as_image(mean: NDArray[Any], image0: Image, image1: Image, t: float) -> Ima
     else:
         lowest, highest = value_range(image0)
     scale = np.float32(1) if is_float else highest
-    straight_alpha = image0.shape[2] == 4 and not is_float
+    straight_alpha = has_alpha(image0) and not is_float
     write_pixels(mean, scale, rounding_offset(image0), lowest, highest, straight_alpha, image)
     if straight_alpha:  # what cannot be seen has a colour all the same
-        unseen = image[..., 3] == 0
-        image[unseen, :3] = np.rint(image0[unseen, :3] * (1 - t) + image1[unseen, :3] * t)
+        unseen = image[..., -1] == 0
+        image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)
     return image

@@ -1,0 +1,140 @@
+"""Pixels that stand still in front of moving surroundings, against a slow twin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from twins import marked
+
+from fpsboost.kernels.overlay import STANDS_OUT, STAYS, mark_overlay
+
+
+def mark(images, motion, spacing, shortest=1.0, same=8, different=25):
+    """The kernel on four images; what was in its output before does not matter."""
+    marks = np.full(images[0].shape, 77, np.uint8)
+    mark_overlay(*images, np.float32(motion), spacing, np.float32(shortest), same, different, marks)
+    return marks
+
+
+def clip(height, width, seed, share=0.8):
+    """Four images of few levels, some of them on the limits, most pixels the same in all but for a few levels."""
+    random = np.random.default_rng(seed)
+    first, *others = random.choice([0, 25, 26, 128, 229, 230, 255], (4, height, width))
+    for other in others:
+        nearly = first + random.integers(-9, 10, first.shape)
+        other[:] = np.where(random.random(first.shape) < share, nearly.clip(0, 255), other)
+    return [image.astype(np.uint8) for image in (first, *others)]
+
+
+def block_motion(height, width, spacing, largest, seed):
+    """Motion of every block in quarters of pixels, so that halves are common; some of them still."""
+    random = np.random.default_rng(seed)
+    shape = -(-height // spacing), -(-width // spacing), 2
+    return np.float32(random.integers(-4 * largest, 4 * largest + 1, shape) / 4)
+
+
+def steady(size, spacing, dx, dy):
+    """Every block moves alike."""
+    return np.broadcast_to(np.float32([dx, dy]), (-(-size[0] // spacing), -(-size[1] // spacing), 2))
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.integers(1, 30),
+    st.integers(1, 30),
+    st.sampled_from([1, 4, 7, 32]),
+    st.sampled_from([0, 1, 3, 12, 100]),
+    st.integers(0, 2**32),
+)
+def test_marks_equal_their_slow_twin(height, width, spacing, largest, seed):
+    """Any images and motion, also such as leads out of the frame, and blocks that do not fit into it."""
+    images, motion = clip(height, width, seed), block_motion(height, width, spacing, largest, seed)
+    np.testing.assert_array_equal(mark(images, motion, spacing), marked(images, motion, spacing, 1.0, 8, 25))
+
+
+@pytest.mark.parametrize(("same", "different"), [(0, 0), (0, 254), (8, 25), (255, 255)])
+def test_all_limits_equal_their_slow_twin(same, different):
+    """From no level to all of them; with the usual ones every kind of mark is there."""
+    images, motion = clip(33, 37, 5), block_motion(33, 37, 8, 6, 5)
+    found = mark(images, motion, 8, 1.0, same, different)
+    np.testing.assert_array_equal(found, marked(images, motion, 8, 1.0, same, different))
+    if (same, different) == (8, 25):
+        assert {0, STAYS, STANDS_OUT} == set(np.unique(found).tolist())
+
+
+def test_a_dot_before_a_moving_background_stands_out():
+    """The dot does; the flat background, which would look the same if it moved, stays, and what changes does not."""
+    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
+    for image, changing in zip(images, (0, 50, 100, 150), strict=True):
+        image[5, 9], image[8, 4] = 200, changing
+    marks = mark(images, steady((12, 20), 20, 0, 3), 20)
+    assert np.argwhere(marks == STANDS_OUT).tolist() == [[5, 9]]
+    # three rows at the top and the bottom could have come from outside, and only stay
+    assert np.argwhere(marks == 0).tolist() == [[8, 4]]
+
+
+@pytest.mark.parametrize("frame", [1, 2, 3])
+@pytest.mark.parametrize(("level", "mark_there"), [(208, STANDS_OUT), (192, STANDS_OUT), (209, 0), (191, 0)])
+def test_a_dot_must_be_there_in_every_frame(frame, level, mark_there):
+    """To eight levels, up or down, in the second, the earlier and the later frame."""
+    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
+    for image in images:
+        image[5, 9] = 200
+    images[frame][5, 9] = level
+    assert mark(images, steady((12, 20), 20, 0, 3), 20)[5, 9] == mark_there
+
+
+@pytest.mark.parametrize("frame", [0, 1, 2, 3])
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize(("level", "mark_there"), [(174, STANDS_OUT), (175, STAYS), (225, STAYS), (226, STANDS_OUT)])
+def test_a_dot_does_not_stand_out_where_its_like_is_found(frame, side, level, mark_there):
+    """Within 25 levels, in any frame, where its surroundings' motion leads or comes from."""
+    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
+    for image in images:
+        image[5, 9] = 200
+    images[frame][5 + 2 * side, 9] = level
+    assert mark(images, steady((12, 20), 20, 0, 2), 20)[5, 9] == mark_there
+
+
+@pytest.mark.parametrize(
+    ("motion", "still"), [((0, 0), True), ((0.99, -0.99), True), ((1, 0), False), ((0, -1), False)]
+)
+def test_still_surroundings_have_no_marks(motion, still):
+    """Below a pixel of motion nothing is looked at, however much it stands out."""
+    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
+    for image in images:
+        image[5, 9] = 200
+    assert (not mark(images, steady((12, 20), 20, *motion), 20).any()) == still
+
+
+def test_motion_out_of_the_frame_says_nothing():
+    """Wherever it leads, also far away, pixels only stay."""
+    images = [np.full((12, 20), 100, np.uint8) for _ in range(4)]
+    for image in images:
+        image[5, 9] = 200
+    for far in ((0, 6), (0, -7), (20, 0), (-10000, 10000), (3e7, 0)):
+        assert (mark(images, steady((12, 20), 20, *far), 20) == STAYS).all()
+
+
+@pytest.fixture
+def _threads() -> Iterator[None]:
+    count = numba.get_num_threads()
+    yield
+    numba.set_num_threads(count)
+
+
+@pytest.mark.usefixtures("_threads")
+def test_the_number_of_threads_does_not_matter():
+    """One thread and all of them find the same."""
+    images, motion = clip(70, 45, 9), block_motion(70, 45, 16, 5, 9)
+    found = []
+    for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        numba.set_num_threads(count)
+        found.append(mark(images, motion, 16))
+    for each in found[1:]:
+        np.testing.assert_array_equal(each, found[0])

@@ -1,0 +1,107 @@
+"""The second look at points that their motion does not explain, against plain loops."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from truth import noise
+
+from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.similarity import colour_scale
+from fpsboost.kernels.unexplained import measure_points, search_unexplained
+from fpsboost.motion.colour import padded_planes
+
+PADDING, RADIUS, V = 12, 1, 0.25
+
+
+def planes(image):
+    """Padded planes of the components."""
+    return padded_planes(image, PADDING, 0, LANES, colour_scale(V))
+
+
+def places(size, step):
+    """Rows and columns of the points."""
+    return [np.minimum(np.arange(0, length, step) + step // 2, length - 1) for length in size]
+
+
+def patch_similarity(image0, image1, here, there):
+    """Mean similarity of two small patches; edges repeat."""
+    height, width = image0.shape[:2]
+    total = 0.0
+    for j in range(-RADIUS, RADIUS + 1):
+        for k in range(-RADIUS, RADIUS + 1):
+            first = image0[min(max(here[0] + j, 0), height - 1), min(max(here[1] + k, 0), width - 1)]
+            second = image1[min(max(there[0] + j, 0), height - 1), min(max(there[1] + k, 0), width - 1)]
+            total += np.exp(-((first.astype(float) - second) ** 2).sum() / (2 * V * V))
+    return total / (2 * RADIUS + 1) ** 2
+
+
+def measured(image0, image1, step, flow):
+    """What the kernel measures."""
+    known = np.empty(flow.shape[:2], np.float32)
+    measure_points(planes(image0), planes(image1), PADDING, *image0.shape[:2], step, RADIUS, flow, known)
+    return known
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.integers(1, 14), st.integers(1, 17), st.integers(2, 5), st.integers(0, 2**32))
+def test_points_are_measured_as_by_plain_loops(height, width, step, seed):
+    """Similarity of small patches at both ends of any motion; one that leads out of the frame ends at its edge."""
+    image0, image1 = (noise(height, width, 3, np.float32, seed + k) for k in (0, 1))
+    rows, columns = places((height, width), step)
+    flow = np.random.default_rng(seed).uniform(-6, 6, (rows.size, columns.size, 2)).astype(np.float32)
+    known = measured(image0, image1, step, flow)
+    for row, y in enumerate(rows):
+        for column, x in enumerate(columns):
+            dx, dy = np.rint(flow[row, column]).astype(int)
+            there = min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)
+            expected = patch_similarity(image0, image1, (y, x), there)
+            np.testing.assert_allclose(known[row, column], expected, atol=1e-3)
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.integers(3, 14), st.integers(3, 17), st.integers(2, 4), st.integers(0, 2**32))
+def test_the_best_unexplained_place_is_found(height, width, step, seed):
+    """Among places near unexplained points of the other frame the most similar, if it is that much better."""
+    random = np.random.default_rng(seed)
+    image0, image1 = (noise(height, width, 3, np.float32, seed + k) for k in (0, 1))
+    rows, columns = places((height, width), step)
+    shape = rows.size, columns.size
+    known, elsewhere = random.random(shape).astype(np.float32), random.random(shape).astype(np.float32)
+    flow = np.full((*shape, 2), 99, np.float32)
+    enough, better, limit = np.float32(0.6), np.float32(0.02), 5
+    both = planes(image0), planes(image1)
+    search_unexplained(
+        *both, PADDING, height, width, step, limit, RADIUS, known * np.float32(0.1), elsewhere, enough, better, flow
+    )
+    for row, y in enumerate(rows):
+        for column, x in enumerate(columns):
+            inside = [
+                (v, u)
+                for v in range(height)
+                for u in range(width)
+                if abs(v - y) <= limit and abs(u - x) <= limit and elsewhere[v // step, u // step] < enough
+            ]
+            scores = {place: patch_similarity(image0, image1, (y, x), place) for place in inside}
+            threshold = known[row, column] * 0.1 + better
+            most = max(scores.values(), default=0.0)
+            if abs(most - threshold) < 2e-3:
+                continue  # rounding decides
+            if most <= threshold:
+                assert (flow[row, column] == 99).all()
+            else:
+                dx, dy = flow[row, column].astype(int)
+                assert scores[y + dy, x + dx] > most - 2e-3
+
+
+def test_what_is_explained_stays():
+    """Points that are similar enough keep their motion bit by bit, and so do all if the other frame is explained."""
+    image0, image1 = (noise(20, 24, 3, np.float32, seed) for seed in (1, 2))
+    for known, elsewhere in ((1.0, 0.0), (0.0, 1.0)):
+        flow = np.random.default_rng(1).random((5, 6, 2)).astype(np.float32)
+        before = flow.copy()
+        shares = (np.full((5, 6), share, np.float32) for share in (known, elsewhere))
+        limits = np.float32(0.6), np.float32(0.2)
+        search_unexplained(planes(image0), planes(image1), PADDING, 20, 24, 4, 6, RADIUS, *shares, *limits, flow)
+        np.testing.assert_array_equal(flow, before)

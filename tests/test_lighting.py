@@ -1,0 +1,344 @@
+"""Fades, flashes and exposure: found where the light changes, only there, and followed through."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from truth import affine, as_type, eroded, layers, noise, prepared, translation, waves
+
+from fpsboost.interpolator import interpolate_with_confidence, methods
+from fpsboost.lighting import Lighting, find_lighting
+
+NLM = methods["nlm"]
+UNLIT = replace(NLM, relight=False, cuts=None)
+PLAIN = replace(methods["blend"], cuts=None)
+
+every_type = pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+
+
+def lit_clip(gain, offset=0.0, shift=(6, -4), *, channels=3, dtype=np.uint8, seed=0, size=(96, 128)):
+    """A moving smooth texture of middling contrast at any time, in a light that changes to ``gain * c + offset``."""
+    y, x = np.mgrid[: size[0], : size[1]].astype(float)
+
+    def at(t):
+        colours = 0.25 + 0.5 * waves(x - t * shift[0], y - t * shift[1], channels, seed)
+        return as_type(colours * (1 + (np.array(gain) - 1) * t) + np.array(offset) * t, dtype)
+
+    return at
+
+
+def made(interpolator, image0, image1, t=0.5):
+    """The one image at t."""
+    return interpolator.interpolate(image0, image1, [t])[0]
+
+
+def error(image, truth, margin=14):
+    """The mean absolute difference away from the edges, levels of 255."""
+    white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
+    inner = slice(margin, -margin or None)
+    return float(np.abs(image.astype(float) - truth)[inner, inner].mean()) * 255 / white
+
+
+# ------------------------------------------------------------------------------------------------------ constant light
+
+
+@pytest.mark.parametrize(
+    "clip",
+    [
+        affine(96, 128, seed=1),
+        affine(96, 128, shift=(14, -6), seed=2),
+        affine(96, 128, zoom=1.1, degrees=3, seed=3),
+        layers(96, 128, box=(20, -40, 70, 0), shift=(40, 0), background=(-4, 2)),
+        layers(96, 128, box=(20, -40, 70, 0), shift=(40, 0), bright=True),
+        translation(96, 128, 6, 4, seed=6),
+    ],
+    ids=["still", "pan", "zoom", "entering", "bright entering", "noise moving"],
+)
+def test_constant_light_is_none(clip):
+    """Whatever moves, comes or goes, both ways."""
+    assert find_lighting(*clip.prepared) is None
+    assert find_lighting(*clip.prepared[::-1]) is None
+
+
+@pytest.mark.xfail(
+    strict=True, reason="where the light is undone the later frame is dim, too, and dim frames look alike"
+)
+@pytest.mark.parametrize(("box", "shift"), [((5, -30, 90, 0), 30), ((10, 126, 80, 162), -36)])
+def test_something_bright_that_enters_a_dim_scene_is_no_light(box, shift):
+    """Although the frame's mean and deviation are others afterwards."""
+    clip = layers(96, 128, box=box, shift=(shift, 0), bright=True)
+    assert find_lighting(*clip.prepared) is None
+
+
+@every_type
+@pytest.mark.parametrize("channels", [1, 3])
+def test_noise_is_no_light(dtype, channels):
+    """Noise of all levels, different in both frames, and a little on a still picture."""
+    for seed in range(5):
+        assert find_lighting(*prepared(*(noise(96, 128, channels, dtype, seed + k) for k in (0, 9)))) is None
+        picture = lit_clip(1, shift=(0, 0), channels=channels, dtype=np.float32, seed=seed)(0)
+        grain = 0.03 * np.random.default_rng(seed).normal(size=(2, *picture.shape))
+        assert find_lighting(*prepared(*(as_type(picture + each, dtype) for each in grain))) is None
+
+
+def test_with_alpha_light_is_constant():
+    """What is behind a picture does not get darker with it."""
+    at = lit_clip(0.5, channels=4)
+    assert find_lighting(*prepared(at(0), at(1))) is None
+
+
+def test_without_a_change_the_frames_are_taken_as_they_are():
+    """Not even copied; nor are they where nobody asks for the light."""
+    still, fading = lit_clip(1), lit_clip(0.5)
+    for interpolator, at in ((NLM, still), (replace(NLM, relight=False), fading)):
+        pair = interpolator.pair(*prepared(at(0), at(1)))
+        assert pair.lighting is None
+        assert pair.in_one_light == (pair.image0, pair.image1)
+
+
+# ------------------------------------------------------------------------------------------------------ what was found
+
+CHANGES = [
+    (0.5, 0.0),
+    (0.5, 0.2),
+    (0.8, 0.0),
+    (1.25, 0.0),
+    (1.25, -0.1),
+    (1.0, 0.15),
+    (1.0, -0.15),
+]
+
+
+@every_type
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize(("gain", "offset"), CHANGES)
+def test_the_light_of_a_still_picture_is_found(gain, offset, channels, dtype):
+    """The gain to 0.005, the offset to half a level of 255."""
+    at = lit_clip(gain, offset, (0, 0), channels=channels, dtype=dtype, seed=1)
+    lighting = find_lighting(*prepared(at(0), at(1)))
+    np.testing.assert_allclose(lighting.gain, [gain] * channels, atol=0.005)
+    np.testing.assert_allclose(lighting.offset, [offset] * channels, atol=0.5 / 255)
+
+
+@pytest.mark.parametrize("shift", [(6, -4), (12, 5)])
+@pytest.mark.parametrize(("gain", "offset"), CHANGES)
+def test_the_light_of_a_moving_picture_is_found(gain, offset, shift):
+    """The gain to a twentieth although up to a seventh of the frame is new; every colour to five levels of 255."""
+    for seed in range(3):
+        at = lit_clip(gain, offset, shift, seed=seed)
+        lighting = find_lighting(*prepared(at(0), at(1)))
+        np.testing.assert_allclose(lighting.gain, [gain] * 3, rtol=0.05)
+        colours = lit_clip(1, shift=shift, dtype=np.float32, seed=seed)(0)
+        relit = lighting.apply(colours, 1, np.dtype(np.float32))
+        assert np.abs(relit - (gain * colours + offset)).max() < 5 / 255
+
+
+@pytest.mark.parametrize("shift", [(0, 0), (6, -4)])
+def test_every_colour_has_its_own_light(shift):
+    """A sunset: blue becomes half, green less, and red more; to 0.005 if nothing moves, else to a twentieth."""
+    gain, offset = [0.5, 0.8, 1.25], [0.1, 0, -0.1]
+    at = lit_clip(gain, offset, shift, seed=2)
+    lighting = find_lighting(*prepared(at(0), at(1)))
+    np.testing.assert_allclose(lighting.gain, gain, rtol=0.05 if shift[0] else 0.005)
+    np.testing.assert_allclose(lighting.offset, offset, atol=0.03 if shift[0] else 0.005)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_one_broken_pixel_of_a_render_does_not_change_the_light(value):
+    """It counts no more than the few pixels around it."""
+    at = lit_clip(0.5, dtype=np.float32)
+    broken = at(0).copy()
+    broken[30, 40] = value
+    whole, with_it = (find_lighting(*prepared(image, at(1))) for image in (at(0), broken))
+    np.testing.assert_allclose(with_it.gain, whole.gain, atol=0.02)
+    np.testing.assert_allclose(with_it.offset, whole.offset, atol=0.02)
+    assert np.isfinite(made(NLM, broken, at(1))).all()
+
+
+# ------------------------------------------------------------------------------------------------------ taken off again
+
+LIGHTS = [
+    Lighting(np.float32([0.5, 0.8, 1.25]), np.float32([0.2, 0, -0.1])),
+    Lighting(np.float32([3, 0.2, 1]), np.float32([-0.5, 0.7, 0])),
+]
+
+
+@every_type
+@pytest.mark.parametrize("lighting", LIGHTS)
+def test_light_taken_off_and_put_on_again_is_the_frame(lighting, dtype):
+    """Integers to the last bit, floats to a few of their own steps."""
+    image = noise(24, 32, 3, dtype)
+    undone = lighting.undo(image)
+    assert undone.dtype == np.float32
+    again = lighting.apply(undone, 1, image.dtype)
+    assert again.dtype == dtype
+    np.testing.assert_allclose(again, image, rtol=0, atol=2e-6 if dtype is np.float32 else 0)
+
+
+@every_type
+@pytest.mark.parametrize("lighting", LIGHTS)
+def test_at_the_beginning_the_light_is_that_of_the_first_frame(lighting, dtype):
+    """At t = 0 nothing changes, to the last bit."""
+    image = noise(24, 32, 3, dtype)
+    white = 1 if dtype is np.float32 else np.iinfo(dtype).max
+    np.testing.assert_array_equal(lighting.apply(image.astype(np.float32) / np.float32(white), 0, image.dtype), image)
+
+
+@pytest.mark.parametrize("lighting", LIGHTS)
+def test_light_changes_evenly(lighting):
+    """A quarter of the way to its end at a quarter of the time."""
+    image = noise(24, 32, 3, np.float32)
+    start, quarter, end = (lighting.apply(image, t, image.dtype) for t in (0, 0.25, 1))
+    np.testing.assert_allclose(quarter, 0.75 * start + 0.25 * end, rtol=0, atol=1e-6)
+
+
+def test_integers_end_at_black_and_white_and_floats_do_not():
+    """Brighter than white is white in 8 and 16 bits, and stays as it is in floats."""
+    lighting = Lighting(np.float32([4]), np.float32([-1]))
+    image = np.float32([0, 0.25, 0.3, 0.5, 1]).reshape(1, 5, 1)
+    np.testing.assert_allclose(lighting.apply(image, 1, np.dtype(np.float32)).ravel(), [-1, 0, 0.2, 1, 3], atol=1e-6)
+    assert lighting.apply(image, 1, np.dtype(np.uint8)).ravel().tolist() == [0, 0, 51, 255, 255]
+    assert lighting.apply(image, 1, np.dtype(np.uint16)).ravel().tolist() == [0, 0, 13107, 65535, 65535]
+
+
+# ---------------------------------------------------------------------------------------------------------------- cuts
+
+
+def picture(seed, contrast=1.0, mean=0.5, size=(90, 120)):
+    """One of any number of different smooth pictures."""
+    y, x = np.mgrid[: size[0], : size[1]].astype(float)
+    return as_type(mean + contrast * (waves(x, y, seed=seed) - 0.5), np.uint8)
+
+
+def test_a_cut_is_no_change_of_light():
+    """Pictures of nothing in common, as bright or not, and of more contrast or less, are cuts."""
+    for seed in range(10):
+        for contrast, mean in ((1, 0.5), (0.5, 0.3), (0.25, 0.7)):
+            assert NLM.pair(*prepared(picture(seed), picture(seed + 100, contrast, mean))).is_cut
+
+
+def test_a_cut_to_black_or_white_is_one():
+    """There is no light in which a picture looks like nothing."""
+    for seed in range(10):
+        for level in (0, 255):
+            assert NLM.pair(*prepared(picture(seed), np.full((90, 120, 3), level, np.uint8))).is_cut
+
+
+@pytest.mark.xfail(strict=True, reason="undoing the light takes the later picture's contrast away")
+def test_a_cut_from_black_or_white_is_one():
+    """Nor one in which nothing looks like a picture."""
+    for seed in range(10):
+        for level in (0, 255):
+            assert NLM.pair(*prepared(np.full((90, 120, 3), level, np.uint8), picture(seed))).is_cut
+
+
+@pytest.mark.xfail(strict=True, reason="undoing the light takes the later picture's contrast away")
+def test_a_cut_from_fog_is_one():
+    """From a picture of little contrast to another of much, or of other brightness."""
+    for seed in range(10):
+        for contrast, mean in ((0.25, 0.3), (0.12, 0.7)):
+            assert NLM.pair(*prepared(picture(seed, contrast, mean), picture(seed + 100))).is_cut
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (0.25, 0), (0.5, 0.5), (0.2, 0.1)])
+def test_a_fade_is_no_cut(gain, offset):
+    """To a fifth of the light, to fog or out of it, while everything moves; with the light left alone it would be."""
+    for seed in range(3):
+        at = lit_clip(gain, offset, seed=seed)
+        assert not NLM.pair(*prepared(at(0), at(1))).is_cut
+        assert not NLM.pair(*prepared(at(1), at(0))).is_cut
+        assert replace(NLM, relight=False).pair(*prepared(at(0), at(1))).is_cut
+
+
+# ----------------------------------------------------------------------------------------------------------- in between
+
+
+@pytest.mark.parametrize("shift", [(6, -4), (4.5, 2.5)])
+@pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (0.3, 0), (1, 0.2)])
+def test_motion_goes_on_through_a_fade(gain, offset, shift):
+    """Right to half a level: 2.5 times better than with the light left alone, at least, and 5 times than mixing."""
+    for seed in range(2):
+        at = lit_clip(gain, offset, shift, seed=seed)
+        times = 0.25, 0.5, 0.75
+        for t, *images in zip(
+            times, *(each.interpolate(at(0), at(1), times) for each in (NLM, UNLIT, PLAIN)), strict=True
+        ):
+            lit, unlit, plain = (error(image, at(t)) for image in images)
+            assert lit < 0.5
+            assert lit < unlit / 2.5
+            assert lit < plain / 5
+
+
+@every_type
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize(("gain", "offset"), [(0.5, 0.25), (1.25, 0), (1, -0.15)])
+def test_every_type_goes_through_a_fade(gain, offset, channels, dtype):
+    """Right to half a level in 8 bits, to a tenth of one in 16 and in floats, in the frames' own type."""
+    at = lit_clip(gain, offset, channels=channels, dtype=dtype)
+    image = made(NLM, at(0), at(1))
+    assert image.dtype == dtype
+    assert image.shape == at(0).shape
+    assert error(image, at(0.5)) < (0.5 if dtype is np.uint8 else 0.1)
+
+
+def test_floats_brighter_than_white_are_faded_too():
+    """Four times white to twice: right to half a level, and nothing ends at white."""
+    at = lit_clip(0.5, dtype=np.float32)
+    image0, image1, truth = (4 * at(t) for t in (0, 1, 0.5))
+    image = made(replace(NLM, cuts=None), image0, image1)
+    assert image.max() > 2
+    assert error(image, truth) < 0.5
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(1.5, 0), (2, 0), (1, 0.3), (1, 0.6), (1.5, 0.3)])
+def test_a_flash_on_a_still_picture_is_mixed(gain, offset):
+    """Into it and out of it, with up to a third of the picture burnt out: at most 0.7 of a level worse than mixing.
+
+    With the light left alone it is off by up to ten levels.
+    """
+    for still in (*(0.6 * picture(seed).astype(float) / 255 for seed in range(3)), 0.6 * noise(90, 120) / 255):
+        before, flash = as_type(still, np.uint8), as_type(gain * still + offset, np.uint8)
+        for image0, image1 in ((before, flash), (flash, before)):
+            times = 0.25, 0.5
+            for t, *images in zip(
+                times, *(each.interpolate(image0, image1, times) for each in (NLM, PLAIN)), strict=True
+            ):
+                lit, plain = (error(image, (1 - t) * image0 + t * image1, 0) for image in images)
+                assert lit < plain + 0.7
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (1.25, 0), (1, 0.2), (0.5, 0.25)])
+def test_swapped_frames_are_the_fade_backwards(gain, offset):
+    """t one way is 1 - t the other way, to two levels, and to a fifth of one on average, up to the edges."""
+    at = lit_clip(gain, offset, seed=1)
+    for t in (0.25, 0.5):
+        forward, backward = made(NLM, at(0), at(1), t), made(NLM, at(1), at(0), 1 - t)
+        difference = np.abs(forward.astype(int) - backward)
+        assert difference[eroded(np.ones(difference.shape[:2], bool), 14)].max() <= 2
+        assert difference.mean() < 0.2
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_confidence_is_high_through_a_fade(dtype):
+    """The image is the one that `interpolate` makes; gray images without an axis for channels keep their shape."""
+    at = lit_clip(0.5, channels=1, dtype=dtype)
+    fused = interpolate_with_confidence(at(0)[..., 0], at(1)[..., 0], 0.25)
+    np.testing.assert_array_equal(fused.image, made(NLM, at(0), at(1), 0.25)[..., 0])
+    inner = slice(14, -14)
+    assert fused.confidence[inner, inner].mean() > 0.98
+    unlit = interpolate_with_confidence(at(0), at(1), 0.25, method=replace(NLM, relight=False))
+    assert unlit.confidence[inner, inner].mean() < 0.1
+
+
+def test_a_fade_over_several_frames_is_one_scene():
+    """With word of the neighbouring pairs, each in a light of its own, every pair is right to half a level."""
+    at = lit_clip(0.5, 0, (4, -2))
+    images = prepared(*(at(t) for t in (0, 0.5, 1, 1.5)))  # to a quarter of the light
+    pairs = [NLM.pair(*each) for each in pairwise(images)]
+    for k, (before, pair, after) in enumerate(zip([None, *pairs], pairs, [*pairs[1:], None], strict=False)):
+        between = NLM.between(pair, [0.5], before, after)
+        assert not between.scene_cut
+        assert error(next(between.images), at(k / 2 + 0.25)) < 0.5
