@@ -113,7 +113,7 @@ class MovingOnly:
 
         def outvoted(*arguments: Any) -> Any:
             changed = dict(zip(names, arguments, strict=True))
-            changed |= {name: changed[name] * np.float32(1e6) for name in ("votes", "sums")}
+            changed |= {name: changed[name] * np.float32(1e6) for name in ("votes", "corners", "sums")}
             return kernel(*changed.values())
 
         with patch.object(fuse, "fuse_candidates", outvoted):
@@ -153,7 +153,7 @@ SYNTHESIS: dict[str, dict[str, Any]] = {
     "votes count once": {"prior": 1.0},
     "similarity does not count": {"sharpness": 0.0},
     "the most similar takes all": {"sharpness": 1000.0},
-    "candidates of the cell alone": {"around": 0.0},
+    "candidates from near by": {"around": 9.0},
     "candidates 1 pixel apart": {"tolerance": 1.0},
     "every 4th pixel asked": {"step": 4},
     "every 16th pixel asked": {"step": 16},

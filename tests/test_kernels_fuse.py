@@ -25,15 +25,21 @@ def samples(image):
 
 
 def listed(candidates):
-    """Lists of ``[votes, sum of dx, sum of dy]`` as the kernel's arrays, with room to spare."""
+    """Lists as the twin `collected` makes them as the kernel's arrays, with room to spare."""
     room = 2 + max(len(each) for each in candidates.ravel())
     count = np.zeros(candidates.shape, np.int32)
     votes, sums = np.zeros((*candidates.shape, room), np.float32), np.zeros((*candidates.shape, room, 2), np.float32)
+    corners = np.zeros((*candidates.shape, room, 2, 2), np.float32)
     for place in np.ndindex(candidates.shape):
         count[place] = len(candidates[place])
-        for k, (vote, *motion) in enumerate(candidates[place]):
-            votes[place][k], sums[place][k] = vote, motion
-    return count, votes, sums
+        for k, (vote, dx, dy, *shares) in enumerate(candidates[place]):
+            votes[place][k], sums[place][k], corners[place][k] = vote, (dx, dy), np.reshape(shares, (2, 2))
+    return count, votes, corners, sums
+
+
+def even(vote, dx, dy):
+    """A candidate whose votes its corners share alike, one for each vote."""
+    return [4.0 * vote, 4.0 * vote * dx, 4.0 * vote * dy, *[float(vote)] * 4]
 
 
 def fuse(image0, image1, t, candidates, bend, *, scale, sharpness, prior, enough):
@@ -65,9 +71,10 @@ def random_candidates(random, cells, most, largest):
         number = random.integers(0, most + 1) if any(place) else most
         motions = random.uniform(-largest, largest, (number, 2))
         motions[1::2] = np.rint(motions[1::2])
-        votes = random.permutation(20)[: len(motions)] + 1
+        shares = random.uniform(0, 20, (len(motions), 4)).astype(np.float32)
         candidates[place] = [
-            [float(v), *np.float32(v * motion).tolist()] for v, motion in zip(votes, motions, strict=True)
+            [float(each.sum()), *np.float32(each.sum() * motion).tolist(), *each.tolist()]
+            for each, motion in zip(shares, motions, strict=True)
         ]
     return candidates
 
@@ -96,7 +103,7 @@ def test_once_all_pixels_are_similar_enough_the_rest_is_left_out():
     y, x = np.mgrid[0:16, 0:16].astype(float)
     image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
     candidates = np.empty((1, 1), object)
-    candidates[0, 0] = [[2.0, 8.0, 0.0], [9.0, 18.0, 0.0]]  # (4, 0) twice and (2, 0) nine times
+    candidates[0, 0] = [even(2, 4, 0), even(9, 2, 0)]
     bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0, "prior": 1.0}
     alone, _ = fuse(image0, image1, 0.5, candidates, bend, **options, enough=0.5)
     np.testing.assert_allclose(alone, fused(image0, image1, 0.5, candidates, bend, **options, enough=0.5)[0], atol=1e-5)
@@ -109,7 +116,7 @@ def test_what_stands_still_is_not_bent():
     """However the surroundings turn, no motion means no path to bend."""
     image = noise(16, 16, 3, np.float32)
     candidates = np.empty((1, 1), object)
-    candidates[0, 0] = [[5.0, 0.0, 0.0]]
+    candidates[0, 0] = [even(5, 0, 0)]
     mean, confidence = fuse(
         image, image, 0.5, candidates, np.full((1, 1, 2), 7.3), scale=5, sharpness=30, prior=1.5, enough=0.99
     )
@@ -118,17 +125,45 @@ def test_what_stands_still_is_not_bent():
 
 
 def test_more_votes_weigh_more():
-    """Motions that are equally similar have shares by their votes to the power of the prior, no motion one vote."""
+    """Motions that are equally similar have shares by their votes to the power of the prior, no motion a quarter."""
     x = np.arange(48)
     image0, image1 = np.zeros((16, 48, 1), np.float32), np.zeros((16, 48, 1), np.float32)
     image0[..., 0] = x / 48
     candidates = np.empty((1, 3), object)
     for column in range(3):
-        candidates[0, column] = [[2.0, -4.0, 0.0], [4.0, 8.0, 0.0]]
+        candidates[0, column] = [even(2, -2, 0), even(4, 2, 0)]
     options = {"scale": 0.0, "sharpness": 30.0, "prior": 2.0, "enough": 2.0}
     mean, _ = fuse(image0, image1, 0.25, candidates, np.zeros((1, 3, 2)), **options)
-    expected = 0.75 * (x - 0.25 * (16 * 2 - 4 * 2) / 21) / 48
+    expected = 0.75 * (x - 0.25 * (16 * 2 - 4 * 2) / (16 + 4 + 1 / 16)) / 48
     np.testing.assert_allclose(mean[8, 8:-8, 0], expected[8:-8], atol=1e-5)
+
+
+def test_votes_change_from_corner_to_corner():
+    """Between its corners every pixel has its own share: the left one's motion goes over into the right one's."""
+    image0, image1 = np.zeros((16, 16, 1), np.float32), np.zeros((16, 16, 1), np.float32)
+    image0[..., 0] = np.arange(16) / 48
+    candidates = np.empty((1, 1), object)
+    candidates[0, 0] = [[200.0, 400.0, 0.0, 100.0, 0.0, 100.0, 0.0], [200.0, -400.0, 0.0, 0.0, 100.0, 0.0, 100.0]]
+    options = {"scale": 0.0, "sharpness": 30.0, "prior": 1.0, "enough": 2.0}
+    mean, _ = fuse(image0, image1, 0.25, candidates, np.zeros((1, 1, 2)), **options)
+    expected, _ = fused(image0, image1, 0.25, candidates, np.zeros((1, 1, 2)), **options)
+    np.testing.assert_allclose(mean, expected, atol=1e-5)
+    shift = mean[8, 5:-5, 0] * 48 / 0.75 - np.arange(5, 11)
+    np.testing.assert_allclose(shift, (np.arange(5.5, 11) / 16 - 0.5), atol=0.01)
+
+
+def test_a_lone_voice_is_not_heard():
+    """What has less than a fiftieth of all votes is not tried."""
+    y, x = np.mgrid[0:16, 0:16].astype(float)
+    image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
+    candidates = np.empty((1, 1), object)
+    bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0, "prior": 1.0, "enough": 2.0}
+    means = []
+    for votes in (0, 1, 3):
+        candidates[0, 0] = [even(99, 4, 0), *([even(votes, 2, 0)] if votes else [])]
+        means.append(fuse(image0, image1, 0.5, candidates, bend, **options)[0])
+    np.testing.assert_array_equal(means[0], means[1])
+    assert np.abs(means[2] - means[0]).max() > 1e-4
 
 
 def test_decay_is_the_exponential():

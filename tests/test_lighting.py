@@ -84,9 +84,10 @@ def test_noise_is_no_light(dtype, channels):
         assert find_lighting(*prepared(*(as_type(picture + each, dtype) for each in grain))) is None
 
 
-def test_with_alpha_light_is_constant():
+@pytest.mark.parametrize("channels", [2, 4])
+def test_with_alpha_light_is_constant(channels):
     """What is behind a picture does not get darker with it."""
-    at = lit_clip(0.5, channels=4)
+    at = lit_clip(0.5, channels=channels)
     assert find_lighting(*prepared(at(0), at(1))) is None
 
 
@@ -259,16 +260,16 @@ def test_a_fade_is_no_cut(gain, offset):
 @pytest.mark.parametrize("shift", [(6, -4), (4.5, 2.5)])
 @pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (0.3, 0), (1, 0.2)])
 def test_motion_goes_on_through_a_fade(gain, offset, shift):
-    """Right to half a level: 2.5 times better than with the light left alone, at least, and 5 times than mixing."""
+    """Gray pictures, right to half a level: a fifth, at most, of the error with the light left alone, and of mixing."""
     for seed in range(2):
-        at = lit_clip(gain, offset, shift, seed=seed)
+        at = lit_clip(gain, offset, shift, channels=1, seed=seed)
         times = 0.25, 0.5, 0.75
         for t, *images in zip(
             times, *(each.interpolate(at(0), at(1), times) for each in (NLM, UNLIT, PLAIN)), strict=True
         ):
             lit, unlit, plain = (error(image, at(t)) for image in images)
             assert lit < 0.5
-            assert lit < unlit / 2.5
+            assert lit < unlit / 5
             assert lit < plain / 5
 
 

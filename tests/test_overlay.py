@@ -79,7 +79,10 @@ def off_by(image, truth):
     ("thick", "shift", "otherwise"), [(2, 6, 1), (2, 12, 30), (2, -12, 30), (3, 6, 0.1), (3, 12, 8)]
 )
 def test_thin_letters_stay(thick, shift, otherwise, colour, seed):
-    """Right to half a level on average where they would be off by up to 50, and the rest is as it was, to the bit."""
+    """Right to half a level on average where they would be off by up to 50, and the rest is as it was, to the bit.
+
+    With them stay some pixels of the background near by: a quarter of a level over all of it, at most.
+    """
     mask = letters(thick)
     at = panning((shift, 0), mask, colour, seed=seed)
     (kept, moved), overlay = kept_and_moved(at), found(at)
@@ -88,18 +91,18 @@ def test_thin_letters_stay(thick, shift, otherwise, colour, seed):
     assert error_moved[mask].mean() > otherwise
     assert error[mask].mean() < error_moved[mask].mean() / 10
     np.testing.assert_array_equal(kept[~overlay], moved[~overlay])
-    assert error[~mask].mean() < error_moved[~mask].mean() + 0.1
+    assert error[~mask].mean() < error_moved[~mask].mean() + 0.25
 
 
 @pytest.mark.parametrize("shift", [(12, 0), (12, -4), (0, 12)])
 def test_a_word_stays(shift):
-    """Whichever way the background goes: at most a fifth of the error."""
+    """Whichever way the background goes: right to a level, and at most a third of the error."""
     mask = word()
     for seed in (1, 2):
         at = panning(shift, mask, seed=seed)
         kept, moved = (off_by(image, at(0.5))[mask].mean() for image in kept_and_moved(at))
-        assert kept < 0.5
-        assert kept < moved / 5
+        assert kept < 1
+        assert kept < moved / 3
 
 
 @pytest.mark.parametrize(("thick", "shift"), [(2, 6), (3, 6), (2, 12), (3, 12)])
@@ -112,6 +115,18 @@ def test_letters_are_found_and_little_else(thick, shift):
         assert (overlay & ~mask).mean() < 0.01
 
 
+@pytest.mark.xfail(strict=True, reason="blocks that would leave the frame if they moved are not looked at")
+@pytest.mark.parametrize("left", [16, 140])
+def test_letters_near_the_side_stay(left):
+    """Where most logos are, as long as the background moves by less than their distance."""
+    mask = np.zeros(SIZE, bool)
+    mask[32:64, left : left + 2] = True
+    at = panning((12, 0), mask)
+    kept, _ = kept_and_moved(at)
+    assert found(at)[mask].mean() > 0.95
+    assert off_by(kept, at(0.5))[mask].mean() < 0.5
+
+
 @pytest.mark.parametrize("t", [0.1, 0.25, 0.75])
 def test_letters_stay_at_all_times(t):
     """Near to either frame and between."""
@@ -119,6 +134,18 @@ def test_letters_stay_at_all_times(t):
     at = panning((12, 0), mask)
     kept, _ = kept_and_moved(at, t)
     assert off_by(kept, at(t))[mask].mean() < 0.5
+
+
+def test_letters_may_fade_slowly():
+    """Three levels a frame: in between they are mixed in time, and rounded."""
+    mask = letters()
+
+    def at(t):
+        return panning((12, 0), mask, (252 - 3 * t) / 255)(t)
+
+    for t, level in ((0.25, 251), (0.75, 250)):
+        kept, _ = kept_and_moved(at, t)
+        assert (kept[mask] == level).mean() > 0.95
 
 
 @pytest.mark.parametrize("neighbour", [0, 1])
@@ -135,7 +162,8 @@ def test_one_neighbour_is_enough(neighbour):
 
 
 @pytest.mark.parametrize(
-    ("channels", "dtype"), [(1, np.uint8), (4, np.uint8), (1, np.uint16), (3, np.uint16), (3, np.float32)]
+    ("channels", "dtype"),
+    [(1, np.uint8), (2, np.uint8), (4, np.uint8), (1, np.uint16), (3, np.uint16), (3, np.float32)],
 )
 def test_letters_stay_in_every_type(channels, dtype):
     """Gray, with alpha, deep and float; the same pixels are found in all that have the same colours."""
@@ -248,8 +276,9 @@ def test_a_fast_thin_line_is_not_erased(width, speed, lean, texture):
 
 
 def test_slow_surroundings_count_as_still():
-    """Below a pixel of motion letters are left to the method."""
-    assert not found(panning((0.6, 0.3), letters())).any()
+    """Below a pixel of motion letters are left to the method, even the thinnest; above, they are found."""
+    assert not found(panning((0.8, 0.3), letters(1))).any()
+    assert found(panning((1.3, 0.3), letters(1))).any()
 
 
 def test_without_neighbours_nothing_is_kept():

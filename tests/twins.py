@@ -200,32 +200,36 @@ def spline_at(coefficients: Array, beyond: int, y: float, x: float) -> float:
 def collected(
     flow: Array, sign: float, t: float, step: int, around: float, tolerance: float, candidates: Array, *, capacity: int
 ) -> None:
-    """Motions for cells of 16 pixels: ``candidates[row, column]`` are lists of ``[votes, sum of dx, sum of dy]``.
+    """Motions for cells of 16 pixels: ``candidates[row, column]`` are lists of ``[votes, sum of dx, sum of dy, ...]``.
 
-    Every motion that lands in a cell or within `around` of it joins the first candidate whose mean is near, or is a new
-    one as long as there is room.
+    Every motion has a share for each corner of a cell that it lands nearer to than `around`, along x and y: 1 at the
+    corner, less with distance. It joins the first candidate whose mean is near, or is a new one as long as there is
+    room. The last four numbers are the shares of the corners, row by row.
     """
     height, width = flow.shape[:2]
     rows, columns = candidates.shape
     for y in range(min(step // 2, height - 1), height, step):
         for x in range(min(step // 2, width - 1), width, step):
             dx, dy = (float(value) for value in flow[y, x])
-            landing_x, landing_y = x + t * dx, y + t * dy
+            landing_x, landing_y = x + t * dx + 0.5, y + t * dy + 0.5
             for row in range(rows):
                 for column in range(columns):
-                    if not 16 * row - around <= landing_y < 16 * (row + 1) + around:
+                    down = [max(1 - abs(landing_y - 16 * (row + k)) / around, 0) for k in (0, 1)]
+                    across = [max(1 - abs(landing_x - 16 * (column + k)) / around, 0) for k in (0, 1)]
+                    shares = np.outer(down, across).ravel()
+                    vote = shares.sum()
+                    if vote == 0:
                         continue
-                    if not 16 * column - around <= landing_x < 16 * (column + 1) + around:
-                        continue
+                    more = np.array([vote, vote * sign * dx, vote * sign * dy, *shares])
                     known = candidates[row, column]
                     for candidate in known:
-                        votes, sum_x, sum_y = candidate
+                        votes, sum_x, sum_y, *_ = candidate
                         if max(abs(sum_x / votes - sign * dx), abs(sum_y / votes - sign * dy)) < tolerance:
-                            candidate[:] = [votes + 1, sum_x + sign * dx, sum_y + sign * dy]
+                            candidate[:] = (candidate + more).tolist()
                             break
                     else:
                         if len(known) < capacity:
-                            known.append([1, sign * dx, sign * dy])
+                            known.append(more.tolist())
 
 
 def fused(
@@ -254,8 +258,11 @@ def fused(
             total, weights, similarities = np.zeros((16, 16, channels)), np.zeros((16, 16)), np.zeros((16, 16))
             best = np.zeros((16, 16))
             by_votes = sorted(candidates[row, column], key=lambda candidate: -candidate[0])
-            for votes, sum_x, sum_y in [*by_votes, [1, 0, 0]]:
+            fewest = 0.02 * sum(candidate[0] for candidate in by_votes)
+            heard = [candidate for candidate in by_votes if candidate[0] >= fewest]
+            for votes, sum_x, sum_y, *shares in [*heard, [1, 0, 0, 0.25, 0.25, 0.25, 0.25]]:
                 motion = np.array([sum_x, sum_y]) / votes
+                above, below = np.reshape(shares, (2, 2)) ** prior
                 corner = (
                     np.array([16 * column - 4, 16 * row - 4]) + min(4 * np.abs(motion).sum(), 1) * bend[row, column]
                 )
@@ -264,7 +271,9 @@ def fused(
                 for y in range(16):
                     for x in range(16):
                         similarity = alike[y : y + 9, x : x + 9].mean()
-                        weight = votes**prior * math.exp(-sharpness * (1 - similarity))
+                        left, right = above + (y + 0.5) / 16 * (below - above)
+                        favour = left + (x + 0.5) / 16 * (right - left)
+                        weight = favour * math.exp(-sharpness * (1 - similarity))
                         total[y, x] += weight * mixed[y + 4, x + 4]
                         weights[y, x] += weight
                         similarities[y, x] += weight * similarity

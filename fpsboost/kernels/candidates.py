@@ -18,7 +18,7 @@ CELL = 16
 
 
 @njit(cache=True, **JIT)
-def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, sums):
+def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, corners, sums):
     """Add one frame's motion to the cells' candidates.
 
     Parameters
@@ -32,28 +32,40 @@ def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, sum
     step : int
         One pixel in so many, along x and y, is asked.
     around : float32
-        A motion counts for the cells this near to where it lands, pixels.
+        A motion counts for the corners of cells this near to where it lands, pixels: the nearer the more.
     tolerance : float32
         Motions that differ by less along x and y are the same, pixels.
     count : (rows, columns) int32
         Candidates of each cell so far; in and out.
     votes : (rows, columns, capacity) float32
         In and out.
+    corners : (rows, columns, capacity, 2, 2) float32
+        The share of each corner [bottom, right] in the votes; in and out.
     sums : (rows, columns, capacity, 2) float32
         Sums of the motions of each candidate's votes; in and out.
     """
     height, width = flow.shape[:2]
     rows, columns, capacity = votes.shape
+    one, half = np.float32(1), np.float32(0.5)
     for y in range(min(step // 2, height - 1), height, step):
         for x in range(min(step // 2, width - 1), width, step):
-            landing_x, landing_y = np.float32(x) + t * flow[y, x, 0], np.float32(y) + t * flow[y, x, 1]
+            # cells begin half a pixel before their first pixel's middle
+            landing_x = np.float32(x) + t * flow[y, x, 0] + half
+            landing_y = np.float32(y) + t * flow[y, x, 1] + half
             dx, dy = sign * flow[y, x, 0], sign * flow[y, x, 1]
             top = max(math.floor((landing_y - around) / CELL), 0)
             left = max(math.floor((landing_x - around) / CELL), 0)
             bottom = min(math.floor((landing_y + around) / CELL), rows - 1)
             right = min(math.floor((landing_x + around) / CELL), columns - 1)
             for row in range(top, bottom + 1):
+                above = max(one - abs(landing_y - np.float32(row * CELL)) / around, np.float32(0))
+                below = max(one - abs(landing_y - np.float32((row + 1) * CELL)) / around, np.float32(0))
                 for column in range(left, right + 1):
+                    before = max(one - abs(landing_x - np.float32(column * CELL)) / around, np.float32(0))
+                    behind = max(one - abs(landing_x - np.float32((column + 1) * CELL)) / around, np.float32(0))
+                    vote = (above + below) * (before + behind)
+                    if vote <= 0:
+                        continue
                     cell_votes, cell_sums = votes[row, column], sums[row, column]
                     known = count[row, column]
                     k = 0
@@ -66,6 +78,10 @@ def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, sum
                         continue
                     if k == known:
                         count[row, column] += 1
-                    cell_votes[k] += 1
-                    cell_sums[k, 0] += dx
-                    cell_sums[k, 1] += dy
+                    cell_votes[k] += vote
+                    cell_sums[k, 0] += dx * vote
+                    cell_sums[k, 1] += dy * vote
+                    corners[row, column, k, 0, 0] += above * before
+                    corners[row, column, k, 0, 1] += above * behind
+                    corners[row, column, k, 1, 0] += below * before
+                    corners[row, column, k, 1, 1] += below * behind

@@ -24,6 +24,12 @@ ROW = (REGION + LANES - 1) // LANES * LANES
 SPARE = ROW - REGION + LANES
 """Columns that planes need beyond the right margin."""
 
+HEARD = np.float32(0.02)
+"""Share of all votes below which a candidate is not tried: about what two points have that agree."""
+
+UNASKED = np.float32(0.25)
+"""Votes of no motion at all, in every corner."""
+
 ALIKE = np.float32(1e-30)
 """Keeps the sum of weights above zero."""
 
@@ -75,8 +81,8 @@ def mark_inside(start, size, marks):
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def fuse_candidates(
-    planes0, coefficients0, planes1, coefficients1, height, width, t, count, votes, sums, bend, scale, sharpness,
-    prior, enough, cell, lanes, mean, confidence,
+    planes0, coefficients0, planes1, coefficients1, height, width, t, count, votes, corners, sums, bend, scale,
+    sharpness, prior, enough, cell, lanes, mean, confidence,
 ):  # fmt: skip
     """Make the in-between frame.
 
@@ -88,6 +94,7 @@ def fuse_candidates(
     t : float32
     count : (rows, columns) int32
     votes : (rows, columns, capacity) float32
+    corners : (rows, columns, capacity, 2, 2) float32
     sums : (rows, columns, capacity, 2) float32
         See `fpsboost.kernels.candidates`.
     bend : (rows, columns, 2) float32
@@ -121,14 +128,24 @@ def fuse_candidates(
         marks = np.empty((4, ROW), np.float32)
         most_similar = np.zeros((CELL, CELL), np.float32)
         waiting = votes[row, column].copy()
+        favour = np.empty((2, 2), np.float32)
+        fewest = HEARD * waiting.sum()
         for turn in range(count[row, column] + 1):
-            # by falling votes; the last candidate is no motion at all, with one vote
-            dx, dy, vote = np.float32(0), np.float32(0), np.float32(1)
+            # by falling votes; the last candidate is no motion at all, hardly with a vote
+            dx, dy = np.float32(0), np.float32(0)
+            favour[:] = UNASKED**prior
             if turn < count[row, column]:
                 k = np.argmax(waiting)
-                vote = waiting[k]
+                if waiting[k] < fewest:
+                    continue
                 waiting[k] = 0
-                dx, dy = sums[row, column, k, 0] / vote, sums[row, column, k, 1] / vote
+                dx, dy = (
+                    sums[row, column, k, 0] / votes[row, column, k],
+                    sums[row, column, k, 1] / votes[row, column, k],
+                )
+                for j in range(2):
+                    for i in range(2):
+                        favour[j, i] = corners[row, column, k, j, i] ** prior
             # what stands still is left alone, whatever its surroundings do
             moves = min(np.float32(4) * (abs(dx) + abs(dy)), np.float32(1))
             x0 = np.float32(left - PATCH_RADIUS) + moves * bend[row, column, 0] - t * dx
@@ -170,7 +187,6 @@ def fuse_candidates(
                 apart = distance[j]
                 for i in range(lanes):
                     apart[i] = decay(apart[i] * scale)
-            favour = vote**prior
             for y in range(CELL):
                 for i in range(lanes):
                     column_sum[i] = distance[y, i]
@@ -179,12 +195,18 @@ def fuse_candidates(
                     for i in range(lanes):
                         column_sum[i] += apart[i]
                 sum_of_weights, sum_of_similarities, best = weight_sum[y], similarity_sum[y], most_similar[y]
+                # between its corners a cell has votes like its neighbours, or borders would show
+                down = (np.float32(y) + np.float32(0.5)) / CELL
+                first = favour[0, 0] + down * (favour[1, 0] - favour[0, 0])
+                slope = (favour[0, 1] + down * (favour[1, 1] - favour[0, 1]) - first) / CELL
                 for x in range(cell):
                     similarity = np.float32(0)
                     for i in range(2 * PATCH_RADIUS + 1):
                         similarity += column_sum[x + i]
                     similarity *= share
-                    w = favour * decay(sharpness * (np.float32(1) - similarity))
+                    w = (first + slope * (np.float32(x) + np.float32(0.5))) * decay(
+                        sharpness * (np.float32(1) - similarity)
+                    )
                     sum_of_weights[x] += w
                     sum_of_similarities[x] += w * similarity
                     weight[x] = w

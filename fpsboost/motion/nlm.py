@@ -3,7 +3,8 @@
 A small copy of the frames is searched in full; each finer level searches only around what the coarser one found in
 the neighbourhood of a tile. The data term is the report's at every level; the components are chosen to see low
 contrast, and an offset pays a little for its distance from the coarser level's proposal, which holds flat areas
-together.
+together. A patch that is larger than a thing goes with the background, so what is explained in neither frame gets a
+second look with small patches.
 
 Other estimators may have a say. What they find is made exact in the same way and kept beside the search's own result:
 no estimator is right everywhere, and which one is shows only in the in-between frame.
@@ -54,7 +55,6 @@ LONGEST_STEP = np.float32(1)
 
 STEPS = 2
 """Least-squares steps of a vector, at most."""
-
 
 SMALL_RADIUS = 2
 """r of the patch that looks for small things."""

@@ -41,7 +41,7 @@ class Fuse:
     step : int
         One pixel in so many of each frame, along x and y, has its motion tried.
     around : float
-        A motion is tried this far around the place where it leads to, pixels.
+        A motion is tried this far around the place where it leads to, and counts the less the farther, pixels.
     tolerance : float
         Motions that differ by less are tried once, pixels.
     width : float
@@ -55,16 +55,18 @@ class Fuse:
     """
 
     step: int = 8
-    around: float = 8
+    around: float = 16
     tolerance: float = 0.5
     width: float = 0.3
-    sharpness: float = 30
+    sharpness: float = 25
     prior: float = 1.5
     enough: float = 0.99
 
     def __post_init__(self) -> None:
         if self.step < 1:
             raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
+        if self.around <= CELL / 2:
+            raise OptionError(f"around must be more than {CELL // 2} pixels, or motions are lost, not {self.around}.")
 
     def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
@@ -85,6 +87,7 @@ class Fuse:
         for t in times:
             count = np.zeros(cells, np.int32)
             votes, sums = np.zeros((*cells, CAPACITY), np.float32), np.zeros((*cells, CAPACITY, 2), np.float32)
+            corners = np.zeros((*cells, CAPACITY, 2, 2), np.float32)
             landings = [(flow, 1, t) for flow in flows0] + [(flow, -1, 1 - t) for flow in flows1]
             for flow, sign, time in landings:
                 collect_candidates(
@@ -96,6 +99,7 @@ class Fuse:
                     np.float32(self.tolerance),
                     count,
                     votes,
+                    corners,
                     sums,
                 )
             mean = np.empty((channels, height, width), np.float32)
@@ -109,6 +113,7 @@ class Fuse:
                 np.float32(t),
                 count,
                 votes,
+                corners,
                 sums,
                 bend,
                 scale,
