@@ -223,8 +223,8 @@ class Interpolator:
         image : (H, W, C) uint8, uint16 or float32
             Any image of the clip; only its type and channels count.
         """
-        # large enough for a pyramid of more than one level
-        noise = np.random.default_rng(0).integers(0, 256, (96, 128, image.shape[2])).astype(image.dtype)
+        # long enough for a pyramid with all kinds of levels
+        noise = np.random.default_rng(0).integers(0, 256, (48, 480, image.shape[2])).astype(image.dtype)
         first, second, third = (PreparedImage(noise) for _ in range(3))
         before, pair = self.pair(first, second), self.pair(second, third)
         for _ in self.between(pair, [0.5], before).images:

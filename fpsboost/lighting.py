@@ -26,8 +26,11 @@ LONGER_SIDE = 40
 NOTICEABLE = 0.01
 """Mean change of colour below which the light is taken for constant, with 1 for white."""
 
-WORTHWHILE = 0.05
+WORTHWHILE = 0.015
 """What a change of light must add to the likeness of the frames to be believed."""
+
+BELIEVABLE = 0.6
+"""Likeness that frames of one scene have in one light, at least."""
 
 LARGEST_GAIN = 8.0
 """More would make patterns out of noise; so would less than its inverse."""
@@ -71,16 +74,27 @@ def find_lighting(image0: PreparedImage, image1: PreparedImage) -> Lighting | No
     if has_alpha(image0.pixels):
         return None
     small0, small1 = (image.once(small_copy, LONGER_SIDE) for image in (image0, image1))
+    white = np.float32(max(1, small0.max(), small1.max()))
+    small0, small1 = small0 / white, small1 / white
     lighting = _same_spread(small0, small1)
     if np.abs(lighting.apply(small0, 1, small0.dtype) - small0).mean() < NOTICEABLE:
         return None
-    matched = _search(small0, lighting.undo(small1))
-    exact = _along_motion(small0, small1, matched)
-    fields = matched, _search(small0, exact.undo(small1))
-    likeness = [float(field.similarity.mean()) for field in fields]
-    if max(likeness) < _search(small0, small1).similarity.mean() + WORTHWHILE:
-        return None
-    return lighting if likeness[0] > likeness[1] else exact
+    exact = _along_motion(small0, small1, _search(small0, lighting.undo(small1)))
+    in_lights, lighting = max(
+        ((_likeness(small0, small1, each), each) for each in (lighting, exact)), key=lambda known: sum(known[0])
+    )
+    before = _search(small0, small1).similarity.mean()
+    believed = min(in_lights) > BELIEVABLE and sum(in_lights) / 2 > before + WORTHWHILE
+    return Lighting(lighting.gain, lighting.offset * white) if believed else None
+
+
+def _likeness(small0: Image, small1: Image, lighting: Lighting) -> tuple[float, float]:
+    """How much of frame 0 is found in frame 1, in the light of each: dim frames all look alike, but not bright ones."""
+    if not 1 / LARGEST_GAIN < lighting.gain.min() <= lighting.gain.max() < LARGEST_GAIN:
+        return 0.0, 0.0
+    in_light0 = _search(small0, lighting.undo(small1))
+    in_light1 = _search(lighting.apply(small0, 1, small0.dtype), small1)
+    return float(in_light0.similarity.mean()), float(in_light1.similarity.mean())
 
 
 def _search(small0: Image, small1: Image) -> MotionField:

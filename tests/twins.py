@@ -347,7 +347,7 @@ def marked(images: list[Array], motion: Array, spacing: int, shortest: float, sa
     """2 where a pixel of the first image stays as it is in all of them and would not if it moved with its block.
 
     1 where it stays, else 0. It would not stay if its colour is found neither where its motion leads nor where it comes
-    from, in any image. Where such a row of its block is not wholly in the frame, nobody can tell.
+    from, in any image. Beyond the frame, nobody can tell.
     """
     height, width = images[0].shape
     first, *others = (image.astype(int) for image in images)
@@ -355,15 +355,13 @@ def marked(images: list[Array], motion: Array, spacing: int, shortest: float, sa
     for y in range(height):
         for x in range(width):
             dx, dy = (float(value) for value in motion[y // spacing, x // spacing])
-            left = x // spacing * spacing
-            right = min(left + spacing, width)
             stays = all(abs(other[y, x] - first[y, x]) <= same for other in others)
             if max(abs(dx), abs(dy)) < shortest or not stays:
                 continue
             out[y, x] = 2
             for sign in (-1, 1):
                 v, shift = y + sign * round(dy), sign * round(dx)
-                known = 0 <= v < height and left + shift >= 0 and right + shift <= width
+                known = 0 <= v < height and 0 <= x + shift < width
                 if not known or any(abs(image[v, x + shift] - first[y, x]) <= different for image in (first, *others)):
                     out[y, x] = 1
     return out

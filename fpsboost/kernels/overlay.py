@@ -50,13 +50,16 @@ def mark_overlay(image0, image1, before, after, motion, spacing, shortest, same,
             smallest[:] = 255
             for sign in (-1, 1):
                 v, u = y + sign * int(np.rint(dy)), left + sign * int(np.rint(dx))
-                if v < 0 or v >= height or u < 0 or u + size > width:
+                first, last = min(max(-u, 0), size), max(min(width - u, size), 0)
+                if v < 0 or v >= height or first >= last:
                     smallest[:] = 0
                     continue
+                smallest[:first] = 0
+                smallest[last:] = 0
                 for frame in (image0, image1, before, after):
-                    there = frame[v, u : u + size]
-                    for i in range(size):
-                        smallest[i] = min(smallest[i], abs(np.int16(there[i]) - np.int16(here[i])))
+                    there, same_columns, least = frame[v, u + first : u + last], here[first:last], smallest[first:last]
+                    for i in range(last - first):
+                        least[i] = min(least[i], abs(np.int16(there[i]) - np.int16(same_columns[i])))
             for i in range(size):
                 if largest[i] <= same:
                     marks[y, left + i] = STANDS_OUT if smallest[i] > different else STAYS

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame import Image
 from fpsboost.kernels.overlay import STANDS_OUT, mark_overlay
-from fpsboost.motion.colour import gray
+from fpsboost.motion.colour import gray, normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.prepared import PreparedImage
 
@@ -73,5 +73,8 @@ def find_overlay(
 def keep_overlay(image: Image, image0: Image, image1: Image, t: float, overlay: NDArray[Any]) -> None:
     """Give an in-between frame the overlay's own pixels, in place."""
     places = np.nonzero(overlay)
-    mixed = image0[places] * (1 - t) + image1[places] * t
-    image[places] = mixed if image.dtype == np.float32 else np.rint(mixed)
+    colours0, colours1 = image0[places], image1[places]
+    if image.dtype == np.float32:
+        image[places] = normalised(colours0) * (1 - t) + normalised(colours1) * t
+    else:
+        image[places] = np.rint(colours0 * (1 - t) + colours1 * t)
