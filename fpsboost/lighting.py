@@ -84,7 +84,7 @@ def find_lighting(image0: PreparedImage, image1: PreparedImage) -> Lighting | No
         ((_likeness(small0, small1, each), each) for each in (lighting, exact)), key=lambda known: sum(known[0])
     )
     before = _search(small0, small1).similarity.mean()
-    believed = min(in_lights) > BELIEVABLE and sum(in_lights) / 2 > before + WORTHWHILE
+    believed = min(in_lights) > max(BELIEVABLE, before - WORTHWHILE) and sum(in_lights) / 2 > before + WORTHWHILE
     return Lighting(lighting.gain, lighting.offset * white) if believed else None
 
 
@@ -124,5 +124,5 @@ def _along_motion(small0: Image, small1: Image, field01: MotionField) -> Lightin
     mean0, mean1 = ((weight * colours).sum(axis=0) for colours in (colours0, colours1))
     covariance = (weight * (colours0 - mean0) * (colours1 - mean1)).sum(axis=0)
     variance = (weight * (colours0 - mean0) ** 2).sum(axis=0)
-    gain = ((covariance + 1e-6) / (variance + 1e-6)).clip(1 / LARGEST_GAIN, LARGEST_GAIN)
+    gain = (covariance / (variance + 1e-6)).clip(1 / LARGEST_GAIN, LARGEST_GAIN)
     return Lighting(gain.astype(np.float32), (mean1 - gain * mean0).astype(np.float32))

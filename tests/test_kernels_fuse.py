@@ -153,13 +153,13 @@ def test_votes_change_from_corner_to_corner():
 
 
 def test_a_lone_voice_is_not_heard():
-    """What has less than a fiftieth of all votes is not tried."""
+    """What has less than three hundredths of all votes is not tried."""
     y, x = np.mgrid[0:16, 0:16].astype(float)
     image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
     candidates = np.empty((1, 1), object)
     bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0, "prior": 1.0, "enough": 2.0}
     means = []
-    for votes in (0, 1, 3):
+    for votes in (0, 2, 5):
         candidates[0, 0] = [even(99, 4, 0), *([even(votes, 2, 0)] if votes else [])]
         means.append(fuse(image0, image1, 0.5, candidates, bend, **options)[0])
     np.testing.assert_array_equal(means[0], means[1])

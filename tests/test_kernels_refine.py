@@ -16,13 +16,14 @@ from fpsboost.motion.colour import padded_planes
 PADDING = 40
 
 
-def refine(components0, components1, step, flow, damping=0.1, largest=1.0, steps=1):
+def refine(components0, components1, step, flow, damping=0.1, largest=1.0, steps=1, known=None):
     """The kernel on a copy of the flow."""
     height, width = components0.shape[:2]
     planes = [padded_planes(each, PADDING, 0, 2 * LANES, 1.0) for each in (components0, components1)]
     out = np.array(flow, np.float32)
     limits = np.float32(damping), np.float32(largest), steps
-    refine_points(*planes, PADDING, height, width, step, WIDE, *limits, out)
+    unknown = np.full_like(out, 1e6)
+    refine_points(*planes, PADDING, height, width, step, WIDE, *limits, unknown if known is None else known, out)
     return out
 
 
@@ -109,3 +110,14 @@ def test_vectors_that_lead_far_away_do_no_harm():
         flow[:] = far
         found = refine(*components, 8, flow)
         np.testing.assert_allclose(found, refined(*components, 8, 0.1, 1.0, flow), atol=2e-3)
+
+
+def test_what_is_known_is_not_refined_again():
+    """Vectors that begin at the same whole pixels as known ones become those, bit by bit; the others are refined."""
+    components = moved((30, 50), (0.4, -0.3))
+    flow = np.random.default_rng(3).integers(-1, 2, (*points((30, 50), 6), 2)).astype(np.float32)
+    known = flow + np.float32(0.25)
+    known[::2] += 3
+    found = refine(*components, 6, flow, known=known)
+    np.testing.assert_array_equal(found[1::2], known[1::2])
+    np.testing.assert_array_equal(found[::2], refine(*components, 6, flow)[::2])

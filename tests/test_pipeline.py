@@ -292,7 +292,7 @@ class CutsBefore:
 def test_scene_cuts_are_counted_and_not_interpolated(at_cuts):
     """Across a cut the nearer frame is repeated, or both are mixed where that is asked for, and motion is not used."""
     estimator = Counting()
-    interpolator = Interpolator(estimator, Blend(), cuts=CutsBefore(2, 4), at_cuts=at_cuts)
+    interpolator = Interpolator(estimator, Blend(), cuts=CutsBefore(2, 4), at_cuts=at_cuts, relight=False)
     frames, summary = run(regular(6), ByFactor(Fraction(4)), interpolator=interpolator)
     assert summary.scene_cuts == 2
     assert summary.frames_made == 6 * 3

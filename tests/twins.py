@@ -258,7 +258,7 @@ def fused(
             total, weights, similarities = np.zeros((16, 16, channels)), np.zeros((16, 16)), np.zeros((16, 16))
             best = np.zeros((16, 16))
             by_votes = sorted(candidates[row, column], key=lambda candidate: -candidate[0])
-            fewest = 0.02 * sum(candidate[0] for candidate in by_votes)
+            fewest = 0.03 * sum(candidate[0] for candidate in by_votes)
             heard = [candidate for candidate in by_votes if candidate[0] >= fewest]
             for votes, sum_x, sum_y, *shares in [*heard, [1, 0, 0, 0.25, 0.25, 0.25, 0.25]]:
                 motion = np.array([sum_x, sum_y]) / votes
@@ -313,7 +313,7 @@ def _along(
 
 
 def refined(components0: Array, components1: Array, step: int, damping: float, largest: float, flow: Array) -> Array:
-    """One weighted least-squares step of the motion at points `step` pixels apart; windows of 16 x 10, edges repeat."""
+    """One weighted least-squares step of the motion at points `step` pixels apart; windows of 16 x 8, edges repeat."""
     height, width = components0.shape[:2]
     both = components0.astype(float), components1.astype(float)
 
@@ -323,11 +323,11 @@ def refined(components0: Array, components1: Array, step: int, damping: float, l
     out = flow.astype(float)
     for row in range(flow.shape[0]):
         for point in range(flow.shape[1]):
-            y0 = min(row * step + step // 2, height - 1) - 5
+            y0 = min(row * step + step // 2, height - 1) - 4
             x0 = min(point * step + step // 2, width - 1) - 8
             dx, dy = (int(value) for value in flow[row, point])
             matrix, vector = damping * np.eye(2), np.zeros(2)
-            for y in range(y0, y0 + 10):
+            for y in range(y0, y0 + 8):
                 for x in range(x0, x0 + 16):
                     change = pixel(1, y + dy, x + dx) - pixel(0, y, x)
                     # twice the central difference of each frame, together four times the gradient

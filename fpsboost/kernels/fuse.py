@@ -24,8 +24,8 @@ ROW = (REGION + LANES - 1) // LANES * LANES
 SPARE = ROW - REGION + LANES
 """Columns that planes need beyond the right margin."""
 
-HEARD = np.float32(0.02)
-"""Share of all votes below which a candidate is not tried: about what two points have that agree."""
+HEARD = np.float32(0.03)
+"""Share of all votes below which a candidate is not tried: about what two or three points have that agree."""
 
 UNASKED = np.float32(0.25)
 """Votes of no motion at all, in every corner."""

@@ -12,7 +12,7 @@ from numba import njit, prange
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.tiles import Index
 
-WIDE, HIGH = 16, 10
+WIDE, HIGH = 16, 8
 """Of the window, pixels: as wide as one vector."""
 
 
@@ -58,7 +58,7 @@ def add_rows(flat0, flat1, start0, start1, stride, plane, wide):
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
-def refine_points(planes0, planes1, padding, height, width, step, wide, damping, largest, steps, flow):
+def refine_points(planes0, planes1, padding, height, width, step, wide, damping, largest, steps, known, flow):
     """Move the vector of every point by the least-squares step of its window.
 
     Parameters
@@ -76,6 +76,8 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
         Longest step along x or y, pixels.
     steps : int
         A vector that moves by more than half a pixel is rounded and moved again, this often in all.
+    known : (points down, points across, 2) float32
+        Vectors that were refined before: those that begin at the same whole pixels end there, too.
     flow : (points down, points across, 2) float32
         Rounded to whole pixels at first; in and out.
     """
@@ -88,6 +90,9 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
             y0 = min(row * step + step // 2, height - 1) - HIGH // 2 + padding
             x0 = min(point * step + step // 2, width - 1) - WIDE // 2 + padding
             dx, dy = np.rint(flow[row, point, 0]), np.rint(flow[row, point, 1])
+            if dx == np.rint(known[row, point, 0]) and dy == np.rint(known[row, point, 1]):
+                flow[row, point, 0], flow[row, point, 1] = known[row, point, 0], known[row, point, 1]
+                continue
             for _ in range(steps):
                 # beyond the padding nothing changes any more
                 y1 = min(max(y0 + int(dy), 1), plane_height - HIGH - 1)

@@ -13,7 +13,6 @@ no estimator is right everywhere, and which one is shows only in the in-between 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -52,6 +51,9 @@ DAMPING = np.float32(0.1)
 
 LONGEST_STEP = np.float32(1)
 """Of the least-squares step, pixels."""
+
+FAR = np.float32(1e6)
+"""Motion that no vector has."""
 
 STEPS = 2
 """Least-squares steps of a vector, at most."""
@@ -96,7 +98,7 @@ class CoarseToFine:
         A value is out of range.
     """
 
-    reach: float = 1 / 6
+    reach: float = 1 / 8
     patch_radius: int = 5
     v: float = 0.09
     penalty: float = 0.004
@@ -127,10 +129,12 @@ class CoarseToFine:
             if level == len(levels0) - 3:  # the level before was the first with points
                 proposals = self._second_look(levels0[level + 1], levels1[level + 1], proposals, spacing // 2)
             found = self._search(
-                levels0[level], levels1[level], found, proposals, spacing, step, reach=int(level > last)
+                levels0[level], levels1[level], found, proposals, spacing, step, reach=int(level == len(levels0) - 2)
             )
         ends = levels0[last], levels1[last]
-        foreign = [self._made_exact(*ends, other.estimate(image0, image1), step, 2**last) for other in self.others]
+        foreign = [
+            self._made_exact(*ends, other.estimate(image0, image1), found, step, 2**last) for other in self.others
+        ]
         size, spacing = image0.pixels.shape[:2], step * 2**last
         field01, field10 = (
             MotionField(
@@ -147,13 +151,14 @@ class CoarseToFine:
         image0: PreparedImage,
         image1: PreparedImage,
         fields: tuple[MotionField, MotionField],
+        found: list[Points],
         step: int,
         scale: int,
     ) -> list[NDArray[Any]]:
         """Another estimator's motion at the points of a level that is `scale` times smaller, refined as our own."""
         size = fields[0].flow.shape[:2]
         flows = [_at_points(field.flow, size, step * scale) / np.float32(scale) for field in fields]
-        self._refine(image0, image1, flows, step)
+        self._refine(image0, image1, flows, [points.flow for points in found], step)
         return [flow * np.float32(scale) for flow in flows]
 
     def _search_coarsest(self, image0: PreparedImage, image1: PreparedImage) -> list[Points]:
@@ -197,7 +202,8 @@ class CoarseToFine:
                 flow,
             )
             found.append(Points(flow, similarity))
-        self._refine(image0, image1, [points.flow for points in found], step)
+        unknown = [np.full_like(points.flow, FAR) for points in found]
+        self._refine(image0, image1, [points.flow for points in found], unknown, step)
         return found
 
     def _second_look(
@@ -214,14 +220,22 @@ class CoarseToFine:
         around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # least of the neighbours'
         for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
             search_unexplained(*pair, padding, *size, step, limit, SMALL_RADIUS, here, there, ENOUGH, BETTER, flow)
+        self._refine(image0, image1, looked, flows, step)
         return looked
 
-    def _refine(self, image0: PreparedImage, image1: PreparedImage, flows: Sequence[NDArray[Any]], step: int) -> None:
+    def _refine(
+        self,
+        image0: PreparedImage,
+        image1: PreparedImage,
+        flows: list[NDArray[Any]],
+        known: list[NDArray[Any]],
+        step: int,
+    ) -> None:
         """Make motion in both directions exact, in place."""
         size, padding = image0.pixels.shape[:2], PADDING + self.patch_radius
         planes0, planes1 = self._planes(image0), self._planes(image1)
-        for flow, pair in zip(flows, ((planes0, planes1), (planes1, planes0)), strict=True):
-            refine_points(*pair, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, flow)
+        for flow, refined, pair in zip(flows, known, ((planes0, planes1), (planes1, planes0)), strict=True):
+            refine_points(*pair, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, refined, flow)
 
     def _planes(self, image: PreparedImage) -> NDArray[Any]:
         return image.once(contrast_planes, PADDING + self.patch_radius, colour_scale(self.v))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fpsboost.kernels.candidates import CELL
 from fpsboost.motion.field import MotionField
 
-EVERY = 8
+EVERY = 16
 """One pixel in so many is looked at, along x and y."""
 
 CONSISTENT = 1.5
