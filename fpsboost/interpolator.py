@@ -256,10 +256,10 @@ def _with_overlay(
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(others=(Dis("ultrafast"),)), Fuse()),
-        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse(step=16, around=12, enough=0.95)),
+        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse(step=16, enough=0.95)),
         "nlm-best": Interpolator(
             CoarseToFine(reach=1 / 6, others=(Dis("ultrafast"), Dis("medium"), CoarseToFine(patch_radius=4, v=0.06))),
-            Fuse(),
+            Fuse(around=16),
         ),
         "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False, relight=False, overlays=False),
         "dis": Interpolator(Dis(), Fuse()),

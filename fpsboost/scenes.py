@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
-from fpsboost.motion.colour import Components, contrast_components, small_copy
+from fpsboost.motion.colour import contrast_components, small_copy
 from fpsboost.motion.exhaustive import search_fused
 from fpsboost.prepared import PreparedImage
 
@@ -53,11 +52,7 @@ class CutDetector:
 
     def likeness(self, image0: PreparedImage, image1: PreparedImage) -> float:
         """How much of the frames can be found in each other, 0 to 1: the better of both directions."""
-        thumbnails = [image.once(_thumbnail, self.thumbnail_side) for image in (image0, image1)]
+        thumbnails = [contrast_components(image.once(small_copy, self.thumbnail_side)) for image in (image0, image1)]
         reach = math.ceil(self.thumbnail_side / 6)
         fields = search_fused(thumbnails[0], thumbnails[1], reach, 5, "box", 0.06)
         return max(float(field.similarity.mean()) for field in fields)
-
-
-def _thumbnail(image: Image, longer_side: int) -> Components:
-    return contrast_components(small_copy(image, longer_side))

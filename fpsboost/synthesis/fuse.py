@@ -55,7 +55,7 @@ class Fuse:
     """
 
     step: int = 8
-    around: float = 16
+    around: float = 12
     tolerance: float = 0.5
     width: float = 0.3
     sharpness: float = 25
