@@ -88,7 +88,17 @@ class Pair:
     @cached_property
     def fields(self) -> tuple[MotionField, MotionField]:
         """Motion in both directions."""
-        return self._interpolator.estimator.estimate(*self.in_one_light)
+        fields = self._interpolator.estimator.estimate(*self.in_one_light)
+        self.in_one_light[0].forget()  # in a sequence, the pair before has had its motion: saves memory
+        return fields
+
+    def settle(self) -> None:
+        """Keep only what the next pair asks for: called once its own frames are made, saves memory."""
+        self.image0.forget()
+        self.__dict__.pop("in_one_light", None)
+        if "fields" in self.__dict__:
+            field01, field10 = self.fields
+            self.__dict__["fields"] = replace(field01, alternatives=()), replace(field10, alternatives=())
 
 
 @dataclass(frozen=True)

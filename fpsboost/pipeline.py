@@ -232,6 +232,7 @@ def _output_frames(
             after = _Interval(previous, steps, interpolator.pair(last, image, frame.time - previous.time))
             if interval is not None:
                 yield from _between(interval, before, after, interpolator, summary)
+                interval.pair.settle()
             before, interval = interval, after
         previous, last = frame, image
         summary.frames_in += 1

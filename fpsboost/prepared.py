@@ -37,3 +37,7 @@ class PreparedImage:
             self._results[key] = function(self.pixels, *arguments)
         result: Result = self._results[key]
         return result
+
+    def forget(self) -> None:
+        """Let go of all results; what is asked for again is computed again."""
+        self._results.clear()

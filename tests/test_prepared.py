@@ -6,6 +6,7 @@ import importlib
 import weakref
 from collections.abc import Callable
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,7 @@ PER_FRAME = [
     "fpsboost.motion.nlm.pyramid",
     "fpsboost.motion.nlm.contrast_components",
     "fpsboost.motion.nlm.contrast_planes",
-    "fpsboost.motion.opencv.gray",
     "fpsboost.synthesis.fuse.find_coefficients",
-    "fpsboost.synthesis.overlay.gray",
 ]
 """What the default method asks of each frame of one level, under the names that it knows."""
 
@@ -161,3 +160,26 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
     convert(str(tmp_path / "in"), str(tmp_path / "out"))
     assert 2 <= most <= 5
     assert not alive
+
+
+def test_what_was_forgotten_is_made_again():
+    """The same results, in new arrays."""
+    image = PreparedImage(np.arange(6))
+    first = image.once(np.negative)
+    image.forget()
+    assert image.once(np.negative) is not first
+    np.testing.assert_array_equal(image.once(np.negative), first)
+
+
+def test_a_settled_pair_serves_its_neighbours_as_before():
+    """The frames of the next pair are the same, bit by bit."""
+    images = [noise(40, 48, seed=0)] + [np.roll(noise(40, 48, seed=0), 2 * k, axis=1) for k in (1, 2, 3)]
+    made = []
+    for settles in (False, True):
+        frames = [PreparedImage(image) for image in images]
+        pairs = [methods["nlm"].pair(*both) for both in pairwise(frames)]
+        list(methods["nlm"].between(pairs[0], [0.5], None, pairs[1]).images)
+        if settles:
+            pairs[0].settle()
+        made += methods["nlm"].between(pairs[1], [0.5], pairs[0], pairs[2]).images
+    np.testing.assert_array_equal(*made)
