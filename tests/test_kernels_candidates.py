@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from twins import collected
 
-from fpsboost.kernels.candidates import CELL, collect_candidates
+from fpsboost.kernels.candidates import BAND, CELL, collect_candidates
 
 
 def collect(flows, times, size, step=4, around=16.0, tolerance=0.5, capacity=12):
@@ -38,6 +38,7 @@ def steady(size, dx, dy):
     st.sampled_from([2, 5, 30]),
     st.integers(0, 2**32),
 )
+@example(CELL * (BAND + 1), 20, 9, 20, 5, 1)
 def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity, seed):
     """Both directions, also out of the frame and with too little room, give the twin's candidates in its order."""
     flows = (np.random.default_rng(seed).integers(-largest, largest + 1, (2, height, width, 2)) / 8).astype(np.float32)

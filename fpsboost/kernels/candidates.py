@@ -9,15 +9,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from fpsboost.kernels.jit import JIT
 
 CELL = 16
 """Side of a cell, pixels."""
 
+BAND = 12
+"""Rows of cells that a thread takes at once."""
 
-@njit(cache=True, **JIT)
+
+@njit(parallel=True, cache=True, **JIT)
 def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, corners, sums):
     """Add one frame's motion to the cells' candidates.
 
@@ -47,41 +50,44 @@ def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, cor
     height, width = flow.shape[:2]
     rows, columns, capacity = votes.shape
     one, half = np.float32(1), np.float32(0.5)
-    for y in range(min(step // 2, height - 1), height, step):
-        for x in range(min(step // 2, width - 1), width, step):
-            # cells begin half a pixel before their first pixel's middle
-            landing_x = np.float32(x) + t * flow[y, x, 0] + half
-            landing_y = np.float32(y) + t * flow[y, x, 1] + half
-            dx, dy = sign * flow[y, x, 0], sign * flow[y, x, 1]
-            top = max(math.floor((landing_y - around) / CELL), 0)
-            left = max(math.floor((landing_x - around) / CELL), 0)
-            bottom = min(math.floor((landing_y + around) / CELL), rows - 1)
-            right = min(math.floor((landing_x + around) / CELL), columns - 1)
-            for row in range(top, bottom + 1):
-                above = max(one - abs(landing_y - np.float32(row * CELL)) / around, np.float32(0))
-                below = max(one - abs(landing_y - np.float32((row + 1) * CELL)) / around, np.float32(0))
-                for column in range(left, right + 1):
-                    before = max(one - abs(landing_x - np.float32(column * CELL)) / around, np.float32(0))
-                    behind = max(one - abs(landing_x - np.float32((column + 1) * CELL)) / around, np.float32(0))
-                    vote = (above + below) * (before + behind)
-                    if vote <= 0:
-                        continue
-                    cell_votes, cell_sums = votes[row, column], sums[row, column]
-                    known = count[row, column]
-                    k = 0
-                    while k < known and not (
-                        abs(cell_sums[k, 0] - dx * cell_votes[k]) < tolerance * cell_votes[k]
-                        and abs(cell_sums[k, 1] - dy * cell_votes[k]) < tolerance * cell_votes[k]
-                    ):
-                        k += 1
-                    if k == capacity:
-                        continue
-                    if k == known:
-                        count[row, column] += 1
-                    cell_votes[k] += vote
-                    cell_sums[k, 0] += dx * vote
-                    cell_sums[k, 1] += dy * vote
-                    corners[row, column, k, 0, 0] += above * before
-                    corners[row, column, k, 0, 1] += above * behind
-                    corners[row, column, k, 1, 0] += below * before
-                    corners[row, column, k, 1, 1] += below * behind
+    # each thread sees all motions and has cells of its own: their candidates come in the same order
+    for number in prange((rows + BAND - 1) // BAND):
+        first, last = np.int64(number) * BAND, min((np.int64(number) + 1) * BAND, rows) - 1
+        for y in range(min(step // 2, height - 1), height, step):
+            for x in range(min(step // 2, width - 1), width, step):
+                # cells begin half a pixel before their first pixel's middle
+                landing_x = np.float32(x) + t * flow[y, x, 0] + half
+                landing_y = np.float32(y) + t * flow[y, x, 1] + half
+                dx, dy = sign * flow[y, x, 0], sign * flow[y, x, 1]
+                top = max(math.floor((landing_y - around) / CELL), first)
+                left = max(math.floor((landing_x - around) / CELL), 0)
+                bottom = min(math.floor((landing_y + around) / CELL), last)
+                right = min(math.floor((landing_x + around) / CELL), columns - 1)
+                for row in range(top, bottom + 1):
+                    above = max(one - abs(landing_y - np.float32(row * CELL)) / around, np.float32(0))
+                    below = max(one - abs(landing_y - np.float32((row + 1) * CELL)) / around, np.float32(0))
+                    for column in range(left, right + 1):
+                        before = max(one - abs(landing_x - np.float32(column * CELL)) / around, np.float32(0))
+                        behind = max(one - abs(landing_x - np.float32((column + 1) * CELL)) / around, np.float32(0))
+                        vote = (above + below) * (before + behind)
+                        if vote <= 0:
+                            continue
+                        cell_votes, cell_sums = votes[row, column], sums[row, column]
+                        known = count[row, column]
+                        k = 0
+                        while k < known and not (
+                            abs(cell_sums[k, 0] - dx * cell_votes[k]) < tolerance * cell_votes[k]
+                            and abs(cell_sums[k, 1] - dy * cell_votes[k]) < tolerance * cell_votes[k]
+                        ):
+                            k += 1
+                        if k == capacity:
+                            continue
+                        if k == known:
+                            count[row, column] += 1
+                        cell_votes[k] += vote
+                        cell_sums[k, 0] += dx * vote
+                        cell_sums[k, 1] += dy * vote
+                        corners[row, column, k, 0, 0] += above * before
+                        corners[row, column, k, 0, 1] += above * behind
+                        corners[row, column, k, 1, 0] += below * before
+                        corners[row, column, k, 1, 1] += below * behind
