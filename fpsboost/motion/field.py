@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 
@@ -25,3 +26,22 @@ class MotionField:
     flow: NDArray[Any]
     similarity: NDArray[Any]
     alternatives: tuple[NDArray[Any], ...] = ()
+
+
+def at_points(flow: NDArray[Any], spacing: int) -> NDArray[Any]:
+    """What the pixels at points `spacing` apart have, the first at spacing / 2 and the last within the frame.
+
+    Parameters
+    ----------
+    flow : (H, W, 2)
+    spacing : int
+        Pixels.
+
+    Returns
+    -------
+    (rows, columns, 2)
+    """
+    height, width = flow.shape[:2]
+    y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in (height, width))
+    points: NDArray[Any] = flow[np.ix_(y, x)]
+    return points

@@ -30,7 +30,7 @@ from fpsboost.kernels.unexplained import measure_points, search_unexplained
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import contrast_components, contrast_planes
 from fpsboost.motion.exhaustive import search_fused
-from fpsboost.motion.field import MotionField
+from fpsboost.motion.field import MotionField, at_points
 from fpsboost.prepared import PreparedImage
 
 
@@ -156,8 +156,7 @@ class CoarseToFine:
         scale: int,
     ) -> list[NDArray[Any]]:
         """Another estimator's motion at the points of a level that is `scale` times smaller, refined as our own."""
-        size = fields[0].flow.shape[:2]
-        flows = [_at_points(field.flow, size, step * scale) / np.float32(scale) for field in fields]
+        flows = [at_points(field.flow, step * scale) / np.float32(scale) for field in fields]
         self._refine(image0, image1, flows, [points.flow for points in found], step)
         return [flow * np.float32(scale) for flow in flows]
 
@@ -179,11 +178,9 @@ class CoarseToFine:
     ) -> list[Points]:
         """Search one level in both directions around what the coarser one found."""
         size = image0.pixels.shape[:2]
-        planes0, planes1 = self._planes(image0), self._planes(image1)
         lanes = -(-(TILE + 2 * self.patch_radius) // LANES) * LANES
         found = []
-        pairs = (planes0, planes1), (planes1, planes0)
-        for points, proposed, pair in zip(coarser, proposals, pairs, strict=True):
+        for points, proposed, pair in zip(coarser, proposals, self._both_ways(image0, image1), strict=True):
             shape = -(-size[0] // step), -(-size[1] // step)
             similarity, flow = np.empty(shape, np.float32), np.empty((*shape, 2), np.float32)
             search_tiles(
@@ -211,8 +208,7 @@ class CoarseToFine:
     ) -> list[NDArray[Any]]:
         """Motion of small things, too, where that of their surroundings does not explain what is seen."""
         size, padding, limit = image0.pixels.shape[:2], PADDING + self.patch_radius, self._limit(image0.pixels)
-        planes0, planes1 = self._planes(image0), self._planes(image1)
-        pairs = (planes0, planes1), (planes1, planes0)
+        pairs = self._both_ways(image0, image1)
         known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
         for flow, pair, similarity in zip(flows, pairs, known, strict=True):
             measure_points(*pair, padding, *size, step, SMALL_RADIUS, flow, similarity)
@@ -233,12 +229,15 @@ class CoarseToFine:
     ) -> None:
         """Make motion in both directions exact, in place."""
         size, padding = image0.pixels.shape[:2], PADDING + self.patch_radius
-        planes0, planes1 = self._planes(image0), self._planes(image1)
-        for flow, refined, pair in zip(flows, known, ((planes0, planes1), (planes1, planes0)), strict=True):
+        for flow, refined, pair in zip(flows, known, self._both_ways(image0, image1), strict=True):
             refine_points(*pair, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, refined, flow)
 
-    def _planes(self, image: PreparedImage) -> NDArray[Any]:
-        return image.once(contrast_planes, PADDING + self.patch_radius, colour_scale(self.v))
+    def _both_ways(self, image0: PreparedImage, image1: PreparedImage) -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
+        """The planes that the kernels compare, from frame 0 to frame 1 and back."""
+        planes0, planes1 = (
+            image.once(contrast_planes, PADDING + self.patch_radius, colour_scale(self.v)) for image in (image0, image1)
+        )
+        return (planes0, planes1), (planes1, planes0)
 
     def _limit(self, image: Image) -> int:
         longer_side: int = max(image.shape[:2])
@@ -249,13 +248,6 @@ def _spread(points: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArra
     """Every pixel takes what its point has."""
     height, width = size
     return np.ascontiguousarray(points.repeat(spacing, axis=0).repeat(spacing, axis=1)[:height, :width])
-
-
-def _at_points(flow: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
-    """The inverse: what the pixel at each point has."""
-    y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in size)
-    at_points: NDArray[Any] = flow[np.ix_(y, x)]
-    return at_points
 
 
 def pyramid(image: Image, coarsest_side: int) -> list[PreparedImage]:

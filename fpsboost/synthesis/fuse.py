@@ -76,8 +76,7 @@ class Fuse:
     def fuse(self, transition: Transition, times: Sequence[float]) -> Iterator[Fused]:
         """Like `synthesize`, with the confidence of every pixel."""
         samples0, samples1 = (image.once(_samples) for image in (transition.image0, transition.image1))
-        image0, image1 = transition.image0.pixels, transition.image1.pixels
-        height, width, channels = image0.shape
+        height, width, channels = transition.image0.pixels.shape
         cells = -(-height // CELL), -(-width // CELL)
         scale = np.float32(0.5 / self.width**2 * max(1, 3 / channels))
         acceleration = transition.acceleration
@@ -125,7 +124,7 @@ class Fuse:
                 mean,
                 confidence,
             )
-            yield Fused(_as_image(mean, image0, image1, t), confidence)
+            yield Fused(_as_image(mean, transition, t), confidence)
 
 
 def _samples(image: Image) -> NDArray[Any]:
@@ -146,12 +145,21 @@ def _samples(image: Image) -> NDArray[Any]:
     return samples
 
 
-def _as_image(mean: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
+def _extremes(image: Image) -> tuple[np.float32, np.float32]:
+    """The lowest and the highest number of a float image."""
+    numbers = normalised(image)
+    return numbers.min(), numbers.max()
+
+
+def _as_image(mean: NDArray[Any], transition: Transition, t: float) -> Image:
+    image0, image1 = transition.image0.pixels, transition.image1.pixels
     image = np.empty_like(image0)
     is_float = image0.dtype == np.float32
     if is_float:  # sharp samples overshoot: nothing may be darker or brighter than all there is
-        numbers = normalised(image0), normalised(image1)
-        lowest, highest = min(each.min() for each in numbers), max(each.max() for each in numbers)
+        (lowest0, highest0), (lowest1, highest1) = (
+            each.once(_extremes) for each in (transition.image0, transition.image1)
+        )
+        lowest, highest = min(lowest0, lowest1), max(highest0, highest1)
     else:
         lowest, highest = value_range(image0)
     scale = np.float32(1) if is_float else highest

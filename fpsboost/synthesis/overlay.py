@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fpsboost.frame import Image
 from fpsboost.kernels.overlay import STANDS_OUT, mark_overlay
 from fpsboost.motion.colour import gray, normalised
-from fpsboost.motion.field import MotionField
+from fpsboost.motion.field import MotionField, at_points
 from fpsboost.prepared import PreparedImage
 
 SPACING = 32
@@ -57,11 +57,9 @@ def find_overlay(
     (H, W) bool
     """
     grays = [image.once(gray) for image in (image0, image1, before, after)]
-    height, width = grays[0].shape
-    rows, columns = (np.minimum(np.arange(0, length, SPACING) + SPACING // 2, length - 1) for length in (height, width))
-    motion = field01.flow[np.ix_(rows, columns)]
+    motion = at_points(field01.flow, SPACING)
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), AROUND) for axis in (0, 1)])
-    marks = np.empty((height, width), np.uint8)
+    marks = np.empty_like(grays[0])
     mark_overlay(*grays, surroundings, SPACING, SHORTEST, SAME, DIFFERENT, marks)
     found = marks == STANDS_OUT
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= NEIGHBOURS)
