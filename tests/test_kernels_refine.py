@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -121,3 +125,25 @@ def test_what_is_known_is_not_refined_again():
     found = refine(*components, 6, flow, known=known)
     np.testing.assert_array_equal(found[1::2], known[1::2])
     np.testing.assert_array_equal(found[::2], refine(*components, 6, flow)[::2])
+
+
+IN_A_FRESH_PROCESS = """
+import sys
+sys.path.insert(0, "tests")
+from test_kernels_refine import moved, points, refine
+import hashlib, numpy
+flow = numpy.zeros((*points((30, 50), 6), 2), numpy.float32)
+print(hashlib.sha256(refine(*moved((30, 50), (0.4, -0.3)), 6, flow).tobytes()).hexdigest())
+"""
+
+
+def test_compiling_and_loading_from_the_cache_give_the_same_bits(tmp_path):
+    """The compiler optimises a kernel once more before it is saved: the only reordered sums must survive that."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    first, second = (
+        subprocess.run(
+            [sys.executable, "-c", IN_A_FRESH_PROCESS], env=environment, capture_output=True, text=True, check=True
+        ).stdout
+        for _ in range(2)
+    )
+    assert first == second

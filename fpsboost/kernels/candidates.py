@@ -49,7 +49,7 @@ def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, cor
     """
     height, width = flow.shape[:2]
     rows, columns, capacity = votes.shape
-    one, half = np.float32(1), np.float32(0.5)
+    one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1 / CELL)
     # each thread sees all motions and has cells of its own: their candidates come in the same order
     for number in prange((rows + BAND - 1) // BAND):
         first, last = np.int64(number) * BAND, min((np.int64(number) + 1) * BAND, rows) - 1
@@ -59,10 +59,10 @@ def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, cor
                 landing_x = np.float32(x) + t * flow[y, x, 0] + half
                 landing_y = np.float32(y) + t * flow[y, x, 1] + half
                 dx, dy = sign * flow[y, x, 0], sign * flow[y, x, 1]
-                top = max(math.floor((landing_y - around) / CELL), first)
-                left = max(math.floor((landing_x - around) / CELL), 0)
-                bottom = min(math.floor((landing_y + around) / CELL), last)
-                right = min(math.floor((landing_x + around) / CELL), columns - 1)
+                top = max(math.floor((landing_y - around) * per_cell), first)
+                left = max(math.floor((landing_x - around) * per_cell), 0)
+                bottom = min(math.floor((landing_y + around) * per_cell), last)
+                right = min(math.floor((landing_x + around) * per_cell), columns - 1)
                 for row in range(top, bottom + 1):
                     above = max(one - abs(landing_y - np.float32(row * CELL)) / around, np.float32(0))
                     below = max(one - abs(landing_y - np.float32((row + 1) * CELL)) / around, np.float32(0))

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit, prange
 
 from fpsboost.kernels.candidates import CELL
+from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.spline import MARGIN, spline_weights
 
@@ -39,7 +40,8 @@ def decay(x):
     """exp(-x) for x >= 0, to a millionth: a polynomial of x / 64, squared six times."""
     x = min(x, np.float32(60)) * np.float32(1 / 64)
     half, sixth, one = np.float32(0.5), np.float32(1 / 6), np.float32(1)
-    p = one - x * (one - x * (half - x * (sixth - x * np.float32(1 / 24) * (one - x * np.float32(0.2)))))
+    p = fma(x, np.float32(-1 / 120), np.float32(1 / 24))
+    p = fma(fma(fma(fma(p, x, -sixth), x, half), x, -one), x, one)
     p *= p
     p *= p
     p *= p
@@ -63,12 +65,12 @@ def fetch(plane, coefficients, y, x, lanes, rows, out):
     for j in range(REGION + 3):
         source, target = coefficients[top - 1 + j, left - 1 : left + 2 + ROW], rows[j]
         for i in range(lanes):
-            target[i] = w0 * source[i] + w1 * source[i + 1] + w2 * source[i + 2] + w3 * source[i + 3]
+            target[i] = fma(w3, source[i + 3], fma(w2, source[i + 2], fma(w1, source[i + 1], w0 * source[i])))
     w0, w1, w2, w3 = spline_weights(fraction_y)
     for j in range(REGION):
         first, second, third, fourth, target = rows[j], rows[j + 1], rows[j + 2], rows[j + 3], out[j]
         for i in range(lanes):
-            target[i] = w0 * first[i] + w1 * second[i] + w2 * third[i] + w3 * fourth[i]
+            target[i] = fma(w3, fourth[i], fma(w2, third[i], fma(w1, second[i], w0 * first[i])))
 
 
 @njit(**FINITE_JIT)
@@ -113,7 +115,8 @@ def fuse_candidates(
     """
     channels = planes0.shape[0]
     rows_of_cells, columns_of_cells = count.shape
-    share = np.float32(1 / (2 * PATCH_RADIUS + 1) ** 2)
+    share, per_cell = np.float32(1 / (2 * PATCH_RADIUS + 1) ** 2), np.float32(1 / CELL)
+    half, one = np.float32(0.5), np.float32(1)
     for number in prange(rows_of_cells * columns_of_cells):
         row, column = np.int64(number) // columns_of_cells, np.int64(number) % columns_of_cells
         top, left = row * CELL, column * CELL
@@ -147,7 +150,7 @@ def fuse_candidates(
                     for i in range(2):
                         favour[j, i] = corners[row, column, k, j, i] ** prior
             # what stands still is left alone, whatever its surroundings do
-            moves = min(np.float32(4) * (abs(dx) + abs(dy)), np.float32(1))
+            moves = min(np.float32(4) * (abs(dx) + abs(dy)), one)
             x0 = np.float32(left - PATCH_RADIUS) + moves * bend[row, column, 0] - t * dx
             y0 = np.float32(top - PATCH_RADIUS) + moves * bend[row, column, 1] - t * dy
             x1, y1 = x0 + dx, y0 + dy
@@ -163,9 +166,10 @@ def fuse_candidates(
                 mark_inside(x1, width, marks[2])
                 mark_inside(y1, height, marks[3])
             # beyond the margin nothing changes any more
-            lowest, highest_x, highest_y = np.float32(2 - MARGIN), np.float32(width + 2), np.float32(height + 2)
-            x0, x1 = min(max(x0, lowest), highest_x) + MARGIN, min(max(x1, lowest), highest_x) + MARGIN
-            y0, y1 = min(max(y0, lowest), highest_y) + MARGIN, min(max(y1, lowest), highest_y) + MARGIN
+            lowest, margin = np.float32(2 - MARGIN), np.float32(MARGIN)
+            highest_x, highest_y = np.float32(width + 2), np.float32(height + 2)
+            x0, x1 = min(max(x0, lowest), highest_x) + margin, min(max(x1, lowest), highest_x) + margin
+            y0, y1 = min(max(y0, lowest), highest_y) + margin, min(max(y1, lowest), highest_y) + margin
             distance[:] = 0
             for c in range(channels):
                 fetch(planes0[c], coefficients0[c], y0, x0, lanes, rows, values0)
@@ -174,12 +178,12 @@ def fuse_candidates(
                     first, second, apart, target = values0[j], values1[j], distance[j], mixed[c, j]
                     for i in range(lanes):
                         difference = second[i] - first[i]
-                        apart[i] += difference * difference
-                        target[i] = first[i] + t * difference
+                        apart[i] = fma(difference, difference, apart[i])
+                        target[i] = fma(t, difference, first[i])
                     if not within:
                         in0, in1 = marks[0], marks[2]
                         for i in range(lanes):
-                            share0, share1 = (np.float32(1) - t) * in0[i] * marks[1, j], t * in1[i] * marks[3, j]
+                            share0, share1 = (one - t) * in0[i] * marks[1, j], t * in1[i] * marks[3, j]
                             both = share0 + share1
                             if both > 0:
                                 target[i] = (share0 * first[i] + share1 * second[i]) / both
@@ -196,17 +200,16 @@ def fuse_candidates(
                         column_sum[i] += apart[i]
                 sum_of_weights, sum_of_similarities, best = weight_sum[y], similarity_sum[y], most_similar[y]
                 # between its corners a cell has votes like its neighbours, or borders would show
-                down = (np.float32(y) + np.float32(0.5)) / CELL
-                first = favour[0, 0] + down * (favour[1, 0] - favour[0, 0])
-                slope = (favour[0, 1] + down * (favour[1, 1] - favour[0, 1]) - first) / CELL
+                down = (np.float32(y) + half) * per_cell
+                left_favour = favour[0, 0] + down * (favour[1, 0] - favour[0, 0])
+                right_favour = favour[0, 1] + down * (favour[1, 1] - favour[0, 1])
+                slope = (right_favour - left_favour) * per_cell
                 for x in range(cell):
                     similarity = np.float32(0)
                     for i in range(2 * PATCH_RADIUS + 1):
                         similarity += column_sum[x + i]
                     similarity *= share
-                    w = (first + slope * (np.float32(x) + np.float32(0.5))) * decay(
-                        sharpness * (np.float32(1) - similarity)
-                    )
+                    w = fma(slope, np.float32(x) + half, left_favour) * decay(sharpness * (one - similarity))
                     sum_of_weights[x] += w
                     sum_of_similarities[x] += w * similarity
                     weight[x] = w
@@ -214,7 +217,7 @@ def fuse_candidates(
                 for c in range(channels):
                     target, source = total[c, y], mixed[c, y + PATCH_RADIUS, PATCH_RADIUS : PATCH_RADIUS + CELL]
                     for x in range(cell):
-                        target[x] += weight[x] * source[x]
+                        target[x] = fma(weight[x], source[x], target[x])
             if most_similar.min() >= enough:
                 break
         for y in range(min(CELL, height - top)):

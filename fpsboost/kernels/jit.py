@@ -1,7 +1,7 @@
 """Compiler options of the kernels.
 
-Contraction to fused multiply-add is allowed everywhere; reordering of sums nowhere, so that results do not depend on
-how a loop was cut into vectors or threads.
+Nothing is allowed that changes a number: no reordering of sums, so that results do not depend on how a loop was cut
+into vectors or threads, and no contraction (see `fpsboost.kernels.fma`).
 """
 
 import os
@@ -10,9 +10,9 @@ import os
 # them spinning made frames take five to ten times as long. Acts when numba starts its threads, if nobody chose before.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+JIT = {"nogil": True, "error_model": "numpy", "fastmath": False}
 
-FINITE_JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz", "nnan", "ninf"}}
+FINITE_JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"nsz", "nnan", "ninf"}}
 """For inner loops whose values are known to be finite: minimum and maximum become single instructions."""
 
 LANES = 16

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.tiles import Index
 
@@ -16,44 +17,53 @@ WIDE, HIGH = 16, 8
 """Of the window, pixels: as wide as one vector."""
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
-def add_rows(flat0, flat1, start0, start1, stride, plane, wide):
-    """Sums of two rows of a window: products of the gradients (xx, xy, yy) and of gradient and change (xt, yt).
+@njit(forceinline=True, **FINITE_JIT)
+def weighted_products(flat0, flat1, p0, p1, stride, plane):
+    """Products of one pixel's gradients (xx, xy, yy) and of gradient and change (xt, yt), by its similarity."""
+    squares, xx, xy, yy = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+    xt, yt, one = np.float32(0), np.float32(0), Index(1)
+    for _ in range(3):
+        change = flat1[p1] - flat0[p0]
+        along_x = flat0[p0 + one] - flat0[p0 - one] + flat1[p1 + one] - flat1[p1 - one]
+        along_y = flat0[p0 + stride] - flat0[p0 - stride] + flat1[p1 + stride] - flat1[p1 - stride]
+        squares = fma(change, change, squares)
+        xx = fma(along_x, along_x, xx)
+        xy = fma(along_x, along_y, xy)
+        yy = fma(along_y, along_y, yy)
+        xt = fma(along_x, change, xt)
+        yt = fma(along_y, change, yt)
+        p0 += plane
+        p1 += plane
+    # falls slower than the similarity itself: the fraction of a pixel is not known yet
+    weight = fma(squares, np.float32(0.0625), np.float32(1))
+    weight *= weight
+    weight = np.float32(1) / (weight * weight)
+    return weight * xx, weight * xy, weight * yy, weight * xt, weight * yt
 
-    Two, because adding up the lanes of five vectors costs as much as a row. Sums may be reordered here: which order it
-    is depends on the compiled code alone, never on the threads.
+
+@njit(forceinline=True, **FINITE_JIT)
+def two_rows(flat0, flat1, p0, p1, stride, plane):
+    """Sums of the products of a pixel and the one below."""
+    first = weighted_products(flat0, flat1, p0, p1, stride, plane)
+    second = weighted_products(flat0, flat1, p0 + stride, p1 + stride, stride, plane)
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2], first[3] + second[3], first[4] + second[4]
+
+
+@njit(nogil=True, error_model="numpy", fastmath={"reassoc"})
+def add_rows(flat0, flat1, start0, start1, stride, plane, wide):
+    """Sums of the products over two rows of a window.
+
+    Two, because adding up the lanes of five vectors costs as much as a row. The sums over each row, and nothing else,
+    may be reordered, which makes them vectors.
     """
     xx, xy, yy, xt, yt = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
-    one = Index(1)
     for i in range(Index(wide)):
-        row0, row1 = start0 + i, start1 + i
-        for _ in range(2):
-            squares, wxx, wxy, wyy = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
-            wxt, wyt = np.float32(0), np.float32(0)
-            p0, p1 = row0, row1
-            for _ in range(3):
-                change = flat1[p1] - flat0[p0]
-                along_x = flat0[p0 + one] - flat0[p0 - one] + flat1[p1 + one] - flat1[p1 - one]
-                along_y = flat0[p0 + stride] - flat0[p0 - stride] + flat1[p1 + stride] - flat1[p1 - stride]
-                squares += change * change
-                wxx += along_x * along_x
-                wxy += along_x * along_y
-                wyy += along_y * along_y
-                wxt += along_x * change
-                wyt += along_y * change
-                p0 += plane
-                p1 += plane
-            # falls slower than the similarity itself: the fraction of a pixel is not known yet
-            weight = np.float32(1) + squares * np.float32(0.0625)
-            weight *= weight
-            weight = np.float32(1) / (weight * weight)
-            xx += weight * wxx
-            xy += weight * wxy
-            yy += weight * wyy
-            xt += weight * wxt
-            yt += weight * wyt
-            row0 += stride
-            row1 += stride
+        more = two_rows(flat0, flat1, start0 + i, start1 + i, stride, plane)
+        xx += more[0]
+        xy += more[1]
+        yy += more[2]
+        xt += more[3]
+        yt += more[4]
     return xx, xy, yy, xt, yt
 
 
