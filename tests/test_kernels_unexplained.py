@@ -40,7 +40,7 @@ def patch_similarity(image0, image1, here, there):
 def measured(image0, image1, step, flow):
     """What the kernel measures."""
     known = np.empty(flow.shape[:2], np.float32)
-    measure_points(planes(image0), planes(image1), PADDING, *image0.shape[:2], step, RADIUS, flow, known)
+    measure_points(planes(image0), planes(image1), PADDING, *image0.shape[:2], step, RADIUS, LANES, flow, known)
     return known
 
 
@@ -73,7 +73,19 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
     enough, better, limit = np.float32(0.6), np.float32(0.02), 5
     both = planes(image0), planes(image1)
     search_unexplained(
-        *both, PADDING, height, width, step, limit, RADIUS, known * np.float32(0.1), elsewhere, enough, better, flow
+        *both,
+        PADDING,
+        height,
+        width,
+        step,
+        limit,
+        RADIUS,
+        LANES,
+        known * np.float32(0.1),
+        elsewhere,
+        enough,
+        better,
+        flow,
     )
     for row, y in enumerate(rows):
         for column, x in enumerate(columns):
@@ -103,5 +115,5 @@ def test_what_is_explained_stays():
         before = flow.copy()
         shares = (np.full((5, 6), share, np.float32) for share in (known, elsewhere))
         limits = np.float32(0.6), np.float32(0.2)
-        search_unexplained(planes(image0), planes(image1), PADDING, 20, 24, 4, 6, RADIUS, *shares, *limits, flow)
+        search_unexplained(planes(image0), planes(image1), PADDING, 20, 24, 4, 6, RADIUS, LANES, *shares, *limits, flow)
         np.testing.assert_array_equal(flow, before)

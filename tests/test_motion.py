@@ -391,10 +391,10 @@ def test_pyramids_halve_down_to_the_coarsest_side(size, expected):
         assert max(levels[-1].pixels.shape[:2]) >= min(60, max(size))
 
 
-@pytest.mark.parametrize(("size", "shift"), [(20, 16), (32, 16), (32, 30)])
-def test_a_small_thing_over_a_still_background_is_found(size, shift):
+@pytest.mark.parametrize(("width", "size", "shift"), [(320, 20, 16), (320, 32, 30), (640, 16, 16), (640, 32, 30)])
+def test_a_small_thing_over_a_still_background_is_found(width, size, shift):
     """Even where its patches hold more of the background than of itself in all the smaller copies of the frames."""
-    clip = moving_object(240, 320, box=(100, 100, 100 + size, 100 + size), dx=shift, dy=0)
+    clip = moving_object(240, width, box=(100, 100, 100 + size, 100 + size), dx=shift, dy=0)
     field01, field10 = CoarseToFine().estimate(*clip.prepared)
     middle = 100 + size // 2
     np.testing.assert_allclose(field01.flow[middle, middle], (shift, 0), atol=0.1)

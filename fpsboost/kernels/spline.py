@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT
 
 MARGIN = 32
@@ -55,7 +56,7 @@ def find_coefficients(planes, response, coefficients):
     ----------
     planes : (C, H, W) float32
     response : (taps + 1,) float32
-        See `filter_response`.
+        An even number of taps; see `filter_response`.
     coefficients : (C, H, W) float32 out
     """
     channels, height, width = planes.shape
@@ -67,30 +68,34 @@ def find_coefficients(planes, response, coefficients):
         here = planes[c, y]
         for x in range(width):
             down[x] = response[0] * here[x]
-        for n in range(1, taps + 1):
+        for n in range(1, taps + 1, 2):  # two taps at once, as each reads and writes the whole row
+            weight, farther = response[n], response[n + 1]
             above, below = planes[c, max(y - n, 0)], planes[c, min(y + n, height - 1)]
+            higher, lower = planes[c, max(y - n - 1, 0)], planes[c, min(y + n + 1, height - 1)]
             for x in range(width):
-                down[x] += response[n] * (above[x] + below[x])
+                down[x] = fma(weight, above[x] + below[x], fma(farther, higher[x] + lower[x], down[x]))
         line[:taps] = line[taps]
         line[taps + width :] = line[taps + width - 1]
         across = coefficients[c, y]
         for x in range(width):
             across[x] = response[0] * down[x]
-        for n in range(1, taps + 1):
-            before, after = line[taps - n : taps - n + width], line[taps + n : taps + n + width]
+        for n in range(1, taps + 1, 2):
+            weight, farther = response[n], response[n + 1]
+            before, after = line[taps - n :], line[taps + n :]
+            earlier, later = line[taps - n - 1 :], line[taps + n + 1 :]
             for x in range(width):
-                across[x] += response[n] * (before[x] + after[x])
+                across[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], across[x]))
 
 
 def filter_response(precision: float) -> np.ndarray:
-    """Half of the symmetric response that turns samples into coefficients, (taps + 1,) float32.
+    """Half of the symmetric response that turns samples into coefficients, (taps + 1,) float32, taps even.
 
     Parameters
     ----------
     precision : float
         What is cut off may add up to this share of the largest difference between two samples.
     """
-    taps = math.ceil(math.log(precision) / math.log(-POLE))
+    taps = math.ceil(math.log(precision) / math.log(-POLE) / 2) * 2
     response = np.array([math.sqrt(3) * POLE**n for n in range(taps + 1)])
     # flat areas keep their brightness whatever was cut off
     return (response / (response[0] + 2 * response[1:].sum())).astype(np.float32)

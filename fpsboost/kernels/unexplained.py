@@ -36,7 +36,7 @@ def add_row(flat0, flat1, plane, stride, start0, start1, radius, wide, total):
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
-def measure_points(planes0, planes1, padding, height, width, step, radius, flow, known):
+def measure_points(planes0, planes1, padding, height, width, step, radius, lanes, flow, known):
     """Similarity of small patches at both ends of every point's motion.
 
     Parameters
@@ -48,6 +48,8 @@ def measure_points(planes0, planes1, padding, height, width, step, radius, flow,
         Distance of the points, pixels.
     radius : int
         r of the small patch.
+    lanes : int
+        LANES; at least 2r + 1.
     flow : (points down, points across, 2) float32
     known : (points down, points across) float32 out
         0 to 1.
@@ -58,20 +60,33 @@ def measure_points(planes0, planes1, padding, height, width, step, radius, flow,
     share = np.float32(1 / (UNIT * (2 * radius + 1) ** 2))
     for number in prange(flow.shape[0]):
         row = np.int64(number)
-        total = np.empty(1, np.int32)
+        columns = np.empty(lanes, np.int32)
         for point in range(flow.shape[1]):
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             there_y = min(max(y + int(np.rint(flow[row, point, 1])), 0), height - 1)
             there_x = min(max(x + int(np.rint(flow[row, point, 0])), 0), width - 1)
-            start0 = (y + padding) * stride + x + padding
-            start1 = (there_y + padding) * stride + there_x + padding
-            add_row(flat0, flat1, plane, stride, start0, start1, radius, 1, total)
-            known[row, point] = np.float32(total[0]) * share
+            columns[:] = 0
+            for j in range(-radius, radius + 1):
+                start0 = Index((y + j + padding) * stride + x - radius + padding)
+                start1 = Index((there_y + j + padding) * stride + there_x - radius + padding)
+                for i in range(Index(lanes)):
+                    columns[i] += similarity(
+                        flat0[start0 + i],
+                        flat0[start0 + plane + i],
+                        flat0[start0 + plane + plane + i],
+                        flat1[start1 + i],
+                        flat1[start1 + plane + i],
+                        flat1[start1 + plane + plane + i],
+                    )
+            total = np.int32(0)
+            for i in range(2 * radius + 1):
+                total += columns[i]
+            known[row, point] = np.float32(total) * share
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def search_unexplained(
-    planes0, planes1, padding, height, width, step, limit, radius, known, elsewhere, enough, better, flow
+    planes0, planes1, padding, height, width, step, limit, radius, lanes, known, elsewhere, enough, better, flow
 ):  # fmt: skip
     """Replace the motion of points that it does not explain by one that leads to where nothing is explained either.
 
@@ -81,6 +96,8 @@ def search_unexplained(
         As for `measure_points`.
     limit : int
         Largest offset.
+    lanes : int
+        LANES; at least the step.
     known, elsewhere : (points down, points across) float32
         What `measure_points` gives for this frame and for the other one.
     enough : float32
@@ -97,7 +114,7 @@ def search_unexplained(
     rows, columns = known.shape
     for number in prange(rows):
         row = np.int64(number)
-        total = np.empty(step, np.int32)
+        total = np.empty(lanes, np.int32)
         for point in range(columns):
             if known[row, point] >= enough:
                 continue
@@ -107,13 +124,23 @@ def search_unexplained(
             top, bottom = max(y - limit, 0), min(y + limit, height - 1)
             left, right = max(x - limit, 0), min(x + limit, width - 1)
             for other_row in range(top // step, bottom // step + 1):
-                for other_point in range(left // step, right // step + 1):
+                other_point, behind = left // step, right // step + 1
+                while other_point < behind:
                     if elsewhere[other_row, other_point] >= enough:
+                        other_point += 1
                         continue
-                    first, last = max(other_point * step, left), min(other_point * step + step - 1, right)
+                    # neighbours that nothing explains are compared together, as many as fill a vector
+                    begin = other_point
+                    while (
+                        other_point < behind
+                        and (other_point + 1 - begin) * step <= lanes
+                        and elsewhere[other_row, other_point] < enough
+                    ):
+                        other_point += 1
+                    first, last = max(begin * step, left), min(other_point * step - 1, right)
                     for there_y in range(max(other_row * step, top), min(other_row * step + step - 1, bottom) + 1):
                         start1 = (there_y + padding) * stride + first + padding
-                        add_row(flat0, flat1, plane, stride, start0, start1, radius, last - first + 1, total)
+                        add_row(flat0, flat1, plane, stride, start0, start1, radius, lanes, total)
                         for i in range(last - first + 1):
                             value = np.float32(total[i]) * share
                             if value > most:

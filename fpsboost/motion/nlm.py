@@ -46,6 +46,12 @@ class Points(NamedTuple):
 COARSE_STEP = 4
 """Distance of the points on all levels but the finest, pixels."""
 
+DENSE_STEP = 2
+"""The same where a second look is taken first: small things need points that lie well inside of them, pixels."""
+
+LOOKS = 2
+"""Levels that get a second look, the coarsest with points first."""
+
 DAMPING = np.float32(0.1)
 """Of the least-squares step: holds it back where there is hardly any gradient."""
 
@@ -61,7 +67,7 @@ STEPS = 2
 SMALL_RADIUS = 2
 """r of the patch that looks for small things."""
 
-ENOUGH = np.float32(0.6)
+ENOUGH = np.float32(0.5)
 """Similarity of a small patch that explains what is seen."""
 
 BETTER = np.float32(0.2)
@@ -126,8 +132,13 @@ class CoarseToFine:
         for level in range(len(levels0) - 2, last - 1, -1):
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
             proposals = [points.flow for points in found]
-            if level == len(levels0) - 3:  # the level before was the first with points
-                proposals = self._second_look(levels0[level + 1], levels1[level + 1], proposals, spacing // 2)
+            looks = len(levels0) - 2 - level
+            if 1 <= looks <= LOOKS:
+                coarser = levels0[level + 1], levels1[level + 1]
+                if looks == 1:
+                    found = [_denser(points, coarser[0].pixels.shape) for points in found]
+                    spacing = 2 * DENSE_STEP
+                proposals = self._second_look(*coarser, [points.flow for points in found], spacing // 2)
             found = self._search(
                 levels0[level], levels1[level], found, proposals, spacing, step, reach=int(level == len(levels0) - 2)
             )
@@ -211,11 +222,13 @@ class CoarseToFine:
         pairs = self._both_ways(image0, image1)
         known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
         for flow, pair, similarity in zip(flows, pairs, known, strict=True):
-            measure_points(*pair, padding, *size, step, SMALL_RADIUS, flow, similarity)
+            measure_points(*pair, padding, *size, step, SMALL_RADIUS, LANES, flow, similarity)
         looked = [flow.copy() for flow in flows]
         around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # least of the neighbours'
         for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
-            search_unexplained(*pair, padding, *size, step, limit, SMALL_RADIUS, here, there, ENOUGH, BETTER, flow)
+            search_unexplained(
+                *pair, padding, *size, step, limit, SMALL_RADIUS, LANES, here, there, ENOUGH, BETTER, flow
+            )
         self._refine(image0, image1, looked, flows, step)
         return looked
 
@@ -242,6 +255,12 @@ class CoarseToFine:
     def _limit(self, image: Image) -> int:
         longer_side: int = max(image.shape[:2])
         return math.ceil(self.reach * longer_side) + 1
+
+
+def _denser(points: Points, size: tuple[int, ...]) -> Points:
+    """Points COARSE_STEP apart as points DENSE_STEP apart."""
+    shape = -(-size[0] // DENSE_STEP), -(-size[1] // DENSE_STEP)
+    return Points(*(_spread(each, shape, COARSE_STEP // DENSE_STEP) for each in points))
 
 
 def _spread(points: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:

@@ -70,9 +70,12 @@ def find_overlay(
 
 def keep_overlay(image: Image, image0: Image, image1: Image, t: float, overlay: NDArray[Any]) -> None:
     """Give an in-between frame the overlay's own pixels, in place."""
-    places = np.nonzero(overlay)
-    colours0, colours1 = image0[places], image1[places]
+    places = np.flatnonzero(overlay)
+    pixels, colours0, colours1 = (
+        image.reshape(overlay.size, -1),
+        *(each.reshape(overlay.size, -1)[places] for each in (image0, image1)),
+    )
     if image.dtype == np.float32:
-        image[places] = normalised(colours0) * (1 - t) + normalised(colours1) * t
+        pixels[places] = normalised(colours0) * (1 - t) + normalised(colours1) * t
     else:
-        image[places] = np.rint(colours0 * (1 - t) + colours1 * t)
+        pixels[places] = np.rint(colours0 * (1 - t) + colours1 * t)
