@@ -36,8 +36,9 @@ from scoring import (
 
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import Image
-from fpsboost.interpolator import InBetween, Interpolator, Pair, methods
+from fpsboost.interpolator import InBetween, Interpolator, Pair
 from fpsboost.kernels.jit import LANES
+from fpsboost.method_table import methods
 from fpsboost.motion import MotionEstimator, nlm
 from fpsboost.motion.colour import colour_components, padded_planes
 from fpsboost.motion.field import MotionField

@@ -49,8 +49,8 @@ from scoring import (
 
 from fpsboost.errors import FpsboostError, InputError, OptionError
 from fpsboost.frame import Image
-from fpsboost.interpolator import find_method, methods
 from fpsboost.media.image_files import IMAGE_SUFFIXES, read_image
+from fpsboost.method_table import find_method, methods
 from fpsboost.motion.colour import normalised
 
 Scores = dict[str, Figures]

@@ -13,7 +13,7 @@ import cv2
 import numba
 from scoring import make_between, read_frames
 
-from fpsboost.interpolator import find_method
+from fpsboost.method_table import find_method
 
 
 def main() -> None:

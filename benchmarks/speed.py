@@ -36,7 +36,8 @@ from stages import WHOLE, Cost, Profile, copy_bandwidth, profile_sequence
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
-from fpsboost.interpolator import Interpolator, methods
+from fpsboost.interpolator import Interpolator
+from fpsboost.method_table import methods
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.exhaustive import search_by_passes, search_fused
 

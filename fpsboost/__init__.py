@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
     from fpsboost.frame import ClipInfo, Frame
-    from fpsboost.interpolator import Interpolator, interpolate, interpolate_with_confidence, methods
+    from fpsboost.interpolator import Interpolator
     from fpsboost.media.encoding import Encoding
+    from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.pipeline import Summary, boost, convert
     from fpsboost.scenes import CutDetector
     from fpsboost.timing import ByFactor, ByRate
@@ -59,9 +60,9 @@ _homes = {
     "Summary": "pipeline",
     "boost": "pipeline",
     "convert": "pipeline",
-    "interpolate": "interpolator",
-    "interpolate_with_confidence": "interpolator",
-    "methods": "interpolator",
+    "interpolate": "method_table",
+    "interpolate_with_confidence": "method_table",
+    "methods": "method_table",
 }
 
 

@@ -138,9 +138,9 @@ def convert(
     """
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
-    from fpsboost.interpolator import configure, find_method  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
+    from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
 
     options = {

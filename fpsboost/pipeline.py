@@ -15,10 +15,11 @@ from typing import NamedTuple, Protocol
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.interpolator import Interpolator, Pair, find_method
+from fpsboost.interpolator import Interpolator, Pair
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_sink, open_source
+from fpsboost.method_table import find_method
 from fpsboost.overlap import read_ahead, write_behind
 from fpsboost.prepared import PreparedImage
 from fpsboost.timing import ByFactor, ByRate, Schedule, Step
@@ -223,10 +224,10 @@ def _output_frames(
     before: _Interval | None = None
     interval: _Interval | None = None
     for frame in frames:
-        image = PreparedImage(frame.image)
-        if previous is None or last is None:
+        if previous is None:
             start = frame.time
-        else:
+        image = PreparedImage(frame.image, schedule.place(summary.frames_in, start, frame.time))
+        if previous is not None and last is not None:
             index = summary.frames_in - 1
             steps = list(schedule.steps(index, start, previous.time, frame.time))
             after = _Interval(previous, steps, interpolator.pair(last, image, frame.time - previous.time))

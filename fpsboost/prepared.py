@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from fractions import Fraction
 from typing import Any, TypeVar
 
 from fpsboost.frame import Image
@@ -17,6 +18,9 @@ class PreparedImage:
     ----------
     pixels : (H, W, C) uint8, uint16 or float32
         Not to be written to any more.
+    place : Fraction, optional
+        Where the image lies among the frames of the output, counted from 0: for motion that was rendered for each of
+        those.
 
     Examples
     --------
@@ -26,8 +30,9 @@ class PreparedImage:
     True
     """
 
-    def __init__(self, pixels: Image) -> None:
+    def __init__(self, pixels: Image, place: Fraction | None = None) -> None:
         self.pixels = pixels
+        self.place = place
         self._results: dict[tuple[Hashable, ...], Any] = {}
 
     def once(self, function: Callable[..., Result], *arguments: Hashable) -> Result:

@@ -46,6 +46,18 @@ class Schedule(Protocol):
         """
         ...
 
+    def place(self, index: int, start: Fraction, time: Fraction) -> Fraction:
+        """Where a source frame lies among the output frames, counted from 0.
+
+        Parameters
+        ----------
+        index : int
+            Its number among the source frames, counted from 0.
+        start, time : Fraction
+            Times of source frame 0 and of this one, seconds.
+        """
+        ...
+
     def rate(self, source_rate: Fraction) -> Fraction:
         """Nominal output frames per second."""
         ...
@@ -89,6 +101,9 @@ class ByFactor:
             t = k / self.factor - index
             yield Step(time0 + t * (time1 - time0), t)
 
+    def place(self, index: int, start: Fraction, time: Fraction) -> Fraction:
+        return index * self.factor
+
     def rate(self, source_rate: Fraction) -> Fraction:
         return source_rate * self.factor
 
@@ -128,6 +143,9 @@ class ByRate:
         for k in range(first, last):
             time = start + k / self.frames_per_second
             yield Step(time, (time - time0) / (time1 - time0))
+
+    def place(self, index: int, start: Fraction, time: Fraction) -> Fraction:
+        return (time - start) * self.frames_per_second
 
     def rate(self, source_rate: Fraction) -> Fraction:
         return self.frames_per_second

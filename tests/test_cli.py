@@ -22,7 +22,8 @@ from video_truth import packets_of, spoil_packets, write_clip
 
 import fpsboost
 from fpsboost import cli
-from fpsboost.interpolator import Interpolator, methods
+from fpsboost.interpolator import Interpolator
+from fpsboost.method_table import methods
 from fpsboost.timing import parse_number, parse_rate
 
 ROOT = Path(__file__).parents[1]

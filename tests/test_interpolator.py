@@ -15,8 +15,8 @@ from truth import accelerating, affine, as_type, eroded, layers, moving_object, 
 
 import fpsboost
 from fpsboost.errors import InputError, OptionError
-from fpsboost.interpolator import (
-    Interpolator,
+from fpsboost.interpolator import Interpolator
+from fpsboost.method_table import (
     configure,
     find_method,
     interpolate,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from truth import affine, as_type, eroded, layers, noise, prepared, translation, waves
 
-from fpsboost.interpolator import interpolate_with_confidence, methods
 from fpsboost.lighting import Lighting, find_lighting
+from fpsboost.method_table import interpolate_with_confidence, methods
 
 NLM = methods["nlm"]
 UNLIT = replace(NLM, relight=False, cuts=None)

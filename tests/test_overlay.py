@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from truth import as_type, noise, prepared, waves
 
-from fpsboost.interpolator import methods
+from fpsboost.method_table import methods
 from fpsboost.synthesis.overlay import STROKE, find_overlay, keep_overlay
 
 KEEPING = replace(methods["nlm"], cuts=None)

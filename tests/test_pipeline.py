@@ -24,8 +24,9 @@ from video_truth import packets_of, pictures_of, samples_of, spoil_packets, writ
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.interpolator import Interpolator, methods
+from fpsboost.interpolator import Interpolator
 from fpsboost.media.encoding import Encoding
+from fpsboost.method_table import methods
 from fpsboost.motion.opencv import Still
 from fpsboost.pipeline import Summary, boost, convert, count_frames, make_schedule
 from fpsboost.synthesis.blend import Blend

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from truth import affine, noise, prepared
 
-from fpsboost.interpolator import methods
+from fpsboost.method_table import methods
 from fpsboost.pipeline import Silent, convert
 from fpsboost.prepared import PreparedImage
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from fpsboost import overlap
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.interpolator import methods
+from fpsboost.method_table import methods
 from fpsboost.pipeline import boost, count_frames, make_schedule
 from fpsboost.timing import LARGEST_TICKS_PER_SECOND, ByFactor, ByRate, Schedule, Step, parse_number, parse_rate
 
@@ -255,3 +255,13 @@ def test_every_frame_is_shown_until_the_next_and_the_last_to_the_end(schedule, c
 def test_no_count_is_expected_of_a_source_that_does_not_say():
     """Nothing is guessed."""
     assert count_frames(ByFactor(Fraction(2)), Clip(5, Fraction(25), declared=False).info, True) is None
+
+
+@given(factors, st.integers(0, 50))
+def test_source_frames_know_their_place_among_output_frames(factor, index):
+    """Output frame k lies at place k, whichever way the rate is given."""
+    time = Fraction(index, 24)
+    for schedule in (ByFactor(factor), ByRate(24 * factor)):
+        place = schedule.place(index, Fraction(0), time)
+        steps = schedule.steps(index, Fraction(0), time, time + Fraction(1, 24))
+        assert [place + step.t * factor for step in steps] == list(range(math.ceil(place), math.ceil(place + factor)))

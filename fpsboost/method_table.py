@@ -1,0 +1,178 @@
+"""The methods by name: which estimator and which synthesizer make one, and two images in, one out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from fractions import Fraction
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from fpsboost.errors import OptionError
+from fpsboost.frame import Image
+from fpsboost.interpolator import Interpolator
+from fpsboost.motion.exhaustive import ExhaustiveSearch
+from fpsboost.motion.nlm import CoarseToFine
+from fpsboost.motion.opencv import Dis, Farneback, Still
+from fpsboost.prepared import PreparedImage
+from fpsboost.synthesis import Transition
+from fpsboost.synthesis.blend import Blend, Nearest
+from fpsboost.synthesis.fuse import Fuse, Fused
+from fpsboost.synthesis.reproject import Reproject
+
+methods: Mapping[str, Interpolator] = MappingProxyType(
+    {
+        "nlm": Interpolator(CoarseToFine(others=(Dis("ultrafast"),)), Fuse()),
+        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse(step=16, enough=0.95)),
+        "nlm-best": Interpolator(
+            CoarseToFine(reach=1 / 6, others=(Dis("ultrafast"), Dis("medium"), CoarseToFine(patch_radius=4, v=0.06))),
+            Fuse(around=16),
+        ),
+        "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False, relight=False, overlays=False),
+        "dis": Interpolator(Dis(), Fuse()),
+        "farneback": Interpolator(Farneback(), Fuse()),
+        "blend": Interpolator(Still(), Blend(), curved=False, relight=False, overlays=False),
+        "nearest": Interpolator(Still(), Nearest(), cuts=None, curved=False, relight=False, overlays=False),
+    }
+)
+"""The methods by the names that the command line knows."""
+
+
+def find_method(name: str) -> Interpolator:
+    """Look a method up by name.
+
+    Raises
+    ------
+    OptionError
+        Unknown; the message lists the known ones.
+    """
+    if name not in methods:
+        raise OptionError(f"There is no method {name!r}; choose one of {', '.join(methods)}.")
+    return methods[name]
+
+
+def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any]) -> Interpolator:
+    """Set options of a method's estimator and synthesizer by their field names.
+
+    Parameters
+    ----------
+    interpolator : Interpolator
+    method : str
+        Its name, for messages.
+    options : mapping of str to value
+        Field names of the estimator or of the synthesizer.
+
+    Returns
+    -------
+    Interpolator
+
+    Raises
+    ------
+    OptionError
+        The method has no such option, or the value is out of range.
+    """
+    estimator: Any = interpolator.estimator
+    synthesizer: Any = interpolator.synthesizer
+    for name, value in options.items():
+        if name in {field.name for field in fields(estimator)}:
+            estimator = replace(estimator, **{name: value})
+        elif name in {field.name for field in fields(synthesizer)}:
+            synthesizer = replace(synthesizer, **{name: value})
+        else:
+            raise OptionError(f"--{name.replace('_', '-')} does not apply to the method {method!r}; leave it out.")
+    return replace(interpolator, estimator=estimator, synthesizer=synthesizer)
+
+
+def interpolate(
+    frame0: Image, frame1: Image, t: float | Fraction = 0.5, *, method: str | Interpolator = "nlm"
+) -> Image:
+    """Make the image at time t between two images.
+
+    Parameters
+    ----------
+    frame0, frame1 : (H, W, C) or (H, W), uint8, uint16 or float32
+        Two images of one size and type, BGR(A) or gray.
+    t : float or Fraction
+        In [0, 1]; 0 is `frame0`, 1 is `frame1`.
+    method : str or Interpolator
+        A name of `fpsboost.methods`, or an object.
+
+    Returns
+    -------
+    ndarray
+        Shape and type of the images.
+
+    Raises
+    ------
+    InputError
+        The two are no images of one size and type.
+    OptionError
+        Unknown method, or `t` out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> frame = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    >>> interpolate(frame, np.roll(frame, 4, axis=1), 0.5, method="blend").shape
+    (48, 64, 3)
+    """
+    interpolator = find_method(method) if isinstance(method, str) else method
+    (image,) = interpolator.interpolate(*_with_channels(frame0, frame1), [t])
+    return image.reshape(frame0.shape)
+
+
+def interpolate_with_confidence(
+    frame0: Image, frame1: Image, t: float | Fraction = 0.5, *, method: str | Interpolator = "nlm"
+) -> Fused:
+    """Like `interpolate`, with a map of how far each pixel can be trusted.
+
+    Where two frames have nothing alike to show for an in-between pixel, its confidence is low and its error high: such
+    regions are worth rendering, which the report leaves for the future.
+
+    Parameters
+    ----------
+    frame0, frame1, t
+        As for `interpolate`; t lies between the frames, in (0, 1).
+    method : str or Interpolator
+        One that fuses: ``nlm``, ``nlm-fast``, ``nlm-best``, ``dis`` or ``farneback``. Scene cuts are not looked for.
+
+    Returns
+    -------
+    Fused
+        ``image``, and ``confidence``: (H, W) float32 in [0, 1].
+
+    Raises
+    ------
+    InputError
+        The two are no images of one size and type.
+    OptionError
+        Unknown method, one that does not know its confidence, or `t` out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> frame = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    >>> bool(interpolate_with_confidence(frame, frame).confidence.min() > 0.99)
+    True
+    """
+    interpolator = find_method(method) if isinstance(method, str) else method
+    if not isinstance(interpolator.synthesizer, Fuse):
+        raise OptionError(f"The method {method!r} does not know its confidence; take nlm, nlm-fast or nlm-best.")
+    if not 0 < t < 1:
+        raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
+    image0, image1 = (PreparedImage(image) for image in _with_channels(frame0, frame1))
+    pair = interpolator.pair(image0, image1)
+    (fused,) = interpolator.synthesizer.fuse(Transition(*pair.in_one_light, *pair.fields), [float(t)])
+    image = fused.image
+    if pair.lighting is not None:
+        image = pair.lighting.apply(image, float(t), frame0.dtype)
+    return Fused(image.reshape(frame0.shape), fused.confidence)
+
+
+def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:
+    """The two as the library has images; gray ones may come without an axis for channels."""
+    if frame0.ndim == 2 and frame1.ndim == 2:
+        frame0, frame1 = frame0[..., np.newaxis], frame1[..., np.newaxis]
+    return np.ascontiguousarray(frame0), np.ascontiguousarray(frame1)
