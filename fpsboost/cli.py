@@ -35,6 +35,7 @@ EXAMPLES = """
     fpsboost renders/ doubled/ --factor 2         a folder of images
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
+    fpsboost compare in.mp4 --report page/        which method is best for a clip
 """
 
 COMPILE_HINT_AFTER = 1.0
@@ -174,6 +175,13 @@ def convert(
             observer=reporter,
         )
     reporter.say_summary(summary)
+
+
+app.command(
+    "fpsboost.cli_compare:compare",
+    help="Hide frames, make them again with each method, and say which comes nearest to the truth.",
+    help_epilogue="",
+)
 
 
 def with_cut_options(

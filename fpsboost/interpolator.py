@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -237,6 +237,19 @@ class Interpolator:
         before, pair = self.pair(first, second), self.pair(second, third)
         for _ in self.between(pair, [0.5], before).images:
             pass
+
+
+def with_neighbours(pairs: Iterable[Pair]) -> Iterator[tuple[Pair | None, Pair, Pair | None]]:
+    """Each pair with the one before and the one after, None at the ends; runs one pair behind."""
+    before: Pair | None = None
+    pair: Pair | None = None
+    for after in pairs:
+        if pair is not None:
+            yield before, pair, after
+            pair.settle()
+        before, pair = pair, after
+    if pair is not None:
+        yield before, pair, None
 
 
 def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:

@@ -1,0 +1,200 @@
+"""The command `fpsboost compare`: a table on the terminal, a page, plain data."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Group, Parameter
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from fpsboost.errors import OutputError
+
+if TYPE_CHECKING:
+    from fpsboost.evaluation.compare import Comparison, MethodResult
+    from fpsboost.evaluation.making import Maker
+
+DEFAULT_METHODS = "nlm,nlm-fast,nlm-exhaustive,dis,blend"
+
+what = Group("What is compared", sort_key=1)
+results = Group("Results", sort_key=2)
+
+
+def compare(
+    input: Annotated[str, Parameter(name="IN")],
+    /,
+    *,
+    methods: Annotated[str, Parameter(group=what, name=["--methods", "-m"])] = DEFAULT_METHODS,
+    skip: Annotated[int, Parameter(group=what)] = 1,
+    range: Annotated[str, Parameter(group=what)] = ":",
+    input_fps: Annotated[str | None, Parameter(group=what)] = None,
+    report: Annotated[str | None, Parameter(group=results)] = None,
+    json: Annotated[str | None, Parameter(group=results)] = None,
+    quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
+) -> None:
+    """Hide frames, make them again with each method, and say which comes nearest to the truth.
+
+    Parameters
+    ----------
+    input
+        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+    methods
+        Names with commas between them, or all; minterpolate is FFmpeg's.
+    skip
+        Frames hidden between every two that are shown.
+    range
+        Frames to take, A:B, counted from 0, without B; either may be left out.
+    input_fps
+        Frames per second of input images.
+    report
+        A new folder for the page, index.html.
+    json
+        A new file for all figures.
+    quiet
+        Say nothing but errors.
+    """
+    from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
+    from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
+    from fpsboost.timing import parse_rate  # noqa: PLC0415
+
+    console = Console(highlight=False, quiet=quiet)
+    hiding = Hiding(skip, *parse_range(range))
+    makers, skipped = choose(methods)
+    for path, option in ((report, "--report"), (json, "--json")):
+        check_new(path, option)
+    rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
+    with Progressing(len(makers), quiet=quiet) as progress:
+        comparison = run(input, makers, hiding, progress, skipped=skipped, input_fps=rate)
+    for each in tables(comparison):
+        console.print(each)
+    for line in remarks(comparison):
+        console.print(escape(line))
+    if json is not None:
+        write_json(Path(json), comparison)
+
+
+def choose(names: str) -> tuple[dict[str, Maker], dict[str, str]]:
+    """The methods of ``--methods``, and those that cannot be run, with the reason.
+
+    Raises
+    ------
+    OptionError
+        One is unknown; the message lists the known ones.
+    """
+    from fpsboost.evaluation.making import InterpolatorMaker, Minterpolate  # noqa: PLC0415
+    from fpsboost.method_table import find_method, methods  # noqa: PLC0415
+
+    wanted = [*methods, "minterpolate"] if names == "all" else [name.strip() for name in names.split(",")]
+    makers: dict[str, Maker] = {}
+    skipped: dict[str, str] = {}
+    for name in wanted:
+        if name == "minterpolate":
+            missing = Minterpolate.missing()
+            if missing is None:
+                makers[name] = Minterpolate()
+            else:
+                skipped[name] = missing
+        else:
+            makers[name] = InterpolatorMaker(find_method(name))
+    return makers, skipped
+
+
+def check_new(path: str | None, option: str) -> None:
+    """Raise `OutputError` if a file or folder to be written exists."""
+    if path is not None and Path(path).exists():
+        raise OutputError(f"{path} exists; name a new one with {option}, or remove it first.")
+
+
+def write_json(path: Path, comparison: Comparison) -> None:
+    """Write all figures; the file appears whole or not at all."""
+    text = json.dumps(comparison.as_json(), indent=1)
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    try:
+        unfinished.write_text(text + "\n", encoding="utf-8")
+        unfinished.replace(path)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise OutputError(f"{path} cannot be written ({error.strerror}); choose another place.") from None
+
+
+def tables(comparison: Comparison) -> list[Table]:
+    """Overall figures, the best method first, and the error by areas."""
+    from fpsboost.evaluation.regions import NAMES, OUTSIDES  # noqa: PLC0415
+
+    ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
+    overall = Table("method", title=f"{comparison.clip}: {len(comparison.hidden)} frames of {comparison.kind}")
+    by_area = Table("MAE", title="where the errors are")
+    for name in ("PSNR", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
+        overall.add_column(name, justify="right")
+    for area, outside in zip(NAMES, OUTSIDES, strict=True):
+        by_area.add_column(area, justify="right")
+        by_area.add_column(outside, justify="right")
+    for place, method in enumerate(ranked):
+        style = "bold green" if place == 0 and len(ranked) > 1 else ""
+        overall.add_row(method.name, *overall_cells(comparison, method), style=style)
+        errors = [comparison.mean_error(method, area, inside) for area in NAMES for inside in (True, False)]
+        by_area.add_row(method.name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
+    return [overall, by_area]
+
+
+def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
+    """Quality and price of a method."""
+    scores, seconds = comparison.means(method), comparison.mean_seconds(method)
+    return [
+        f"{scores.psnr:.2f}",
+        f"{scores.ssim:.4f}",
+        f"{scores.mae:.2f}",
+        f"{scores.mse:.1f}",
+        *(f"{each:.3f}" for each in seconds),
+    ]
+
+
+def remarks(comparison: Comparison) -> list[str]:
+    """What a reader of the table must know."""
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
+    lines = [f"PSNR in dB; MAE and MSE in levels of 255. Of the picture: {shares}."]
+    if comparison.cuts:
+        lines.append(f"Note: {len(comparison.cuts)} frames across a scene cut are not counted.")
+    lines += [f"Note: {name} was skipped, {reason}." for name, reason in comparison.skipped.items()]
+    return lines
+
+
+class Progressing:
+    """Shows a comparison to a person: a bar on a terminal, with the time left."""
+
+    def __init__(self, methods: int, *, quiet: bool) -> None:
+        console = Console(stderr=True)
+        self._methods = methods
+        self._frames = 0
+        self._done = 0
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed} frames"),
+            TimeRemainingColumn(compact=True),
+            console=console,
+            transient=True,
+            disable=quiet or not console.is_terminal,
+        )
+        self._task: TaskID = self._progress.add_task("", total=None)
+
+    def __enter__(self) -> Progressing:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._progress.stop()
+
+    def begun(self, name: str, frames: int | None) -> None:
+        """See `fpsboost.evaluation.compare.Observer.begun`."""
+        total = None if frames is None else frames * (self._methods + 1)
+        self._progress.update(self._task, description=name, total=total)
+
+    def made(self) -> None:
+        """See `fpsboost.evaluation.compare.Observer.made`."""
+        self._progress.advance(self._task)

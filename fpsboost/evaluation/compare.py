@@ -1,0 +1,329 @@
+"""Every second frame hidden, made again by each method, and scored: the report's section 5 for anybody's material.
+
+The clip is read once for the areas and the cuts and once a method, so that memory does not grow with its length.
+"""
+
+from __future__ import annotations
+
+import platform
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from fractions import Fraction
+from typing import IO, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost import __version__
+from fpsboost.evaluation.hiding import Hidden, Hiding, Interval
+from fpsboost.evaluation.making import Made, Maker
+from fpsboost.evaluation.metrics import Scores, absolute_error, mean, mean_scores, score
+from fpsboost.evaluation.regions import NAMES, Regions, find_regions
+from fpsboost.frame import Image, describe
+from fpsboost.prepared import PreparedImage
+from fpsboost.scenes import CutDetector
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """One frame that a method made.
+
+    Attributes
+    ----------
+    number : int
+        In the clip, counted from 0.
+    scores : Scores
+    seconds, cpu_seconds : float
+        That it took.
+    inside, outside : dict of str to float
+        Mean absolute error in and out of each area of `fpsboost.evaluation.regions.NAMES`, levels of 255; no number
+        where an area is empty.
+    """
+
+    number: int
+    scores: Scores
+    seconds: float
+    cpu_seconds: float
+    inside: dict[str, float]
+    outside: dict[str, float]
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """What one method made of all hidden frames.
+
+    Attributes
+    ----------
+    name, options : str
+    frames : list of FrameResult
+        In order, those across a scene cut among them.
+    """
+
+    name: str
+    options: str
+    frames: list[FrameResult]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Everything that a report says, and nothing else.
+
+    Attributes
+    ----------
+    clip : str
+        The path as the user gave it.
+    kind : str
+        What its frames are: ``640x360, 3 channels, 8-bit``.
+    hiding : Hiding
+    hidden : list of int
+        Numbers of the hidden frames.
+    cuts : list of int
+        Those of them that lie across a scene cut, which no method can know: no mean counts them.
+    shares : dict of str to float
+        Mean share of the frame that each area takes.
+    methods : list of MethodResult
+    skipped : dict of str to str
+        Methods that could not be run, and why.
+    made_with : dict of str to str
+        Versions and machine.
+    """
+
+    clip: str
+    kind: str
+    hiding: Hiding
+    hidden: list[int]
+    cuts: list[int]
+    shares: dict[str, float]
+    methods: list[MethodResult]
+    skipped: dict[str, str]
+    made_with: dict[str, str] = field(default_factory=dict)
+
+    def counted(self, method: MethodResult) -> list[FrameResult]:
+        """The frames of a method that count: all, if every one lies across a cut."""
+        return [frame for frame in method.frames if frame.number not in self.cuts] or method.frames
+
+    def means(self, method: MethodResult) -> Scores:
+        """Mean scores of a method."""
+        return mean_scores([frame.scores for frame in self.counted(method)])
+
+    def mean_seconds(self, method: MethodResult) -> tuple[float, float]:
+        """Seconds and CPU seconds a frame of a method."""
+        frames = self.counted(method)
+        return mean([frame.seconds for frame in frames]), mean([frame.cpu_seconds for frame in frames])
+
+    def mean_error(self, method: MethodResult, area: str, inside: bool = True) -> float:
+        """Mean absolute error of a method in an area or outside of it, levels of 255."""
+        frames = self.counted(method)
+        return mean([(frame.inside if inside else frame.outside)[area] for frame in frames])
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data for machines: the frames of every method, and their means."""
+        plain = asdict(self)
+        for row, method in zip(plain["methods"], self.methods, strict=True):
+            seconds, cpu_seconds = self.mean_seconds(method)
+            row["mean"] = {
+                **asdict(self.means(method)),
+                "seconds": seconds,
+                "cpu_seconds": cpu_seconds,
+                "inside": {area: self.mean_error(method, area) for area in NAMES},
+                "outside": {area: self.mean_error(method, area, inside=False) for area in NAMES},
+            }
+        finite: dict[str, Any] = _without_nan(plain)
+        return finite
+
+
+class Observer(Protocol):
+    """Contract: is told how a comparison goes."""
+
+    def begun(self, name: str, frames: int | None) -> None:
+        """A method begins, or the reading of the clip; `frames` will be made, None where that is not known yet."""
+        ...
+
+    def made(self) -> None:
+        """One more frame is done."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Overview:
+    """What the first reading of a clip found."""
+
+    kind: str
+    hidden: list[int]
+    cuts: list[int]
+    shares: dict[str, float]
+    areas: _Areas
+
+
+class _Areas:
+    """The areas of all hidden frames, on disk: one bit a pixel, in order."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._shape: tuple[int, ...] = ()
+
+    def add(self, regions: Regions) -> None:
+        """Keep those of one more frame."""
+        self._shape = (len(regions), *regions[0].shape)
+        self._file.write(np.packbits(np.stack(regions)).tobytes())
+
+    def of(self, index: int) -> NDArray[Any]:
+        """Those of the frame with this place among the hidden ones, (areas, H, W) bool."""
+        size = -(-int(np.prod(self._shape)) // 8)
+        self._file.seek(index * size)
+        packed = np.frombuffer(self._file.read(size), np.uint8)
+        bits: NDArray[Any] = np.unpackbits(packed, count=int(np.prod(self._shape))).reshape(self._shape) > 0
+        return bits
+
+
+def compare(
+    path: str,
+    makers: Mapping[str, Maker],
+    hiding: Hiding,
+    observer: Observer,
+    *,
+    skipped: Mapping[str, str] | None = None,
+    input_fps: Fraction | None = None,
+) -> Comparison:
+    """Score methods on the hidden frames of a clip.
+
+    Parameters
+    ----------
+    path : str
+        A video, a folder or a pattern of images.
+    makers : mapping of str to Maker
+        The methods by name.
+    hiding : Hiding
+        Which frames are hidden.
+    observer : Observer
+    skipped : mapping of str to str, optional
+        Methods that were asked for and cannot be run, and why.
+    input_fps : Fraction, optional
+        Frames per second of images.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        The clip cannot be read, is too short, or holds what cannot be compared.
+    """
+    with tempfile.TemporaryFile() as file:
+        observer.begun("reading", None)
+        overview = _look(hiding.intervals(path, input_fps), _Areas(file), observer)
+        results = []
+        for name, maker in makers.items():
+            observer.begun(name, len(overview.hidden))
+            # the true frames are read beside: a method may read far ahead
+            truths = (each for interval in hiding.intervals(path, input_fps) for each in interval.hidden)
+            made = maker.make(hiding.intervals(path, input_fps))
+            frames = list(_scored(made, truths, overview, observer))
+            results.append(MethodResult(name, maker.describe(), frames))
+    return Comparison(
+        path,
+        overview.kind,
+        hiding,
+        overview.hidden,
+        overview.cuts,
+        overview.shares,
+        results,
+        dict(skipped or {}),
+        {
+            "fpsboost": __version__,
+            "Python": platform.python_version(),
+            "NumPy": np.__version__,
+            "machine": f"{platform.system()} {platform.machine()}",
+        },
+    )
+
+
+def _look(intervals: Iterator[Interval], areas: _Areas, observer: Observer) -> _Overview:
+    """Find the scene cuts and the areas."""
+    kind = ""
+    hidden: list[int] = []
+    cuts: list[int] = []
+    shares: list[list[float]] = []
+    for interval in intervals:
+        kind = describe(interval.shown0.image)
+        numbers = [each.number for each in interval.hidden]
+        hidden += numbers
+        if CutDetector().is_cut(PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image)):
+            cuts += numbers
+        for regions in find_regions(interval):
+            areas.add(regions)
+            shares.append([float(each.mean()) for each in regions])
+            observer.made()
+    return _Overview(kind, hidden, cuts, dict(zip(NAMES, np.mean(shares, axis=0).tolist(), strict=True)), areas)
+
+
+def _scored(
+    made: Iterator[Made], truths: Iterator[Hidden], overview: _Overview, observer: Observer
+) -> Iterator[FrameResult]:
+    for index, (frame, truth) in enumerate(zip(made, truths, strict=True)):
+        error = absolute_error(truth.truth, frame.image)
+        areas = dict(zip(NAMES, overview.areas.of(index), strict=True))
+        yield FrameResult(
+            frame.number,
+            score(truth.truth, frame.image),
+            frame.seconds,
+            frame.cpu_seconds,
+            {name: _mean_where(error, area) for name, area in areas.items()},
+            {name: _mean_where(error, ~area) for name, area in areas.items()},
+        )
+        observer.made()
+
+
+def _mean_where(error: NDArray[Any], area: NDArray[Any]) -> float:
+    return float(error[area].mean()) if area.any() else float("nan")
+
+
+class Picked(NamedTuple):
+    """A hidden frame with as much of the clip around it as methods look at."""
+
+    hidden: Hidden
+    window: list[Interval]
+    """Its interval, the one before and the one after."""
+
+    def make(self, maker: Maker) -> Image:
+        """Make it once more, exactly as in a comparison."""
+        return next(made.image for made in maker.make(self.window) if made.number == self.hidden.number)
+
+
+def pick(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction | None = None) -> list[Picked]:
+    """Read some of the hidden frames with their surroundings.
+
+    Parameters
+    ----------
+    path, hiding, input_fps
+        As for `compare`.
+    numbers : sequence of int
+        Of the frames, in any order.
+
+    Returns
+    -------
+    list of Picked
+        In the order of `numbers`.
+    """
+    found: dict[int, Picked] = {}
+    before: Interval | None = None
+    unfinished: list[Picked] = []
+    for interval in hiding.intervals(path, input_fps):
+        for picked in unfinished:
+            picked.window.append(interval)
+        around = [interval] if before is None else [before, interval]
+        unfinished = [Picked(hidden, [*around]) for hidden in interval.hidden if hidden.number in numbers]
+        found.update((picked.hidden.number, picked) for picked in unfinished)
+        before = interval
+    return [found[number] for number in numbers]
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON has no word for what is no number."""
+    if isinstance(value, dict):
+        return {key: _without_nan(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(each) for each in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

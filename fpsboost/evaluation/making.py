@@ -1,0 +1,182 @@
+"""Hidden frames made again: by an interpolator of this package, or by FFmpeg's `minterpolate`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import IO, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import InputError
+from fpsboost.evaluation.hiding import Interval
+from fpsboost.frame import Image
+from fpsboost.interpolator import Interpolator, Pair, with_neighbours
+from fpsboost.motion.colour import normalised
+from fpsboost.prepared import PreparedImage
+
+
+class Made(NamedTuple):
+    """What a method made of a hidden frame, and at what price."""
+
+    number: int
+    """In the clip, counted from 0."""
+    image: Image
+    seconds: float
+    cpu_seconds: float
+
+
+class Maker(Protocol):
+    """Contract: makes the hidden frames of a clip, in order."""
+
+    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
+        """Yield one frame for each that is hidden."""
+        ...
+
+    def describe(self) -> str:
+        """Its options in one line."""
+        ...
+
+
+@dataclass(frozen=True)
+class InterpolatorMaker:
+    """A method of this package.
+
+    Time is counted from the moment a frame is asked for, kernels compiled beforehand; the first frame of an interval
+    bears the motion search.
+
+    Parameters
+    ----------
+    interpolator : Interpolator
+    """
+
+    interpolator: Interpolator
+
+    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
+        """See `Maker.make`."""
+        waiting: list[Interval] = []
+        for before, pair, after in with_neighbours(self._pairs(intervals, waiting)):
+            interval = waiting.pop(0)
+            begin, begin_cpu = time.perf_counter(), time.process_time()
+            times = [hidden.t for hidden in interval.hidden]
+            images = self.interpolator.between(pair, times, before, after).images
+            for hidden in interval.hidden:
+                image = next(images)
+                seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
+                yield Made(hidden.number, image, seconds, cpu)
+                begin, begin_cpu = time.perf_counter(), time.process_time()
+
+    def _pairs(self, intervals: Iterable[Interval], waiting: list[Interval]) -> Iterator[Pair]:
+        last: PreparedImage | None = None
+        for interval in intervals:
+            if last is None:
+                last = PreparedImage(interval.shown0.image, Fraction(interval.number))
+                self.interpolator.compile_for(interval.shown0.image)
+            place = Fraction(interval.number + len(interval.hidden) + 1)
+            image = PreparedImage(interval.shown1.image, place)
+            waiting.append(interval)
+            yield self.interpolator.pair(last, image, interval.shown1.time - interval.shown0.time)
+            last = image
+
+    def describe(self) -> str:
+        """See `Maker.describe`."""
+        return f"{self.interpolator.estimator}, {self.interpolator.synthesizer}"
+
+
+@dataclass(frozen=True)
+class Minterpolate:
+    """FFmpeg's motion-compensated filter, run beside: 8 bits a colour, as that is all it knows.
+
+    Parameters
+    ----------
+    options : str
+        Of the filter.
+    """
+
+    options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
+
+    @staticmethod
+    def missing() -> str | None:
+        """Why it cannot be used, or None."""
+        return None if shutil.which("ffmpeg") else "there is no ffmpeg on the PATH"
+
+    def describe(self) -> str:
+        """See `Maker.describe`."""
+        return f"ffmpeg -vf minterpolate={self.options}, 4:4:4, 8 bit"
+
+    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
+        """See `Maker.make`; its time is that of the whole command, shared out evenly.
+
+        Raises
+        ------
+        InputError
+            ffmpeg fails, or makes fewer frames than are hidden.
+        """
+        places: list[tuple[int, int]] = []
+        shown: Image | None = None
+        begin, begin_cpu = time.perf_counter(), _seconds_of_children()
+        with tempfile.TemporaryFile() as made, tempfile.TemporaryFile() as complaints:
+            process: subprocess.Popen[bytes] | None = None
+            for index, interval in enumerate(intervals):
+                factor = len(interval.hidden) + 1
+                places += [(hidden.number, index * factor + k) for k, hidden in enumerate(interval.hidden, start=1)]
+                if process is None:
+                    shown = interval.shown0.image
+                    process = self._start(shown, factor, made, complaints)
+                    _feed(process, shown)
+                _feed(process, interval.shown1.image)
+            if process is None or shown is None:
+                return
+            process.communicate()
+            seconds, cpu_seconds = time.perf_counter() - begin, _seconds_of_children() - begin_cpu
+            if process.returncode:
+                complaints.seek(0)
+                reason = complaints.read().decode(errors="replace").strip().splitlines()
+                raise InputError(f"ffmpeg's minterpolate failed: {reason[-1] if reason else process.returncode}.")
+            size = shown.shape[0] * shown.shape[1] * 3
+            for number, place in places:
+                made.seek(place * size)
+                data = made.read(size)
+                if len(data) < size:
+                    raise InputError(f"ffmpeg's minterpolate made no frame {number}; leave it out with --methods.")
+                image = _like(np.frombuffer(data, np.uint8).reshape(*shown.shape[:2], 3), shown)
+                yield Made(number, image, seconds / len(places), cpu_seconds / len(places))
+
+    def _start(self, shown: Image, factor: int, made: IO[bytes], complaints: IO[bytes]) -> subprocess.Popen[bytes]:
+        height, width = shown.shape[:2]
+        # the filter holds two frames back and never makes the last interval: the last frame is repeated behind the end
+        chain = f"format=yuv444p,tpad=stop=2:stop_mode=clone,minterpolate=fps={factor}:{self.options},format=bgr24"
+        raw = ["-f", "rawvideo", "-pix_fmt", "bgr24"]
+        command = ["ffmpeg", "-loglevel", "error", *raw, "-s", f"{width}x{height}", "-r", "1", "-i", "-", "-vf", chain]
+        return subprocess.Popen([*command, *raw, "-"], stdin=subprocess.PIPE, stdout=made, stderr=complaints)
+
+
+def _feed(process: subprocess.Popen[bytes], image: Image) -> None:
+    assert process.stdin is not None
+    colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1].repeat(3, axis=2)
+    levels = np.rint(normalised(colours).clip(0, 1) * 255).astype(np.uint8)
+    with contextlib.suppress(BrokenPipeError):  # what went wrong is read from its messages
+        process.stdin.write(np.ascontiguousarray(levels).tobytes())
+
+
+def _like(image: NDArray[Any], shown: Image) -> Image:
+    """Eight-bit colours as an image of the clip's own type; alpha, which the filter does not know, is opaque."""
+    white = 1 if shown.dtype == np.float32 else np.iinfo(shown.dtype).max
+    values = image.astype(np.float32) * (white / 255)
+    made = np.full_like(shown, white)
+    colours = min(shown.shape[2], 3) if shown.shape[2] != 2 else 1
+    made[..., :colours] = (values if shown.dtype == np.float32 else np.rint(values))[..., :colours]
+    return made
+
+
+def _seconds_of_children() -> float:
+    times = os.times()
+    return times.children_user + times.children_system

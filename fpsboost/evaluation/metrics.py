@@ -1,0 +1,119 @@
+"""How far a made frame is from the true one, in the field's usual figures.
+
+All kinds of images are compared with 1.0 for white, so that a clip scores alike with 8 bits, 16 bits or as float. MSE
+and MAE are given in levels of 255, as tables of 8-bit images have them; colours count as much as can be seen of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.metrics import mean_squared_error, structural_similarity
+
+from fpsboost.errors import InputError
+from fpsboost.frame import Image, has_alpha
+from fpsboost.motion.colour import normalised
+
+LEVELS = 255
+SMALLEST_MSE = 1e-12
+"""Equal images have a PSNR of 120 dB and not of infinity, which has no mean."""
+
+SSIM_WINDOW = 7
+
+
+@dataclass(frozen=True)
+class Scores:
+    """One made frame against the true one.
+
+    Attributes
+    ----------
+    mse : float
+        Mean squared error, levels of 255 squared.
+    psnr : float
+        Peak signal-to-noise ratio, dB; at most 120.
+    ssim : float
+        Structural similarity (Wang et al. 2004, doi:10.1109/TIP.2003.819861), mean over the channels.
+    mae : float
+        Mean absolute error, levels of 255: what the Middlebury tables call interpolation error.
+    """
+
+    mse: float
+    psnr: float
+    ssim: float
+    mae: float
+
+
+def score(truth: Image, made: Image) -> Scores:
+    """Compare a made frame with the true one.
+
+    Parameters
+    ----------
+    truth, made : (H, W, C) uint8, uint16 or float32
+        Of one size and type. Colours with alpha count as far as they are opaque.
+
+    Raises
+    ------
+    InputError
+        The images are too small for the structural similarity's window of 7 pixels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> image = np.full((8, 8, 1), 100, np.uint8)
+    >>> round(score(image, image + np.uint8(2)).mae, 3)
+    2.0
+    """
+    if min(truth.shape[:2]) < SSIM_WINDOW:
+        raise InputError(
+            f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small to be compared; take at least "
+            f"{SSIM_WINDOW} pixels each way."
+        )
+    reference, guess = (as_seen(image).astype(np.float64) for image in (truth, made))
+    error = max(float(mean_squared_error(reference, guess)), SMALLEST_MSE)
+    ssim: Any = structural_similarity
+    return Scores(
+        mse=error * LEVELS**2,
+        psnr=float(-10 * np.log10(error)),
+        ssim=float(ssim(reference, guess, win_size=SSIM_WINDOW, channel_axis=2, data_range=1)),
+        mae=float(np.abs(reference - guess).mean() * LEVELS),
+    )
+
+
+def absolute_error(truth: Image, made: Image) -> NDArray[Any]:
+    """Mean over the channels of the absolute difference, levels of 255.
+
+    Returns
+    -------
+    (H, W) float32
+    """
+    error: NDArray[Any] = np.abs(as_seen(truth) - as_seen(made)).mean(axis=2) * np.float32(LEVELS)
+    return error
+
+
+def as_seen(image: Image) -> NDArray[Any]:
+    """The image as float32 with 1.0 for white, colours multiplied by alpha; what is no number becomes black."""
+    values = normalised(image)
+    if has_alpha(image) and image.dtype != np.float32:  # float images have that done already
+        values[..., :-1] *= values[..., -1:]
+    return values
+
+
+def mean_scores(scores: Sequence[Scores]) -> Scores:
+    """The mean of every figure; PSNR as the mean of decibels, as benchmarks have it."""
+    rows = [asdict(each) for each in scores]
+    return Scores(**{name: mean([row[name] for row in rows]) for name in rows[0]})
+
+
+def mean(values: Sequence[float]) -> float:
+    """The mean of those that are numbers; no number where none is."""
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """`mean` of every figure."""
+    return {key: mean([row[key] for row in rows]) for key in rows[0]}
