@@ -183,6 +183,12 @@ app.command(
     help_epilogue="",
 )
 
+app.command(
+    "fpsboost.cli_tune:tune",
+    help="Try the parameters of the report's method on a few hidden frames, and say which to use.",
+    help_epilogue="",
+)
+
 
 def with_cut_options(
     interpolator: Interpolator, at_cuts: Literal["repeat", "blend"], threshold: float | None, no_cuts: bool

@@ -68,7 +68,7 @@ def compare(
     for path, option in ((report, "--report"), (json, "--json")):
         check_new(path, option)
     rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
-    with Progressing(len(makers), quiet=quiet) as progress:
+    with Progressing(quiet=quiet) as progress:
         comparison = run(input, makers, hiding, progress, skipped=skipped, input_fps=rate)
     for each in tables(comparison):
         console.print(each)
@@ -165,13 +165,10 @@ def remarks(comparison: Comparison) -> list[str]:
 
 
 class Progressing:
-    """Shows a comparison to a person: a bar on a terminal, with the time left."""
+    """Shows a long run to a person: what is being done, a bar and the time left, on a terminal."""
 
-    def __init__(self, methods: int, *, quiet: bool) -> None:
+    def __init__(self, *, quiet: bool) -> None:
         console = Console(stderr=True)
-        self._methods = methods
-        self._frames = 0
-        self._done = 0
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -181,7 +178,7 @@ class Progressing:
             transient=True,
             disable=quiet or not console.is_terminal,
         )
-        self._task: TaskID = self._progress.add_task("", total=None)
+        self._task: TaskID | None = None
 
     def __enter__(self) -> Progressing:
         self._progress.start()
@@ -192,9 +189,9 @@ class Progressing:
 
     def begun(self, name: str, frames: int | None) -> None:
         """See `fpsboost.evaluation.compare.Observer.begun`."""
-        total = None if frames is None else frames * (self._methods + 1)
-        self._progress.update(self._task, description=name, total=total)
+        self._task = self._progress.add_task(escape(name), total=frames)
 
     def made(self) -> None:
         """See `fpsboost.evaluation.compare.Observer.made`."""
-        self._progress.advance(self._task)
+        if self._task is not None:
+            self._progress.advance(self._task)

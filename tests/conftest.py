@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from video_truth import scene
+
+from fpsboost import cli
+
+COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 
 Snapshot = dict[str, bytes | None]
 SaveImages = Callable[..., list[NDArray[Any]]]
@@ -48,3 +55,40 @@ def save_images() -> SaveImages:
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""
     monkeypatch.setattr("fpsboost.overlap.PATIENCE", 0.005)
+
+
+@dataclass(frozen=True)
+class Result:
+    code: int
+    out: str
+    err: str
+
+    @property
+    def lines(self) -> list[str]:
+        return self.err.splitlines()
+
+
+Command = Callable[..., Result]
+
+
+@pytest.fixture
+def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
+    """Run the command line in this process and in `tmp_path`, as if its output were piped."""
+    handler = signal.getsignal(signal.SIGTERM)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "COMPILE_HINT_AFTER", 3600)
+    for name in COLOUR_VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+
+    def run(*arguments: object) -> Result:
+        monkeypatch.setattr(sys, "argv", ["fpsboost", *map(str, arguments)])
+        capfd.readouterr()
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        return Result(code, *capfd.readouterr())
+
+    yield run
+    signal.signal(signal.SIGTERM, handler)

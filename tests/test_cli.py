@@ -11,13 +11,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from conftest import COLOUR_VARIABLES, Result
 from video_truth import packets_of, spoil_packets, write_clip
 
 import fpsboost
@@ -29,50 +28,12 @@ from fpsboost.timing import parse_number, parse_rate
 ROOT = Path(__file__).parents[1]
 ORBIT = ROOT / "samples" / "orbit.mp4"
 CHEAP = ("--method", "nearest")
-COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 SUMMARY = r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\)"
 
 pytestmark = [
     pytest.mark.usefixtures("impatient"),
     pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),  # said only under pytest
 ]
-
-
-@dataclass(frozen=True)
-class Result:
-    code: int
-    out: str
-    err: str
-
-    @property
-    def lines(self) -> list[str]:
-        return self.err.splitlines()
-
-
-Command = Callable[..., Result]
-
-
-@pytest.fixture
-def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
-    """Run the command line in this process and in `tmp_path`, as if its output were piped."""
-    handler = signal.getsignal(signal.SIGTERM)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "COMPILE_HINT_AFTER", 3600)
-    for name in COLOUR_VARIABLES:
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*arguments: object) -> Result:
-        monkeypatch.setattr(sys, "argv", ["fpsboost", *map(str, arguments)])
-        capfd.readouterr()
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as stop:
-            code = int(stop.code or 0)
-        return Result(code, *capfd.readouterr())
-
-    yield run
-    signal.signal(signal.SIGTERM, handler)
 
 
 @pytest.fixture

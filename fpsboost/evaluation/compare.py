@@ -289,7 +289,8 @@ class Picked(NamedTuple):
 
     def make(self, maker: Maker) -> Image:
         """Make it once more, exactly as in a comparison."""
-        return next(made.image for made in maker.make(self.window) if made.number == self.hidden.number)
+        (made,) = maker.make(self.window, {self.hidden.number})
+        return made.image
 
 
 def pick(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction | None = None) -> list[Picked]:

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import IO, Any, NamedTuple, Protocol
@@ -37,8 +37,15 @@ class Made(NamedTuple):
 class Maker(Protocol):
     """Contract: makes the hidden frames of a clip, in order."""
 
-    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
-        """Yield one frame for each that is hidden."""
+    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
+        """Yield one frame for each that is hidden, or for those whose numbers are wanted.
+
+        Parameters
+        ----------
+        intervals : iterable of Interval
+            In order, without gaps.
+        wanted : container of int, optional
+        """
         ...
 
     def describe(self) -> str:
@@ -60,15 +67,17 @@ class InterpolatorMaker:
 
     interpolator: Interpolator
 
-    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
+    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         """See `Maker.make`."""
         waiting: list[Interval] = []
         for before, pair, after in with_neighbours(self._pairs(intervals, waiting)):
             interval = waiting.pop(0)
+            chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
+            if not chosen:
+                continue
             begin, begin_cpu = time.perf_counter(), time.process_time()
-            times = [hidden.t for hidden in interval.hidden]
-            images = self.interpolator.between(pair, times, before, after).images
-            for hidden in interval.hidden:
+            images = self.interpolator.between(pair, [hidden.t for hidden in chosen], before, after).images
+            for hidden in chosen:
                 image = next(images)
                 seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
                 yield Made(hidden.number, image, seconds, cpu)
@@ -112,7 +121,7 @@ class Minterpolate:
         """See `Maker.describe`."""
         return f"ffmpeg -vf minterpolate={self.options}, 4:4:4, 8 bit"
 
-    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
+    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         """See `Maker.make`; its time is that of the whole command, shared out evenly.
 
         Raises
@@ -143,6 +152,8 @@ class Minterpolate:
                 raise InputError(f"ffmpeg's minterpolate failed: {reason[-1] if reason else process.returncode}.")
             size = shown.shape[0] * shown.shape[1] * 3
             for number, place in places:
+                if wanted is not None and number not in wanted:
+                    continue
                 made.seek(place * size)
                 data = made.read(size)
                 if len(data) < size:

@@ -1,0 +1,107 @@
+"""The command `fpsboost tune`: which options of the report's method suit a clip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Group, Parameter
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from fpsboost.cli_compare import Progressing, check_new
+
+if TYPE_CHECKING:
+    from fpsboost.evaluation.tune import Trial, Tuning
+
+what = Group("What is tried", sort_key=1)
+results = Group("Results", sort_key=2)
+
+BAR = 24
+"""Longest bar, characters."""
+
+
+def tune(
+    input: Annotated[str, Parameter(name="IN")],
+    /,
+    *,
+    method: Annotated[str, Parameter(group=what, name=["--method", "-m"])] = "nlm-exhaustive",
+    frames: Annotated[int, Parameter(group=what)] = 3,
+    skip: Annotated[int, Parameter(group=what)] = 1,
+    range: Annotated[str, Parameter(group=what)] = ":",
+    input_fps: Annotated[str | None, Parameter(group=what)] = None,
+    figure: Annotated[str | None, Parameter(group=results)] = None,
+    quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
+) -> None:
+    """Try patch sizes, windows, v and search radii on a few hidden frames, and say which to use.
+
+    Parameters
+    ----------
+    input
+        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+    method
+        nlm-exhaustive, or nlm, which has no window and no search radius.
+    frames
+        How many to try on; they are chosen for their motion.
+    skip
+        Frames hidden between every two that are shown.
+    range
+        Frames to choose from, A:B, counted from 0, without B; either may be left out.
+    input_fps
+        Frames per second of input images.
+    figure
+        A new file for the curves: .svg, .png or .pdf.
+    quiet
+        Print the options and nothing else.
+    """
+    from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
+    from fpsboost.evaluation.tune import tune as run  # noqa: PLC0415
+    from fpsboost.evaluation.tuning_chart import draw_tuning  # noqa: PLC0415
+    from fpsboost.timing import parse_rate  # noqa: PLC0415
+
+    console = Console(highlight=False)
+    hiding = Hiding(skip, *parse_range(range))
+    check_new(figure, "--figure")
+    rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
+    with Progressing(quiet=quiet) as progress:
+        tuning = run(input, method, hiding, frames, progress, rate)
+    if figure is not None:
+        draw_tuning(tuning, Path(figure))
+    if not quiet:
+        numbers = ", ".join(map(str, tuning.frames))
+        console.print(escape(f"{input}, frames {numbers}: mean squared error, levels of 255; seconds a frame."))
+        for name, trials in tuning.sweeps.items():
+            console.print(table(name, trials, tuning))
+    console.print(escape(options_line(tuning)), soft_wrap=True)
+
+
+def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
+    """One sweep, with bars."""
+    shown = Table(name.replace("_", " "), box=None, title=None, pad_edge=False)
+    windowed = name == "patch_radius" and "window" in trials[0].options
+    if windowed:
+        shown.add_column("window")
+    shown.add_column("MSE", justify="right")
+    shown.add_column("")
+    shown.add_column("s", justify="right")
+    largest = max(trial.mse for trial in trials)
+    for trial in trials:
+        chosen = trial.options[name] == tuning.best[name] and (
+            not windowed or trial.options["window"] == tuning.best["window"]
+        )
+        shown.add_row(
+            str(trial.options[name]),
+            *([trial.options["window"]] if windowed else []),
+            f"{trial.mse:.2f}",
+            "█" * max(1, round(BAR * trial.mse / largest)),
+            f"{trial.seconds:.2f}",
+            style="bold green" if chosen else "",
+        )
+    return shown
+
+
+def options_line(tuning: Tuning) -> str:
+    """What to type."""
+    options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in tuning.best.items())
+    return f"--method {tuning.method} {options}"
