@@ -27,7 +27,6 @@ from scoring import (
     cells,
     find_clips,
     make_hidden,
-    means,
     read_clip,
     score_clip,
     use_threads,
@@ -35,6 +34,7 @@ from scoring import (
 )
 
 from fpsboost.errors import FpsboostError
+from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
 from fpsboost.interpolator import InBetween, Interpolator, Pair
 from fpsboost.kernels.jit import LANES

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
-from scoring import Clip, Figures, Made, absolute_error
+from scoring import Clip, Figures, Made
+
+from fpsboost.evaluation.metrics import absolute_error
 
 BLOCK = 8
 """Side of the blocks whose ranks are compared, pixels."""

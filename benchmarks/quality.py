@@ -34,12 +34,10 @@ from scoring import (
     Clip,
     Figures,
     Made,
-    absolute_error,
     add_threads,
     cells,
     find_clips,
     make_hidden,
-    means,
     read_clip,
     score_clip,
     three_colours,
@@ -48,6 +46,7 @@ from scoring import (
 )
 
 from fpsboost.errors import FpsboostError, InputError, OptionError
+from fpsboost.evaluation.metrics import absolute_error, means
 from fpsboost.frame import Image
 from fpsboost.media.image_files import IMAGE_SUFFIXES, read_image
 from fpsboost.method_table import find_method, methods

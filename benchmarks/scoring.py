@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import islice, pairwise
+from dataclasses import asdict, dataclass, field, replace
+from itertools import islice, pairwise, starmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,14 +15,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from skimage.metrics import mean_squared_error, structural_similarity
 
 from fpsboost.errors import InputError
+from fpsboost.evaluation.metrics import means, score
 from fpsboost.frame import Image
-from fpsboost.interpolator import Interpolator
+from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.opening import open_source
-from fpsboost.motion.colour import normalised
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
 from fpsboost.synthesis import Transition
@@ -144,15 +143,10 @@ class KeepingConfidence:
 
 
 def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:
-    """The frame in the middle of every two, one pair behind: how motion goes on is seen in the next pair."""
-    before = pair = None
-    for image0, image1 in pairwise(map(PreparedImage, frames)):  # one of each frame, for both of its pairs
-        after = interpolator.pair(image0, image1)
-        if pair is not None:
-            yield from interpolator.between(pair, [0.5], before, after).images
-        before, pair = pair, after
-    if pair is not None:
-        yield from interpolator.between(pair, [0.5], before, None).images
+    """The frame in the middle of every two."""
+    prepared = pairwise(map(PreparedImage, frames))  # one of each frame, for both of its pairs
+    for before, pair, after in with_neighbours(starmap(interpolator.pair, prepared)):
+        yield from interpolator.between(pair, [0.5], before, after).images
 
 
 def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False) -> Made:
@@ -176,40 +170,12 @@ def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False
     return Made(images, spent * 1e3 / len(images), kept if len(kept) == len(images) else [])
 
 
-def score(truth: Image, made: Image) -> Figures:
-    """PSNR in dB, SSIM, MAE in levels of 255."""
-    reference, guess = (normalised(image).astype(np.float64) for image in (truth, made))
-    error = max(float(mean_squared_error(reference, guess)), 1e-12)
-    ssim: Any = structural_similarity
-    return {
-        "psnr": float(-10 * np.log10(error)),
-        "ssim": float(ssim(reference, guess, channel_axis=2, data_range=1)),
-        "mae": float(np.abs(reference - guess).mean() * 255),
-    }
-
-
 def score_clip(clip: Clip, made: Made) -> Figures:
     """Mean scores over the frames that count, and CPU milliseconds a frame."""
-    rows = [score(clip.hidden[index], made.images[index]) for index in clip.scored]
+    rows = [asdict(score(clip.hidden[index], made.images[index])) for index in clip.scored]
     return {**means(rows), "cpu_ms": made.cpu_ms}
-
-
-def means(rows: Sequence[Mapping[str, float]]) -> Figures:
-    """The mean of every figure; of those that are numbers, where some are not."""
-    return {key: _mean([row[key] for row in rows]) for key in rows[0]}
-
-
-def _mean(values: Sequence[float]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.mean(known)) if known else float("nan")
 
 
 def cells(row: Mapping[str, float]) -> list[str]:
     """PSNR, SSIM, MAE and CPU milliseconds as a table shows them."""
     return [f"{row['psnr']:.2f}", f"{row['ssim']:.4f}", f"{row['mae']:.3f}", f"{row['cpu_ms']:.0f}"]
-
-
-def absolute_error(truth: Image, made: Image) -> NDArray[Any]:
-    """Mean over the colours of the absolute difference, levels of 255, (H, W) float32."""
-    error: NDArray[Any] = cv2.absdiff(normalised(truth), normalised(made)).mean(axis=2) * 255
-    return error
