@@ -86,6 +86,19 @@ class PlainColours:
 
 
 @dataclass(frozen=True)
+class Looking:
+    """The default search with fewer second looks at what is not explained."""
+
+    inner: nlm.CoarseToFine
+    looks: int
+
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        with patch.object(nlm, "LOOKS", self.looks):
+            return self.inner.estimate(image0, image1)
+
+
+@dataclass(frozen=True)
 class OneDirection:
     """A synthesizer that gets candidates from the first frame's motion alone."""
 
@@ -175,6 +188,8 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
         "plain colours": replace(full, estimator=PlainColours(search)),
         "plain colours, v = 0.25": replace(full, estimator=PlainColours(replace(search, v=0.25))),
         **{name: replace(full, estimator=each) for name, each in changed(search, MOTION).items()},
+        "no second look": replace(full, estimator=Looking(search, 0)),
+        "one second look": replace(full, estimator=Looking(search, 1)),
         "DIS instead of the search": replace(full, estimator=Dis()),
         "straight paths": replace(full, curved=False),
         "paths curved by the next pair alone": NextPairOnly(**same),
