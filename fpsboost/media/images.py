@@ -87,16 +87,17 @@ class ImageSource:
         self.first_number = 1 if number is None else number
         first = read_image(self.files[0])
         self.needs_float = needs_float(self.files[0], first)
+        self._unread = unread_channels(self.files[0])
         height, width, _ = first.shape
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(self.files))
 
     @property
     def remarks(self) -> list[str]:
         """What is not read; what is wrong with images is an error."""
-        left_out = unread_channels(self.files[0])
-        if not left_out:
+        names = self._unread
+        if not names:
             return []
-        listed = ", ".join(left_out[:4]) + (f" and {len(left_out) - 4} more" if len(left_out) > 4 else "")
+        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
         return [f"{self.files[0].name} and its like hold other channels ({listed}), which were left out."]
 
     def __iter__(self) -> Iterator[Frame]:
