@@ -74,6 +74,8 @@ def convert(
     window: Annotated[Literal["box", "gaussian"] | None, Parameter(group=motion)] = None,
     v: Annotated[float | None, Parameter(group=motion, name="--v")] = None,
     implementation: Annotated[Literal["fused", "passes"] | None, Parameter(group=motion)] = None,
+    vectors: Annotated[str | None, Parameter(group=motion)] = None,
+    depth: Annotated[str | None, Parameter(group=motion)] = None,
     at_cuts: Annotated[Literal["repeat", "blend"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
@@ -101,9 +103,10 @@ def convert(
     input_fps
         Frames per second of input images.
     method
-        nlm, nlm-fast, nlm-best (slower), nlm-exhaustive (the report's), dis, farneback, blend or nearest.
+        nlm, nlm-fast, nlm-best (slower), nlm-exhaustive and nlm-brute-force (the report's), dis, farneback, blend or
+        nearest; with --vectors also reproject-image and reproject-scene.
     search
-        How nlm-exhaustive finds source pixels.
+        How nlm-exhaustive and reproject-image find source pixels.
     search_radius
         Largest motion for nlm-exhaustive, pixels; else chosen for each pair.
     patch_radius
@@ -114,6 +117,10 @@ def convert(
         Width of the similarity measure, for colours from 0 to 1.
     implementation
         nlm-exhaustive: one fused kernel, or plain OpenCV passes.
+    vectors
+        Folder of a renderer's motion vectors, .exr or .flo, one for every frame of the output.
+    depth
+        Folder of its depth, .exr, for reproject-scene.
     at_cuts
         Across a scene cut, repeat the nearer frame or mix both.
     cut_threshold
@@ -142,6 +149,7 @@ def convert(
     from fpsboost.media.encoding import Encoding  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
+    from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
     from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
 
     options = {
@@ -153,7 +161,10 @@ def convert(
         "implementation": implementation,
     }
     given = {name: value for name, value in options.items() if value is not None}
-    interpolator = configure(find_method(method), method, given)
+    if depth is not None and vectors is None:
+        raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
+    folder = None if vectors is None else VectorFolder(vectors, depth)
+    interpolator = configure(find_method(method, folder), method, given)
     interpolator = with_cut_options(interpolator, at_cuts, cut_threshold, no_cuts)
     schedule_options = {
         "factor": None if factor is None else parse_number(factor, "--factor"),

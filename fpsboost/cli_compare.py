@@ -13,13 +13,16 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from fpsboost.errors import OutputError
+from fpsboost.errors import OptionError, OutputError
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.compare import Comparison, MethodResult
     from fpsboost.evaluation.making import Maker
+    from fpsboost.motion.vectors import VectorFolder
 
-DEFAULT_METHODS = "nlm,nlm-fast,nlm-exhaustive,dis,blend"
+DEFAULT_METHODS = "nlm,nlm-fast,dis,minterpolate,blend"
+
+MINTERPOLATE = "minterpolate"
 
 what = Group("What is compared", sort_key=1)
 results = Group("Results", sort_key=2)
@@ -33,6 +36,8 @@ def compare(
     skip: Annotated[int, Parameter(group=what)] = 1,
     range: Annotated[str, Parameter(group=what)] = ":",
     input_fps: Annotated[str | None, Parameter(group=what)] = None,
+    vectors: Annotated[str | None, Parameter(group=what)] = None,
+    depth: Annotated[str | None, Parameter(group=what)] = None,
     report: Annotated[str | None, Parameter(group=results)] = None,
     json: Annotated[str | None, Parameter(group=results)] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
@@ -51,6 +56,10 @@ def compare(
         Frames to take, A:B, counted from 0, without B; either may be left out.
     input_fps
         Frames per second of input images.
+    vectors
+        A renderer's motion vectors, one file for each frame of IN, for reproject-image and reproject-scene.
+    depth
+        The same for depth.
     report
         A new folder for the page, index.html.
     json
@@ -60,11 +69,14 @@ def compare(
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
     from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
+    from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
     from fpsboost.timing import parse_rate  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=quiet)
     hiding = Hiding(skip, *parse_range(range))
-    makers, skipped = choose(methods)
+    if depth is not None and vectors is None:
+        raise OptionError("--depth goes with --vectors; give both.")
+    makers, skipped = choose(methods, None if vectors is None else VectorFolder(vectors, depth))
     for path, option in ((report, "--report"), (json, "--json")):
         check_new(path, option)
     rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
@@ -78,7 +90,7 @@ def compare(
         write_json(Path(json), comparison)
 
 
-def choose(names: str) -> tuple[dict[str, Maker], dict[str, str]]:
+def choose(names: str, vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:
     """The methods of ``--methods``, and those that cannot be run, with the reason.
 
     Raises
@@ -87,20 +99,26 @@ def choose(names: str) -> tuple[dict[str, Maker], dict[str, str]]:
         One is unknown; the message lists the known ones.
     """
     from fpsboost.evaluation.making import InterpolatorMaker, Minterpolate  # noqa: PLC0415
-    from fpsboost.method_table import find_method, methods  # noqa: PLC0415
+    from fpsboost.method_table import find_method, methods, vector_methods  # noqa: PLC0415
 
-    wanted = [*methods, "minterpolate"] if names == "all" else [name.strip() for name in names.split(",")]
+    every = [*methods, *vector_methods, MINTERPOLATE]
     makers: dict[str, Maker] = {}
     skipped: dict[str, str] = {}
-    for name in wanted:
-        if name == "minterpolate":
+    for name in every if names == "all" else [name.strip() for name in names.split(",")]:
+        if name == MINTERPOLATE:
             missing = Minterpolate.missing()
             if missing is None:
                 makers[name] = Minterpolate()
             else:
                 skipped[name] = missing
+        elif name in vector_methods and vectors is None:
+            skipped[name] = "it needs the renderer's motion vectors (--vectors)"
+        elif name in vector_methods:
+            makers[name] = InterpolatorMaker(find_method(name, vectors))
+        elif name in methods:
+            makers[name] = InterpolatorMaker(methods[name])
         else:
-            makers[name] = InterpolatorMaker(find_method(name))
+            raise OptionError(f"There is no method {name!r}; choose from {', '.join(every)}, or all.")
     return makers, skipped
 
 

@@ -13,7 +13,9 @@ only the command line prints and chooses an exit code (2 for `OptionError`, 1 fo
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class FpsboostError(Exception):
@@ -41,3 +43,23 @@ def check_choice(option: str, value: str, choices: Collection[str]) -> None:
     """
     if value not in choices:
         raise OptionError(f"{option} must be one of {', '.join(choices)}, not {value!r}.")
+
+
+@contextmanager
+def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: str) -> Iterator[None]:
+    """Turn what the system raises into a sentence about a path.
+
+    Parameters
+    ----------
+    kind : type of FpsboostError
+        What to raise instead.
+    task : str
+        What was tried: ``read``, ``write to``.
+    path : str or Path
+    advice : str
+        What to do about it.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"Cannot {task} {path} ({error.strerror or error}); {advice}.") from error

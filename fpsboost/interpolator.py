@@ -18,11 +18,13 @@ from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Still
 from fpsboost.motion.trajectory import Neighbour, find_acceleration
+from fpsboost.motion.vectors import RenderedMotion
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
 from fpsboost.synthesis import Synthesizer, Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.overlay import find_overlay, keep_overlay
+from fpsboost.synthesis.scene_assisted import SceneAssisted
 
 AtCuts = Literal["repeat", "blend"]
 
@@ -234,9 +236,16 @@ class Interpolator:
         # long enough for a pyramid with all kinds of levels
         noise = np.random.default_rng(0).integers(0, 256, (48, 480, image.shape[2])).astype(image.dtype)
         first, second, third = (PreparedImage(noise) for _ in range(3))
-        before, pair = self.pair(first, second), self.pair(second, third)
-        for _ in self.between(pair, [0.5], before).images:
+        rehearsal = self._without_vectors()
+        before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
+        for _ in rehearsal.between(pair, [0.5], before).images:
             pass
+
+    def _without_vectors(self) -> Interpolator:
+        """The same kernels, for images that no motion was rendered for."""
+        estimator = Still() if isinstance(self.estimator, RenderedMotion) else self.estimator
+        synthesizer = Blend() if isinstance(self.synthesizer, SceneAssisted) else self.synthesizer
+        return replace(self, estimator=estimator, synthesizer=synthesizer)
 
 
 def with_neighbours(pairs: Iterable[Pair]) -> Iterator[tuple[Pair | None, Pair, Pair | None]]:

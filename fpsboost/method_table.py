@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from fractions import Fraction
 from types import MappingProxyType
@@ -16,11 +16,13 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, Still
+from fpsboost.motion.vectors import RenderedMotion, VectorFolder
 from fpsboost.prepared import PreparedImage
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.fuse import Fuse, Fused
 from fpsboost.synthesis.reproject import Reproject
+from fpsboost.synthesis.scene_assisted import SceneAssisted
 
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
@@ -31,6 +33,9 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
             Fuse(around=16),
         ),
         "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False, relight=False, overlays=False),
+        "nlm-brute-force": Interpolator(
+            ExhaustiveSearch(), Reproject(search="brute-force"), curved=False, relight=False, overlays=False
+        ),
         "dis": Interpolator(Dis(), Fuse()),
         "farneback": Interpolator(Farneback(), Fuse()),
         "blend": Interpolator(Still(), Blend(), curved=False, relight=False, overlays=False),
@@ -40,16 +45,45 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
 """The methods by the names that the command line knows."""
 
 
-def find_method(name: str) -> Interpolator:
+vector_methods: Mapping[str, Callable[[VectorFolder], Interpolator]] = MappingProxyType(
+    {
+        # Yang et al. 2011, image-based and scene-assisted
+        "reproject-image": lambda vectors: Interpolator(
+            RenderedMotion(vectors), Reproject(), curved=False, relight=False, overlays=False
+        ),
+        "reproject-scene": lambda vectors: Interpolator(
+            Still(), SceneAssisted(vectors), curved=False, relight=False, overlays=False
+        ),
+    }
+)
+"""The methods that need a renderer's motion vectors, by name."""
+
+
+def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
     """Look a method up by name.
+
+    Parameters
+    ----------
+    name : str
+    vectors : VectorFolder, optional
+        For the methods that need a renderer's motion vectors, and for them only.
 
     Raises
     ------
     OptionError
-        Unknown; the message lists the known ones.
+        Unknown, and the message lists the known ones; or vectors are missing, or given in vain.
     """
+    if name in vector_methods:
+        if vectors is None:
+            raise OptionError(f"The method {name!r} needs the renderer's motion vectors; give --vectors DIR.")
+        return vector_methods[name](vectors)
     if name not in methods:
-        raise OptionError(f"There is no method {name!r}; choose one of {', '.join(methods)}.")
+        raise OptionError(f"There is no method {name!r}; choose one of {', '.join([*methods, *vector_methods])}.")
+    if vectors is not None:
+        raise OptionError(
+            f"--vectors does not apply to the method {name!r}; leave it out, or choose one of "
+            f"{', '.join(vector_methods)}."
+        )
     return methods[name]
 
 

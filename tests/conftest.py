@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from video_truth import scene
 
 from fpsboost import cli
+from fpsboost.exr import write_exr
 
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 
@@ -43,8 +44,13 @@ def save_images() -> SaveImages:
         images = [scene(index).astype(dtype) * (257 if dtype is np.uint16 else 1) for index in range(count)]
         if dtype is np.uint16:  # the low bytes must not follow from the high ones
             images = [image + np.arange(image.size, dtype=dtype).reshape(image.shape) % 200 for image in images]
+        if dtype is np.float32:
+            images = [image / np.float32(255) for image in images]
         for index, image in enumerate(images):
             path = folder / name.format(index + 1)
+            if path.suffix == ".exr":
+                write_exr(path, dict(zip("BGR", np.moveaxis(image, -1, 0), strict=True)))
+                continue
             path.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
         return images
 

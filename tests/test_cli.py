@@ -22,7 +22,7 @@ from video_truth import packets_of, spoil_packets, write_clip
 import fpsboost
 from fpsboost import cli
 from fpsboost.interpolator import Interpolator
-from fpsboost.method_table import methods
+from fpsboost.method_table import methods, vector_methods
 from fpsboost.timing import parse_number, parse_rate
 
 ROOT = Path(__file__).parents[1]
@@ -522,7 +522,7 @@ def test_examples_parse(line):
         return
     _, bound, *_ = cli.app.parse_args(tokens, exit_on_error=False, print_error=False)
     given = bound.arguments
-    assert given.get("method", "nlm") in methods
+    assert given.get("method", "nlm") in (vector_methods if "vectors" in given else methods)
     if given.get("factor"):
         parse_number(given["factor"], "--factor")
     for option in ("fps", "input_fps"):
@@ -551,7 +551,7 @@ def test_help_shows_everything(fpsboost_, monkeypatch):
     assert (result.code, result.err) == (0, "")
     for option in options():
         assert re.search(rf"{option}\b.*\s[A-Za-z].*", result.out), option
-    for name in methods:
+    for name in (*methods, *vector_methods):
         assert name in result.out
     flat = re.sub(r"\s+", " ", result.out)
     for line in cli.EXAMPLES.splitlines()[2:]:

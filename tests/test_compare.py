@@ -203,9 +203,11 @@ def test_a_missing_program_is_said_and_no_error(fpsboost_, folder, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "code", "sentence"),
     [
-        (("-m", "magic"), 2, "There is no method 'magic'; choose one of nlm"),
+        (("-m", "magic"), 2, "There is no method 'magic'; choose from nlm"),
         (("--range", "0:2"), 2, "leaves nothing to hide"),
         (("--range", "x"), 2, "is no range"),
+        (("--depth", "pan"), 2, "--depth goes with --vectors"),
+        (("--vectors", "nowhere"), 1, "nowhere"),
         (("--skip", "0"), 2, "--skip must be at least 1"),
         (("--skip", "6"), 1, "too few frames"),
         (("--json", "taken"), 1, "taken exists"),

@@ -21,7 +21,8 @@ from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import images
 from fpsboost.media.image_files import read_image
 from fpsboost.media.images import ImageSink, ImageSource
-from fpsboost.media.numbering import Numbering, is_pattern
+from fpsboost.media.numbering import is_pattern
+from fpsboost.sequence import Numbering
 
 RATE = Fraction(24000, 1001)
 HEIGHT, WIDTH = 12, 18
@@ -189,13 +190,13 @@ def test_refused_folders(tmp_path: Path, names: list[str], message: str) -> None
 def test_refused_paths(tmp_path: Path) -> None:
     """What is no folder and no pattern of images is refused."""
     fill(tmp_path, "1.png")
-    (tmp_path / "1.exr").write_bytes(b"v/1")
+    (tmp_path / "1.hdr").write_bytes(b"#?RADIANCE")
     for path, message in {
         "none": "does not exist",
         "1.png": "single file",
         "x_##.png": "No image is named like",
         "none/##.png": "No such file",
-        "%01d.exr": "no type of image",
+        "%01d.hdr": "no type of image",
     }.items():
         with pytest.raises(InputError, match=message):
             ImageSource(str(tmp_path / path), RATE)
@@ -340,7 +341,9 @@ def test_jpeg_quality(tmp_path: Path) -> None:
         (".jpg", np.uint16, 3, "16-bit.*png or .tif"),
         (".webp", np.uint16, 3, "16-bit.*png or .tif"),
         (".bmp", np.uint16, 1, "16-bit"),
-        (".png", np.float32, 3, "float.*use .tif"),
+        (".png", np.float32, 3, "float.*use .tif or .exr"),
+        (".exr", np.uint8, 3, "8-bit.*png or .tif"),
+        (".exr", np.uint16, 1, "16-bit.*png or .tif"),
         (".jpeg", np.uint8, 4, "alpha"),
         (".bmp", np.uint8, 4, "alpha"),
     ],
@@ -575,7 +578,7 @@ def test_refused_places(tmp_path: Path) -> None:
         "none/x_##.png": "create it first",
         "file": "is a file",
         "file/x_##.png": "is a file",
-        "x_##.exr": "no type of image",
+        "x_##.hdr": "no type of image",
     }.items():
         with pytest.raises(OutputError, match=message):
             make_sink(tmp_path / target, overwrite=True)

@@ -55,8 +55,12 @@ sources: dict[str, Callable[..., tuple[Path, type]]] = {
         save(folder, "shot_{:04d}.tif", COUNT, np.uint16) and folder / "shot_####.tif",
         np.uint16,
     ),
+    "exr folder": lambda folder, save: (
+        save(folder, "shot_{:04d}.exr", COUNT, np.float32) and folder,
+        np.float32,
+    ),
 }
-is_images = {"png folder", "jpg pattern", "tiff16 pattern"}
+is_images = {"png folder", "jpg pattern", "tiff16 pattern", "exr folder"}
 
 
 @pytest.fixture(params=sources)
@@ -83,7 +87,7 @@ def test_frames_come_in_order(clip):
     assert all(isinstance(value, Fraction) for frame in frames for value in (frame.time, frame.duration))
     truth = [scene(index).astype(float) / 255 for index in range(COUNT)]
     for index, frame in enumerate(frames):
-        image = frame.image / np.iinfo(frame.image.dtype).max
+        image = frame.image / (1 if frame.image.dtype == np.float32 else np.iinfo(frame.image.dtype).max)
         assert np.argmin([np.abs(image - other).mean() for other in truth]) == index
 
 

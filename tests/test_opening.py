@@ -45,7 +45,7 @@ def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
         open_source(str(tmp_path / "clip.mp4"), Fraction(24))
 
 
-@pytest.mark.parametrize("name", ["out.gif", "out.avi", "out.txt", "out.mp4.bak", "shot_%d.exr"])
+@pytest.mark.parametrize("name", ["out.gif", "out.avi", "out.txt", "out.mp4.bak", "shot_%d.hdr"])
 def test_unknown_endings(name):
     """What cannot be written is an OptionError that lists what can."""
     with pytest.raises(OptionError, match=rf"{name} has an ending .*\.mp4.*\.webm.*folder"):

@@ -1,8 +1,9 @@
-"""One image file, read and encoded: PNG, TIFF, JPEG, WebP and BMP, and what each of them can hold.
+"""One image file, read and encoded: PNG, TIFF, JPEG, WebP, BMP and OpenEXR, and what each of them can hold.
 
 Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha. What describes the
 pixels is not: colour profiles and other metadata end here, and an EXIF orientation is not applied. A palette becomes
-colour, a PNG's gray with alpha BGRA.
+colour, gray with alpha BGRA. Alpha in OpenEXR is associated (colours are multiplied by it), which is how the package
+takes all float images; values beyond black and white stay.
 
 Encoding was chosen by measuring 1080p frames: OpenCV's own PNG setting takes 60 to 130 ms, compression 3 two to four
 times as long for files between 30 % smaller (smooth) and 7 % larger (grain); LZW with a predictor takes a third off an
@@ -12,17 +13,17 @@ times as long for files between 30 % smaller (smooth) and 7 % larger (grain); LZ
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from fpsboost.errors import FpsboostError, InputError, OutputError
+from fpsboost.errors import InputError, OutputError, explained
+from fpsboost.exr import encode_exr, find_layer, read_exr, read_exr_header
 from fpsboost.frame import ClipInfo, Image, describe, type_names
 
-IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp")
+IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp", ".exr")
 
 JPEG_QUALITY = 95
 
@@ -35,8 +36,9 @@ _types_kept = {
     ".jpeg": (np.uint8,),
     ".webp": (np.uint8,),
     ".bmp": (np.uint8,),
+    ".exr": (np.float32,),
 }
-_keeps_alpha = (".png", ".tif", ".tiff", ".webp")
+_keeps_alpha = (".png", ".tif", ".tiff", ".webp", ".exr")
 _largest_side = {".jpg": 65500, ".jpeg": 65500, ".webp": 16383}
 _webp_keeps_hidden_colour = hasattr(cv2, "IMWRITE_WEBP_LOSSLESS_MODE")  # OpenCV 4.12 and later
 
@@ -58,6 +60,8 @@ def read_image(path: Path) -> Image:
     InputError
         It cannot be read, is damaged, or has another type of pixels.
     """
+    if extension_of(path.name) == ".exr":
+        return _read_exr_image(path)
     with explained(InputError, "read", path, "check that it exists and that you may read it"):
         data = path.read_bytes()  # not cv2.imread, which knows no Unicode names on Windows and gives no reasons
     try:
@@ -74,6 +78,54 @@ def read_image(path: Path) -> Image:
             "save it as gray or colour with 8 bits, 16 bits or 32-bit float."
         )
     return image
+
+
+def _read_exr_image(path: Path) -> Image:
+    def choose(names: Collection[str]) -> list[str]:
+        chosen = _choose_colours(names)
+        if not chosen:
+            raise InputError(
+                f"{path} has no colours among its channels ({', '.join(names)}); save R, G and B, or Y, in one layer."
+            )
+        return chosen
+
+    planes = list(read_exr(path, choose).values())
+    if len(planes) == 2:  # gray and alpha
+        planes = [planes[0]] * 3 + planes[1:]
+    return np.stack(planes, axis=-1)
+
+
+def _choose_colours(names: Collection[str]) -> list[str]:
+    """The channels of a picture in the package's order, B, G, R and A, or Y and A; none where there is no picture."""
+    for colours in ("BGR", "Y"):
+        layer = find_layer(names, colours, "Combined")
+        if layer is not None:
+            return [layer + each for each in f"{colours}A" if layer + each in names]
+    return list(names) if len(names) == 1 else []
+
+
+def needs_float(path: Path, image: Image) -> bool:
+    """Whether the 16 bits of OpenEXR's half would lose some of an image's precision.
+
+    Parameters
+    ----------
+    path : Path
+        Where the image was read from.
+    image : (H, W, C)
+    """
+    if extension_of(path.name) != ".exr":
+        return image.dtype == np.float32
+    channels = read_exr_header(path).channels
+    return any(channels[name] != "half" for name in _choose_colours(list(channels)))
+
+
+def unread_channels(path: Path) -> list[str]:
+    """The channels of a file that `read_image` leaves out: other layers, depth, motion."""
+    if extension_of(path.name) != ".exr":
+        return []
+    names = list(read_exr_header(path).channels)
+    chosen = _choose_colours(names)
+    return [name for name in names if name not in chosen]
 
 
 def _ends_early(data: bytes) -> bool:
@@ -109,7 +161,7 @@ def check_format(path: Path, image: Image) -> None:
     """Raise `OutputError` where a type of file cannot hold the image's type or its alpha."""
     extension = path.suffix.lower()
     if image.dtype not in _types_kept[extension]:
-        other = ".tif" if image.dtype == np.float32 else ".png or .tif"
+        other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
         kind = type_names[image.dtype]
         raise OutputError(f"{path.name} cannot hold {kind} images; use {other}, as in shot_######{other[-4:]}.")
     if image.shape[2] == 4 and extension not in _keeps_alpha:
@@ -139,7 +191,7 @@ def losses(path: Path, image: Image) -> list[str]:
     return []
 
 
-def encode_image(path: Path, image: Image) -> bytes:
+def encode_image(path: Path, image: Image, *, half: bool = True) -> bytes:
     """Turn an image into the content of a file.
 
     Parameters
@@ -148,6 +200,8 @@ def encode_image(path: Path, image: Image) -> bytes:
         Its suffix is the type of file; nothing is written there.
     image : (H, W, C)
         Of a type that `check_format` lets pass.
+    half : bool
+        Write OpenEXR with 16 bits a number instead of 32.
 
     Raises
     ------
@@ -155,6 +209,9 @@ def encode_image(path: Path, image: Image) -> bytes:
         OpenCV refuses.
     """
     extension = path.suffix.lower()
+    if extension == ".exr":
+        names = {1: "Y", 2: "YA", 3: "BGR", 4: "BGRA"}[image.shape[2]]
+        return encode_exr({name: image[..., i] for i, name in enumerate(names)}, half=half)
     try:
         done, data = cv2.imencode(extension, image, _options(extension, image))
     except cv2.error:
@@ -179,23 +236,3 @@ def _options(extension: str, image: Image) -> list[int]:
             lossless += [cv2.IMWRITE_WEBP_LOSSLESS_MODE, cv2.IMWRITE_WEBP_LOSSLESS_PRESERVE_COLOR]
         return lossless
     return []
-
-
-@contextmanager
-def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: str) -> Iterator[None]:
-    """Turn what the system raises into a sentence about a path.
-
-    Parameters
-    ----------
-    kind : type of FpsboostError
-        What to raise instead.
-    task : str
-        What was tried: ``read``, ``write to``.
-    path : str or Path
-    advice : str
-        What to do about it.
-    """
-    try:
-        yield
-    except OSError as error:
-        raise kind(f"Cannot {task} {path} ({error.strerror or error}); {advice}.") from error

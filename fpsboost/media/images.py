@@ -13,19 +13,21 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame, describe
 from fpsboost.media.image_files import (
     IMAGE_SUFFIXES,
     check_format,
     check_size,
     encode_image,
-    explained,
     extension_of,
     losses,
+    needs_float,
     read_image,
+    unread_channels,
 )
-from fpsboost.media.numbering import Numbering, find_without_gap, is_pattern, scan_folder
+from fpsboost.media.numbering import is_pattern, scan_folder
+from fpsboost.sequence import Numbering, find_without_gap
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
 
@@ -51,6 +53,8 @@ class ImageSource:
         Number of the first image; 1 where there are none.
     suffix : str
         The type of the files as they write it, ``.png``.
+    needs_float : bool
+        Whether OpenEXR's half would lose some of their precision.
 
     Raises
     ------
@@ -81,13 +85,20 @@ class ImageSource:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
         number = None if self.numbering is None else self.numbering.number_in(self.files[0].name)
         self.first_number = 1 if number is None else number
-        height, width, _ = read_image(self.files[0]).shape
+        first = read_image(self.files[0])
+        self.needs_float = needs_float(self.files[0], first)
+        self._unread = unread_channels(self.files[0])
+        height, width, _ = first.shape
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(self.files))
 
     @property
     def remarks(self) -> list[str]:
-        """Nothing is ever lost or guessed: what is wrong with images is an error."""
-        return []
+        """What is not read; what is wrong with images is an error."""
+        names = self._unread
+        if not names:
+            return []
+        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        return [f"{self.files[0].name} and its like hold other channels ({listed}), which were left out."]
 
     def __iter__(self) -> Iterator[Frame]:
         first = None
@@ -125,7 +136,7 @@ class ImageSink:
     path : str
         A folder, made if it is not there, or a pattern in an existing folder. In a folder the naming of an image source
         is continued; frames of a video become ``000001.png``. JPEG is written with quality 95, everything else without
-        loss.
+        loss: OpenEXR as half where the source is, else as float.
     info : ClipInfo
         The size of the images.
     source : ImageSource or None
@@ -148,6 +159,7 @@ class ImageSink:
     ) -> None:
         self._path = path
         self._overwrite = overwrite
+        self._half = source is None or not source.needs_float
         self._next = 1 if source is None else source.first_number
         self._names: list[str] = []
         self._remarks: list[str] = []
@@ -240,7 +252,7 @@ class ImageSink:
         path = self._numbering.path(self._next)
         check_format(path, frame.image)
         self._remarks += [remark for remark in losses(path, frame.image) if remark not in self._remarks]
-        data = encode_image(path, frame.image)
+        data = encode_image(path, frame.image, half=self._half)
         with explained(OutputError, "write", path, "check the free space and the permissions"):
             (self._stage / path.name).write_bytes(data)
         self._names.append(path.name)

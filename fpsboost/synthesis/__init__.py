@@ -1,7 +1,7 @@
 """In-between frames from two frames and the motion between them.
 
-One contract, `Synthesizer`, and its implementations: `Fuse` (the default), `Reproject` (the report's), `Blend` and
-`Nearest` (which need no motion).
+One contract, `Synthesizer`, and its implementations: `Fuse` (the default), `Reproject` (the report's), `SceneAssisted`
+(with a renderer's vectors), `Blend` and `Nearest` (which need no motion).
 """
 
 from __future__ import annotations

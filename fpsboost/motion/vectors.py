@@ -1,0 +1,297 @@
+"""Motion that a renderer knows: vectors, and depth, for every frame of the output.
+
+The vectors of a frame go one output frame far, to its neighbours in time. Renderers write them as
+
+OpenEXR
+    Blender's vector pass, four channels: X and Y are the place in the previous frame minus the place in this one, Z and
+    W the place in this one minus the place in the next, in pixels, x to the right and y *up*.
+``.flo``
+    ``NAME_backward.flo`` and ``NAME_forward.flo``, to the previous and to the next frame, y down.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.exr import find_layer, read_exr
+from fpsboost.frame import Image, check_pair
+from fpsboost.motion.field import MotionField
+from fpsboost.motion.flow_files import read_flow
+from fpsboost.prepared import PreparedImage
+from fpsboost.sequence import Numbering, find_placeholder, find_without_gap, list_files, order_names
+
+KEPT_FRAMES = 4
+"""A pair's two frames, and two between them."""
+
+BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
+
+
+class FrameVectors(NamedTuple):
+    """What a renderer knows of one output frame."""
+
+    backward: NDArray[Any]
+    """(H, W, 2) float32, to the previous output frame, y down."""
+    forward: NDArray[Any]
+    """(H, W, 2) float32, to the next output frame, y down."""
+    depth: NDArray[Any] | None
+    """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None where it is not known."""
+
+
+class VectorFolder:
+    """A folder with motion vectors for every frame of the output rate, the first file for the first frame.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder with one sequence of OpenEXR files, or of pairs of ``.flo`` files; or a pattern of OpenEXR files
+        (``Vector####.exr``) where the folder holds others too.
+    depth : str or Path, optional
+        The same for depth: OpenEXR files with one channel, or with one named Z, Depth, V or Y, or Blender's
+        ``Depth.Z``. May be the same files.
+
+    Raises
+    ------
+    InputError
+        The folder is missing, empty, or holds something else or several sequences; a ``.flo`` has no partner.
+    """
+
+    def __init__(self, path: str | Path, depth: str | Path | None = None) -> None:
+        self.path = Path(path)
+        self.depth_path = None if depth is None else Path(depth)
+        self._readers = _find_vectors(self.path)
+        self._depth_files = [] if self.depth_path is None else _find_exr(self.depth_path, "depth")
+        self._kept: OrderedDict[int, FrameVectors] = OrderedDict()
+
+    def __repr__(self) -> str:
+        return f"VectorFolder({str(self.path)!r}, depth={None if self.depth_path is None else str(self.depth_path)!r})"
+
+    def at(self, number: int) -> FrameVectors:
+        """The vectors of an output frame, counted from 0.
+
+        Raises
+        ------
+        InputError
+            There are none for it, they cannot be read, are no numbers, or differ from the depth in size.
+        """
+        if number not in self._kept:
+            self._kept[number] = self._read(number)
+            if len(self._kept) > KEPT_FRAMES:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(number)
+        return self._kept[number]
+
+    def for_image(self, number: int, image: Image) -> FrameVectors:
+        """Like `at`, for frames like this image.
+
+        Raises
+        ------
+        InputError
+            As `at`, and where the vectors are of another size.
+        """
+        vectors = self.at(number)
+        (height, width), (image_height, image_width) = vectors.backward.shape[:2], image.shape[:2]
+        if (height, width) != (image_height, image_width):
+            raise InputError(
+                f"{self.path} has vectors for {width}x{height} pixels, and the frames have "
+                f"{image_width}x{image_height}; render both in one size."
+            )
+        return vectors
+
+    def _read(self, number: int) -> FrameVectors:
+        if not 0 <= number < len(self._readers):
+            raise _too_few(self.path, "vectors", number, len(self._readers))
+        backward, forward = self._readers[number]()
+        if self.depth_path is None:
+            return FrameVectors(backward, forward, None)
+        if number >= len(self._depth_files):
+            raise _too_few(self.depth_path, "depth", number, len(self._depth_files))
+        file = self._depth_files[number]
+        depth = _read_depth(file)
+        if depth.shape != backward.shape[:2]:
+            (height, width), (vectors_height, vectors_width) = depth.shape, backward.shape[:2]
+            raise InputError(
+                f"{file} has {width}x{height} pixels, and the vectors have {vectors_width}x{vectors_height}; "
+                "render both in one size."
+            )
+        return FrameVectors(backward, forward, depth)
+
+
+@dataclass(frozen=True)
+class RenderedMotion:
+    """The renderer's motion of each of the two frames, continued in a straight line to the other.
+
+    Vectors go one output frame far; those of a pair that lies several output frames apart are made that much longer.
+
+    Parameters
+    ----------
+    vectors : VectorFolder
+    """
+
+    vectors: VectorFolder
+
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`.
+
+        Raises
+        ------
+        OptionError
+            The images are not output frames.
+        InputError
+            They have no vectors, or some of another size.
+        """
+        check_pair(image0.pixels, image1.pixels)
+        number0, number1 = frame_number(image0.place), frame_number(image1.place)
+        span = np.float32(number1 - number0)
+        forward = self.vectors.for_image(number0, image0.pixels).forward
+        backward = self.vectors.for_image(number1, image1.pixels).backward
+        alike = np.ones(forward.shape[:2], np.float32)
+        return MotionField(forward * span, alike), MotionField(backward * span, alike)
+
+
+def frame_number(place: Fraction | None) -> int:
+    """The output frame that an image is.
+
+    Raises
+    ------
+    OptionError
+        It is none of them.
+    """
+    if place is None or place.denominator != 1:
+        raise not_an_output_frame()
+    return int(place)
+
+
+def not_an_output_frame() -> OptionError:
+    """What to raise where an image has no vectors because it is none of the output's frames."""
+    return OptionError(
+        "A renderer's motion vectors need a whole factor, so that every input frame is an output frame too; "
+        "give --factor 2 or another whole number."
+    )
+
+
+def _too_few(path: Path, what: str, number: int, count: int) -> InputError:
+    return InputError(
+        f"{path} has no {what} for output frame {number}; render one file for every frame of the output, "
+        f"from frame 0 on ({count} are there)."
+    )
+
+
+VectorReader = Callable[[], tuple[NDArray[Any], NDArray[Any]]]
+
+
+def _find_vectors(path: Path) -> list[VectorReader]:
+    """What reads the vectors of each frame."""
+    names = _names_in(path, "motion vectors", (".exr", ".flo"))
+    kinds = {Path(name).suffix.lower() for name in names}
+    if len(kinds) > 1:
+        raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
+    if kinds == {".flo"}:
+        return [_flow_reader(*pair) for pair in _find_pairs(path, names)]
+    return [_exr_reader(file) for file in _find_exr(path, "motion vectors")]
+
+
+def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
+    """The files with these endings in a folder; none for a pattern.
+
+    Raises
+    ------
+    InputError
+        It is neither, or there are none.
+    """
+    if not path.is_dir():
+        if find_placeholder(path.name) is not None and path.suffix.lower() == ".exr":
+            return []
+        raise InputError(f"{path} is no folder with {what}; name a folder, or a pattern such as Vector####.exr.")
+    with explained(InputError, "read", path, "check that you may read it"):
+        names = list_files(path)
+    names = [name for name in names if Path(name).suffix.lower() in suffixes and not name.startswith(".")]
+    if not names:
+        raise InputError(f"{path} holds no {what} ({' or '.join(suffixes)}); name a folder that does.")
+    return names
+
+
+def _find_exr(path: Path, what: str) -> list[Path]:
+    names = _names_in(path, what, (".exr",))
+    with explained(InputError, "read", path, "check that it exists and that you may read it"):
+        if not names:
+            return find_without_gap(Numbering.parse(str(path)))
+        return order_names(path, names)[0]
+
+
+def _find_pairs(folder: Path, names: Collection[str]) -> list[tuple[Path, Path]]:
+    """The files to the previous and to the next frame, in the order of frames."""
+    for name in names:
+        if not name.endswith((BACKWARD, FORWARD)):
+            raise InputError(f"{folder / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename it or take it away.")
+        ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
+        partner = name.removesuffix(ending) + other
+        if partner not in names:
+            raise InputError(f"{folder / name} has no partner {partner}; write both directions for every frame.")
+    backwards, _ = order_names(folder, [name for name in names if name.endswith(BACKWARD)])
+    return [(path, path.with_name(path.name.removesuffix(BACKWARD) + FORWARD)) for path in backwards]
+
+
+def _flow_reader(backward: Path, forward: Path) -> VectorReader:
+    def read() -> tuple[NDArray[Any], NDArray[Any]]:
+        flows = read_flow(backward), read_flow(forward)
+        if flows[0].shape != flows[1].shape:
+            raise InputError(f"{backward} and {forward.name} differ in size; write both for the same frame.")
+        for path, flow in zip((backward, forward), flows, strict=True):
+            _check_numbers(path, flow)
+        return flows
+
+    return read
+
+
+def _exr_reader(path: Path) -> VectorReader:
+    def choose(names: Collection[str]) -> list[str]:
+        layer = find_layer(names, "XYZW", "Vector")
+        if layer is None:
+            raise InputError(
+                f"{path} has no motion vectors among its channels ({', '.join(names)}); "
+                "save a vector pass, with X, Y, Z and W in one layer."
+            )
+        return [layer + each for each in "XYZW"]
+
+    def read() -> tuple[NDArray[Any], NDArray[Any]]:
+        x, y, z, w = read_exr(path, choose).values()
+        backward, forward = np.dstack([x, -y]), np.dstack([-z, w])  # y points up in the file
+        _check_numbers(path, backward, forward)
+        return backward, forward
+
+    return read
+
+
+def _check_numbers(path: Path, *flows: NDArray[Any]) -> None:
+    count = sum(int((~np.isfinite(flow)).any(axis=-1).sum()) for flow in flows)
+    if count:
+        raise InputError(
+            f"{path} has {count} motion vectors that are unknown, infinite or no numbers; render it again."
+        )
+
+
+def _read_depth(path: Path) -> NDArray[Any]:
+    """(H, W) float32; infinite where it is no number."""
+
+    def choose(names: Collection[str]) -> list[str]:
+        layers = [name for name in names if name.endswith(("Depth.Z", "Depth.V"))]
+        taken = "XYZW" if find_layer(names, "XYZW", "") == "" else ""  # by vectors in the same file
+        plain = [name for name in ("Z", "Depth", "V", "Y") if name in names and name not in taken]
+        for found in (layers, list(names), plain[:1]):
+            if len(found) == 1:
+                return found
+        raise InputError(
+            f"{path} has no depth among its channels ({', '.join(names)}); save one channel, named Z, Depth, V or Y."
+        )
+
+    (depth,) = read_exr(path, choose).values()
+    return np.where(np.isnan(depth), np.float32(np.inf), depth)

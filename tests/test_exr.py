@@ -1,0 +1,348 @@
+"""OpenEXR: what is read and written, through the file format and as images of a sequence."""
+
+from __future__ import annotations
+
+import struct
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fpsboost.errors import InputError, OutputError
+from fpsboost.exr import encode_exr, find_layer, read_exr, read_exr_header, write_exr
+from fpsboost.frame import Frame
+from fpsboost.media.image_files import read_image
+from fpsboost.media.images import ImageSink, ImageSource
+
+HEIGHT, WIDTH = 40, 60
+RATE = Fraction(24)
+
+
+def plane(seed: int = 0, height: int = HEIGHT, width: int = WIDTH) -> np.ndarray:
+    """Numbers that a half holds exactly, below black and above white."""
+    return np.random.default_rng(seed).normal(0.5, 3, (height, width)).astype(np.float16).astype(np.float32)
+
+
+def planes(names: str) -> dict[str, np.ndarray]:
+    return {name: plane(seed) for seed, name in enumerate(names)}
+
+
+def save(path: Path, channels: dict[str, np.ndarray], **header: object) -> Path:
+    """Write a file of any kind that the library can make."""
+    kind = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
+    with OpenEXR.File(kind, {name: each.copy() for name, each in channels.items()}) as file:
+        file.write(str(path))
+    return path
+
+
+def window(left: int, top: int, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Two corners, as the library takes them."""
+    return np.array([left, top], np.int32), np.array([left + width - 1, top + height - 1], np.int32)
+
+
+# ------------------------------------------------------------------------------------------------------------ the files
+
+
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize("names", ["Y", "BGR", "ABGR", "XYZW"])
+def test_round_trip(tmp_path, names, half):
+    """Names and numbers come back, in 16 bits and in 32."""
+    channels = planes(names)
+    if not half:
+        channels = {name: each + np.float32(1e-5) for name, each in channels.items()}
+    write_exr(tmp_path / "a.exr", channels, half=half)
+    again = read_exr(tmp_path / "a.exr")
+    assert set(read_exr_header(tmp_path / "a.exr").channels.values()) == {"half" if half else "float"}
+    assert again.keys() == channels.keys()
+    for name, each in channels.items():
+        assert again[name].dtype == np.float32
+        np.testing.assert_array_equal(again[name], each)
+
+
+def test_written_files_are_compressed_halves_in_scanlines(tmp_path):
+    """ZIP and half where nothing is said, in an ordinary file."""
+    write_exr(tmp_path / "a.exr", {"Y": np.ones((200, 300), np.float32)})
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        header = file.header()
+        assert (header["compression"], header["type"]) == (OpenEXR.ZIP_COMPRESSION, OpenEXR.scanlineimage)
+    assert (tmp_path / "a.exr").stat().st_size < 3000
+
+
+def test_what_is_no_number_and_what_is_too_much_for_a_half(tmp_path):
+    """NaN and infinity are read as they are; beyond 65504 a half is infinite."""
+    values = np.array([[np.nan, np.inf, -np.inf, 1e9, -65504]], np.float32)
+    for half in (False, True):
+        write_exr(tmp_path / "a.exr", {"Z": values}, half=half)
+        expected = values.copy()
+        expected[0, 3] = np.inf if half else 1e9
+        np.testing.assert_array_equal(read_exr(tmp_path / "a.exr")["Z"], expected)
+
+
+def test_only_the_chosen_channels_are_read(tmp_path):
+    """In the order in which they are named."""
+    write_exr(tmp_path / "a.exr", planes("RGBAZ"))
+    seen = []
+    again = read_exr(tmp_path / "a.exr", lambda names: seen.extend(names) or ["Z", "B"])
+    assert seen == ["A", "B", "G", "R", "Z"]
+    assert list(again) == ["Z", "B"]
+    np.testing.assert_array_equal(again["Z"], planes("RGBAZ")["Z"])
+
+
+@pytest.mark.parametrize("name", ["NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "DWAA", "DWAB"])
+def test_every_compression_is_read(tmp_path, name):
+    """Smooth pictures come back, by the lossy ones nearly so."""
+    smooth = np.linspace(0, 1, 300 * WIDTH, dtype=np.float32).reshape(300, WIDTH).astype(np.float16)
+    path = save(tmp_path / "a.exr", {"Y": smooth}, compression=getattr(OpenEXR, f"{name}_COMPRESSION"))
+    np.testing.assert_allclose(read_exr(path)["Y"], smooth, atol=0.01 if name in {"B44", "DWAA", "DWAB"} else 0)
+
+
+def test_tiles_and_whole_numbers_are_read(tmp_path):
+    """Tiles as well as scanlines, and unsigned integers as numbers."""
+    tiles = OpenEXR.TileDescription()
+    tiles.xSize = tiles.ySize = 16
+    path = save(tmp_path / "a.exr", planes("Y"), type=OpenEXR.tiledimage, tiles=tiles)
+    np.testing.assert_array_equal(read_exr(path)["Y"], plane())
+    path.write_bytes(path.read_bytes()[:-2])
+    with pytest.raises(InputError, match="damaged"):
+        read_exr(path)
+    whole = np.arange(HEIGHT * WIDTH, dtype=np.uint32).reshape(HEIGHT, WIDTH)
+    np.testing.assert_array_equal(read_exr(save(path, {"id": whole}))["id"], whole)
+
+
+@pytest.mark.parametrize(
+    ("data", "display"),
+    [
+        ((5, 7, WIDTH, HEIGHT), (0, 0, 100, 80)),  # a crop
+        ((-5, -7, WIDTH, HEIGHT), (0, 0, 30, 20)),  # more than is shown
+        ((-5, 10, WIDTH, HEIGHT), (-20, -10, 60, 40)),  # across an edge, with an origin of its own
+        ((200, 0, WIDTH, HEIGHT), (0, 0, 50, 40)),  # nothing of it is shown
+    ],
+)
+def test_data_has_its_place_in_the_display_window(tmp_path, data, display):
+    """What is shown counts: zeros where there is no data, and no data from outside."""
+    path = save(tmp_path / "a.exr", planes("Y"), dataWindow=window(*data), displayWindow=window(*display))
+    canvas = np.zeros((400, 400), np.float32)
+    canvas[100 + data[1] :, 100 + data[0] :][:HEIGHT, :WIDTH] = plane()
+    expected = canvas[100 + display[1] :, 100 + display[0] :][: display[3], : display[2]]
+    np.testing.assert_array_equal(read_exr(path)["Y"], expected)
+
+
+def deep(path: Path) -> Path:
+    pixels = np.empty((4, 4), object)
+    for place in np.ndindex(4, 4):
+        pixels[place] = np.ones(2, np.float32)
+    kind = {"type": OpenEXR.deepscanline, "compression": OpenEXR.ZIPS_COMPRESSION}
+    with OpenEXR.File(kind, {"Z": pixels}) as file:
+        file.write(str(path))
+    return path
+
+
+def test_other_kinds_of_file_are_refused(tmp_path):
+    """Deep pixels and several parts, each in a sentence that names the file."""
+    parts = [OpenEXR.Part({}, {"Z": plane()}, name) for name in ("left", "right")]
+    with OpenEXR.File(parts) as file:
+        file.write(str(tmp_path / "parts.exr"))
+    for path, words in {deep(tmp_path / "deep.exr"): "deep pixels", tmp_path / "parts.exr": "several parts"}.items():
+        with pytest.raises(InputError, match=rf"{path.name} has {words}; save it as one flat image\.$"):
+            read_exr(path)
+
+
+def test_channels_with_fewer_pixels_are_refused(tmp_path):
+    """Luminance and chroma need not be of one size; the luminance alone can be read."""
+    write_exr(tmp_path / "a.exr", planes("UY"))
+    data = bytearray((tmp_path / "a.exr").read_bytes())
+    place = data.index(b"U\0" + struct.pack("<i", 1)) + 2 + 8
+    data[place : place + 8] = struct.pack("<ii", 2, 2)
+    (tmp_path / "a.exr").write_bytes(data)
+    assert read_exr_header(tmp_path / "a.exr").subsampled == {"U"}
+    with pytest.raises(InputError, match=r"a\.exr has channels with fewer pixels"):
+        read_exr(tmp_path / "a.exr")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    """With the system's reason."""
+    with pytest.raises(InputError, match=r"none\.exr .No such file"):
+        read_exr(tmp_path / "none.exr")
+    with pytest.raises(OutputError, match=r"a\.exr .No such file"):
+        write_exr(tmp_path / "none" / "a.exr", planes("Y"))
+
+
+# --------------------------------------------------------------------------------------------------------------- damage
+
+
+@pytest.mark.parametrize("kept", [0, 3, 8, 100, 0.1, 0.5, -1])
+def test_a_file_that_ends_early_is_refused_without_a_word_of_the_library(tmp_path, capfd, kept):
+    """Wherever it is cut: one sentence, and nothing printed."""
+    data = encode_exr(planes("BGR"))
+    end = int(kept * len(data)) if isinstance(kept, float) else kept
+    (tmp_path / "a.exr").write_bytes(data[:end])
+    with pytest.raises(InputError, match=r"a\.exr is damaged or no OpenEXR file; replace it\."):
+        read_exr(tmp_path / "a.exr")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_spoiled_pixels_are_refused(tmp_path):
+    """Bytes that do not unpack, in a file that is whole otherwise."""
+    data = bytearray(encode_exr(planes("BGR")))
+    middle = len(data) // 2
+    data[middle : middle + 40] = b"\xff" * 40
+    (tmp_path / "a.exr").write_bytes(data)
+    with pytest.raises(InputError, match=r"a\.exr is damaged"):
+        read_exr(tmp_path / "a.exr")
+
+
+def with_window(data: bytes, name: bytes, *corners: int) -> bytes:
+    place = data.index(name + b"\0box2i\0") + len(name) + 7 + 4
+    return data[:place] + struct.pack("<4i", *corners) + data[place + 16 :]
+
+
+@pytest.mark.parametrize("name", [b"dataWindow", b"displayWindow"])
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        ((0, 0, 99_999, 99_999), r"promises 100000x100000 pixels, more than 1000 million"),
+        ((-(2**31), -(2**31), 2**31 - 1, 2**31 - 1), r"promises 4294967296x4294967296"),
+        ((0, 0, -1, 10), "damaged"),
+        ((10, 10, 0, 0), "damaged"),
+    ],
+)
+def test_impossible_sizes_are_refused(tmp_path, name, corners, message):
+    """Before any memory is taken for them."""
+    (tmp_path / "a.exr").write_bytes(with_window(encode_exr(planes("Y")), name, *corners))
+    with pytest.raises(InputError, match=rf"a\.exr {message}|a\.exr is {message}"):
+        read_exr(tmp_path / "a.exr")
+
+
+def test_a_size_that_the_file_cannot_hold_is_refused(tmp_path):
+    """30000 lines need 1875 chunks, which three chunks are not."""
+    (tmp_path / "a.exr").write_bytes(with_window(encode_exr(planes("Y")), b"dataWindow", 0, 0, 29_999, 29_999))
+    with pytest.raises(InputError, match="damaged"):
+        read_exr(tmp_path / "a.exr")
+
+
+@given(st.integers(0, 420), st.integers(0, 255))
+def test_any_other_byte_in_the_header_is_an_image_or_an_error(tmp_path_factory, place, value):
+    """Never another exception than ours."""
+    data = bytearray(encode_exr({"Y": plane(0, 6, 7)}))
+    data[min(place, len(data) - 1)] = value
+    path = tmp_path_factory.getbasetemp() / "spoiled.exr"
+    path.write_bytes(data)
+    with suppress(InputError):
+        assert read_exr(path).keys()
+
+
+# --------------------------------------------------------------------------------------------------------------- layers
+
+
+@pytest.mark.parametrize(
+    ("names", "parts", "expected"),
+    [
+        (["R", "G", "B", "Z"], "RGB", ""),
+        (["View.Combined.R", "View.Combined.G", "View.Combined.B", "View.Vector.X"], "RGB", "View.Combined."),
+        (["a.R", "a.G", "a.B"], "RGB", "a."),
+        (["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"], "RGB", None),
+        (["a.R", "a.G", "a.B", "a.Combined.R", "a.Combined.G", "a.Combined.B"], "RGB", "a.Combined."),
+        (["R", "G", "B", "a.R", "a.G", "a.B"], "RGB", ""),
+        (["R", "G"], "RGB", None),
+        (["MAR", "MAG", "MAB"], "RGB", None),
+        ([], "RGB", None),
+    ],
+)
+def test_the_layer_is_found(names, parts, expected):
+    """Plain names first, then the only layer, then the only one of the expected name."""
+    assert find_layer(names, parts, "Combined") == expected
+
+
+# ------------------------------------------------------------------------------------------------------------ as images
+
+
+def test_images_are_in_the_packages_order(tmp_path):
+    """BGR, BGRA, gray, and gray with alpha as BGRA, beyond black and white too."""
+    expected = {"RGB": "BGR", "RGBA": "BGRA", "Y": "Y", "depth": None, "YA": "YYYA", "RGBZ": "BGR"}
+    for names, order in expected.items():
+        channels = {"depth": plane()} if order is None else planes(names)
+        write_exr(tmp_path / "a.exr", channels)
+        image = read_image(tmp_path / "a.exr")
+        assert image.dtype == np.float32
+        assert image.flags.c_contiguous
+        np.testing.assert_array_equal(image, np.dstack([channels[each] for each in order or ["depth"]]))
+
+
+def test_a_layer_of_many_is_the_picture(tmp_path):
+    """Blender's multilayer files: the combined colours, not the passes."""
+    layers = {f"View Layer.{each}": plane(seed) for seed, each in enumerate(("Combined.R", "Combined.G", "Combined.B"))}
+    write_exr(tmp_path / "a.exr", {**layers, "View Layer.Depth.Z": plane(7)})
+    np.testing.assert_array_equal(read_image(tmp_path / "a.exr"), np.dstack([plane(2), plane(1), plane(0)]))
+
+
+def test_a_file_without_a_picture_is_refused(tmp_path):
+    """Passes alone; the message names what there is."""
+    write_exr(tmp_path / "b.exr", planes("XZ"))
+    with pytest.raises(InputError, match=r"b\.exr has no colours among its channels \(X, Z\)"):
+        read_image(tmp_path / "b.exr")
+
+
+def convert(source: ImageSource, path: Path, frames: int = 2) -> list[np.ndarray]:
+    """Copy all images of a source; read them again."""
+    sink = ImageSink(str(path), source.info, source, frames, overwrite=False)
+    with sink:
+        for index, frame in enumerate(source):
+            sink.write(Frame(frame.image, index / RATE))
+    return [frame.image for frame in ImageSource(str(path), RATE)]
+
+
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize("names", ["Y", "BGR", "BGRA"])
+def test_a_sequence_keeps_every_value_and_its_precision(tmp_path, names, half):
+    """Half stays half and float stays float, so that originals pass exactly."""
+    (tmp_path / "in").mkdir()
+    for number in (1, 2):
+        channels = {name: each + (0 if half else np.float32(1e-5)) for name, each in planes(names).items()}
+        write_exr(tmp_path / "in" / f"a_{number:04d}.exr", channels, half=half)
+    source = ImageSource(str(tmp_path / "in"), RATE)
+    again = convert(source, tmp_path / "out")
+    for image, frame in zip(again, source, strict=True):
+        np.testing.assert_array_equal(image, frame.image)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a_0001.exr", "a_0002.exr"]
+    header = read_exr_header(tmp_path / "out" / "a_0001.exr")
+    assert header.channels == dict.fromkeys(sorted(names), "half" if half else "float")
+    assert source.remarks == []
+
+
+def test_float_tiff_becomes_float_exr(tmp_path):
+    """Nothing is rounded on the way."""
+    (tmp_path / "in").mkdir()
+    image = np.random.default_rng(1).random((HEIGHT, WIDTH, 3), np.float32)
+    for number in (1, 2):
+        (tmp_path / "in" / f"{number}.tif").write_bytes(cv2.imencode(".tif", image)[1].tobytes())
+    (tmp_path / "out").mkdir()
+    source = ImageSource(str(tmp_path / "in"), RATE)
+    sink = ImageSink(str(tmp_path / "out" / "#.exr"), source.info, source, 2, overwrite=False)
+    with sink:
+        sink.write(Frame(image, Fraction(0)))
+    np.testing.assert_array_equal(read_image(tmp_path / "out" / "1.exr"), image)
+
+
+def test_channels_that_are_left_out_are_remarked(tmp_path):
+    """Depth and other passes do not come along, and that is said once."""
+    for number in (1, 2):
+        write_exr(tmp_path / f"{number}.exr", planes("RGBZ"))
+    (remark,) = ImageSource(str(tmp_path), RATE).remarks
+    assert remark == "1.exr and its like hold other channels (Z), which were left out."
+
+
+def test_a_damaged_image_of_a_sequence_is_named_when_its_turn_comes(tmp_path):
+    """Like every other type of image."""
+    for number in (1, 2):
+        write_exr(tmp_path / f"{number}.exr", planes("RGB"))
+    (tmp_path / "2.exr").write_bytes((tmp_path / "2.exr").read_bytes()[:900])
+    frames = iter(ImageSource(str(tmp_path), RATE))
+    next(frames)
+    with pytest.raises(InputError, match=r"2\.exr is damaged"):
+        next(frames)

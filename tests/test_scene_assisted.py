@@ -1,0 +1,317 @@
+"""Scene-assisted reprojection against true in-between frames, and both methods with vectors from end to end."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from truth import Clip, affine, as_type, frozen, moving_object, noise, translation, waves
+from vector_truth import constant, save_object, save_translation, save_vectors
+
+from fpsboost import cli
+from fpsboost.errors import InputError, OptionError
+from fpsboost.exr import write_exr
+from fpsboost.interpolator import Interpolator
+from fpsboost.media.image_files import read_image
+from fpsboost.method_table import configure, find_method, interpolate, vector_methods
+from fpsboost.motion.opencv import Still
+from fpsboost.motion.vectors import VectorFolder
+from fpsboost.pipeline import convert
+from fpsboost.prepared import PreparedImage
+from fpsboost.synthesis import Transition
+from fpsboost.synthesis.scene_assisted import SceneAssisted
+
+pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
+
+
+def made(
+    synthesizer: SceneAssisted, image0: np.ndarray, image1: np.ndarray, span: int | Fraction, times: Sequence[float]
+) -> list[np.ndarray]:
+    """Images between two frames that are `span` output frames apart, the first of them number 0."""
+    placed = [PreparedImage(image0, Fraction(0)), PreparedImage(image1, Fraction(span))]
+    return list(synthesizer.synthesize(Transition(*placed, *Still().estimate(*placed)), times))
+
+
+def between(synthesizer: SceneAssisted, clip: Clip, span: int = 4) -> list[np.ndarray]:
+    return made(synthesizer, clip.image0, clip.image1, span, [number / span for number in range(1, span)])
+
+
+# ------------------------------------------------------------------------------------------------------------ one image
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_images_are_like_the_frames(tmp_path, channels, dtype):
+    """Shape, type and values of a still, but for colours that nobody can see."""
+    image = noise(19, 23, channels, dtype).copy()
+    if channels in {2, 4} and dtype is not np.float32:
+        image[..., -1] = image[..., -1].clip(1)
+    vectors = VectorFolder(save_translation(tmp_path, 3, (19, 23), 0, 0))
+    (middle,) = made(SceneAssisted(vectors), image, image, 2, [0.5])
+    assert middle.dtype == dtype
+    assert middle.flags.c_contiguous
+    assert middle.flags.writeable
+    np.testing.assert_allclose(middle, image, rtol=1e-6 if dtype is np.float32 else 0)
+
+
+@pytest.mark.parametrize("shift", [(8, 0), (0, -8), (-8, 0), (0, 8)])
+def test_whole_translations_are_exact_to_the_edge(tmp_path, shift):
+    """What leaves the frame comes from the one, what enters it from the other; up is up and down is down."""
+    clip = translation(30, 40, *shift, seed=1)
+    vectors = VectorFolder(save_translation(tmp_path, 5, (30, 40), shift[0] / 4, shift[1] / 4))
+    for number, image in enumerate(between(SceneAssisted(vectors), clip), 1):
+        np.testing.assert_array_equal(image, clip.at(number / 4))
+
+
+def test_slanting_translations_are_exact_but_for_two_corners(tmp_path):
+    """What neither frame shows is a mixture; all else is copied."""
+    clip = translation(30, 40, -8, 4, seed=1)
+    vectors = VectorFolder(save_translation(tmp_path, 5, (30, 40), -2, 1))
+    for number, image in enumerate(between(SceneAssisted(vectors), clip), 1):
+        wrong = (image != clip.at(number / 4)).any(axis=-1)
+        wrong[:number, : 2 * (4 - number)] = False  # came from above, and leaves to the left
+        wrong[30 - (4 - number) :, 40 - 2 * number :] = False
+        assert not wrong.any()
+
+
+def test_fractions_of_a_pixel_are_mixed_from_four(tmp_path):
+    """A smooth texture is right to a few levels of 255."""
+    clip = affine(40, 50, shift=(3.3, -1.7))
+    vectors = VectorFolder(save_translation(tmp_path, 5, (40, 50), 3.3 / 4, -1.7 / 4))
+    for number, image in enumerate(between(SceneAssisted(vectors), clip), 1):
+        error = np.abs(image.astype(float) - clip.at(number / 4))
+        assert error.mean() < 1.5
+
+
+def test_each_frame_has_vectors_of_its_own(tmp_path):
+    """What speeds up is where the in-between frame says, not half-way: x = 0, 2, 8 at output frames 0, 1, 2."""
+    canvas = noise(20, 60)
+    image0, middle, image1 = (frozen(canvas[:, 20 - x : 50 - x]) for x in (0, 2, 8))
+    for number, (before, after) in enumerate([(0, 2), (-2, 6), (-6, 0)]):
+        save_vectors(tmp_path / f"{number}.exr", constant(20, 30, before, 0), constant(20, 30, after, 0))
+    (image,) = made(SceneAssisted(VectorFolder(tmp_path)), image0, image1, 2, [0.5])
+    np.testing.assert_array_equal(image, middle)
+
+
+def moving(tmp_path: Path) -> tuple[Clip, VectorFolder, VectorFolder]:
+    """An object before a background, its vectors with depth and without."""
+    clip = moving_object(40, 60, box=(12, 10, 28, 30), dx=16, dy=4)
+
+    def covered(number: int) -> np.ndarray:
+        mask = np.zeros((40, 60), bool)
+        mask[12 + number : 28 + number, 10 + 4 * number : 30 + 4 * number] = True
+        return mask
+
+    save_object(tmp_path / "v", tmp_path / "d", covered, 5, (4, 1))
+    return clip, VectorFolder(tmp_path / "v", tmp_path / "d"), VectorFolder(tmp_path / "v")
+
+
+def test_with_depth_nothing_is_seen_through_an_object(tmp_path):
+    """Object, background, and what one frame hides: all exact; without depth the object leaves ghosts."""
+    clip, with_depth, without_depth = moving(tmp_path)
+    for number, image in enumerate(between(SceneAssisted(with_depth), clip), 1):
+        np.testing.assert_array_equal(image, clip.at(number / 4))
+    for number, image in enumerate(between(SceneAssisted(without_depth), clip), 1):
+        assert 0.02 < (image != clip.at(number / 4)).any(axis=-1).mean() < 0.2
+
+
+def test_the_tolerance_of_depth(tmp_path):
+    """A frame that is nearer by more than the tolerance does not count; where neither counts, both are mixed."""
+    image0, image1 = (np.full((6, 8, 1), value, np.uint8) for value in (40, 80))
+    save_translation(tmp_path / "v", 3, (6, 8), 0, 0)
+    (tmp_path / "d").mkdir()
+    for depths, tolerance, expected in (
+        ((10.0, 10.0, 10.0), 0.05, 60),
+        ((9.6, 10.0, 9.6), 0.05, 60),
+        ((9.4, 10.0, 10.0), 0.05, 80),
+        ((9.4, 10.0, 10.0), 0.1, 60),
+        ((12.0, 10.0, 9.4), 0.05, 40),
+        ((1.0, 10.0, 1.0), 0.05, 60),
+        ((np.inf, np.inf, np.inf), 0.05, 60),
+        ((np.inf, np.inf, 10.0), 0.05, 40),
+        ((1e10, 1e10, 1e10), 0.05, 60),
+    ):
+        for number, depth in enumerate(depths):
+            write_exr(tmp_path / "d" / f"{number}.exr", {"Z": np.full((6, 8), depth, np.float32)}, half=False)
+        synthesizer = SceneAssisted(VectorFolder(tmp_path / "v", tmp_path / "d"), depth_tolerance=tolerance)
+        (image,) = made(synthesizer, image0, image1, 2, [0.5])
+        assert (image == expected).all(), (depths, tolerance)
+
+
+def test_where_both_lie_outside_both_are_mixed(tmp_path):
+    """The outermost pixels go on."""
+    image0, image1 = (np.full((6, 8, 1), value, np.uint8) for value in (40, 80))
+    for number in range(3):
+        save_vectors(tmp_path / f"{number}.exr", constant(6, 8, 1e30, 0), constant(6, 8, -50, 1e30))
+    (image,) = made(SceneAssisted(VectorFolder(tmp_path)), image0, image1, 2, [0.5])
+    assert (image == 60).all()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_colours_that_alpha_hides_do_not_bleed(tmp_path, dtype):
+    """Half a pixel between a red one and a hidden green one is red, half hidden."""
+    white = np.iinfo(dtype).max
+    image = np.zeros((4, 6, 4), dtype)
+    image[..., 1] = white
+    image[:, :3] = 0, 0, white, white
+    for number in range(3):
+        save_vectors(tmp_path / f"{number}.exr", constant(4, 6, -0.5, 0), constant(4, 6, -0.5, 0))
+    (made_image,) = made(SceneAssisted(VectorFolder(tmp_path)), image, image, 2, [0.5])
+    np.testing.assert_array_equal(made_image[1, 3], [0, 0, white, white // 2 + 1])
+    np.testing.assert_array_equal(made_image[1, 5], [0, white, 0, 0])
+
+
+def test_times_that_are_no_output_frames_are_refused(tmp_path):
+    """A time between two output frames, or frames that nobody placed; a third of the way is exact enough."""
+    image = noise(6, 8)
+    synthesizer = SceneAssisted(VectorFolder(save_translation(tmp_path, 4, (6, 8), 0, 0)))
+    assert len(made(synthesizer, image, image, 3, [1 / 3, 2 / 3])) == 2
+    assert len(made(synthesizer, image, image, Fraction(5, 2), [0.4, 0.8])) == 2
+    for span, t in ((2, 0.4), (Fraction(5, 2), 0.5)):
+        with pytest.raises(OptionError, match="need a whole factor"):
+            made(synthesizer, image, image, span, [t])
+    with pytest.raises(OptionError, match="need a whole factor"):
+        Interpolator(Still(), synthesizer).interpolate(image, image, [0.5])
+
+
+def test_depth_is_compared_at_output_frames_alone(tmp_path):
+    """With depth, both frames must be output frames."""
+    _, with_depth, _ = moving(tmp_path)
+    with pytest.raises(OptionError, match="need a whole factor"):
+        made(SceneAssisted(with_depth), noise(40, 60), noise(40, 60), Fraction(5, 2), [0.4])
+
+
+def test_options_out_of_range(tmp_path):
+    """Tolerance, and vectors of another size."""
+    vectors = VectorFolder(save_translation(tmp_path, 4, (6, 8), 0, 0))
+    for tolerance in (-0.1, 1):
+        with pytest.raises(OptionError, match="depth_tolerance"):
+            SceneAssisted(vectors, tolerance)
+    with pytest.raises(InputError, match="8x6 pixels, and the frames have 9x6"):
+        made(SceneAssisted(vectors), noise(6, 9), noise(6, 9), 2, [0.5])
+
+
+# ------------------------------------------------------------------------------------------------------ the two methods
+
+
+def test_methods_need_vectors_and_others_take_none(tmp_path):
+    """Each mistake in a sentence that names the option; an unknown method lists all."""
+    vectors = VectorFolder(save_translation(tmp_path, 3, (6, 8), 0, 0))
+    for name in vector_methods:
+        assert find_method(name, vectors) == find_method(name, vectors)
+        with pytest.raises(OptionError, match=rf"'{name}' needs the renderer's motion vectors; give --vectors DIR\."):
+            find_method(name)
+        with pytest.raises(OptionError, match="--vectors DIR"):
+            interpolate(noise(6, 8), noise(6, 8), method=name)
+    with pytest.raises(OptionError, match="--vectors does not apply to the method 'nlm'"):
+        find_method("nlm", vectors)
+    with pytest.raises(OptionError, match=r"nlm, .*reproject-image, reproject-scene"):
+        find_method("magic")
+
+
+def test_options_reach_the_methods(tmp_path):
+    """The search of the one, the tolerance of the other."""
+    vectors = VectorFolder(save_translation(tmp_path, 3, (6, 8), 0, 0))
+    image_based, scene_assisted = (find_method(name, vectors) for name in vector_methods)
+    assert configure(image_based, "", {"search": "brute-force"}).synthesizer.search == "brute-force"
+    assert configure(scene_assisted, "", {"depth_tolerance": 0.1}).synthesizer.depth_tolerance == 0.1
+    with pytest.raises(OptionError, match="--search does not apply"):
+        configure(scene_assisted, "reproject-scene", {"search": "brute-force"})
+
+
+HEIGHT, WIDTH, MOTION = 48, 64, (3, -2)
+COUNT = 7
+
+
+def true_frame(number: int) -> np.ndarray:
+    """A smooth picture that moves by MOTION from output frame to output frame."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    return as_type(waves(x - number * MOTION[0], y - number * MOTION[1]), np.uint8)
+
+
+@pytest.fixture
+def renders(tmp_path) -> Path:
+    """Every second frame as PNG, and vectors of all of them."""
+    (tmp_path / "in").mkdir()
+    for number in range(0, COUNT, 2):
+        path = tmp_path / "in" / f"shot_{number // 2 + 1:04d}.png"
+        path.write_bytes(cv2.imencode(".png", true_frame(number))[1].tobytes())
+    save_translation(tmp_path / "vectors", COUNT, (HEIGHT, WIDTH), *MOTION)
+    return tmp_path
+
+
+@pytest.mark.parametrize("method", list(vector_methods))
+def test_folders_from_end_to_end(renders, method):
+    """The true frames, exactly; but for the edge, where nothing lands, or the corners come from neither frame."""
+    vectors = VectorFolder(renders / "vectors")
+    summary = convert(str(renders / "in"), str(renders / "out"), factor=2, method=find_method(method, vectors))
+    assert (summary.frames_in, summary.frames_out, summary.scene_cuts) == (4, COUNT, 0)
+    inner = slice(4, -4)
+    for number in range(COUNT):
+        image = read_image(renders / "out" / f"shot_{number + 1:04d}.png")
+        np.testing.assert_array_equal(image[inner, inner], true_frame(number)[inner, inner])
+
+
+def run(monkeypatch, capsys, folder: Path, line: str) -> tuple[int, str]:
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(cli, "COMPILE_HINT_AFTER", 3600)
+    monkeypatch.setattr(sys, "argv", ["fpsboost", *line.split()])
+    code = 0
+    try:
+        cli.main()
+    except SystemExit as stop:
+        code = int(stop.code or 0)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert len(captured.err.splitlines()) == 1, captured.err
+    return code, captured.err
+
+
+def test_the_command_line(renders, monkeypatch, capsys):
+    """The same by options, with depth too."""
+    for number in range(COUNT):
+        write_exr(renders / "vectors" / f"Depth{number}.exr", {"Z": np.ones((HEIGHT, WIDTH), np.float32)})
+    line = "in out --method reproject-scene --vectors vectors/v_####.exr --depth vectors/Depth#.exr"
+    assert run(monkeypatch, capsys, renders, line)[0] == 0
+    image = read_image(renders / "out" / "shot_0004.png")
+    np.testing.assert_array_equal(image[4:-4, 4:-4], true_frame(3)[4:-4, 4:-4])
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "words"),
+    [
+        ("--method reproject-scene", 2, "'reproject-scene' needs the renderer's motion vectors; give --vectors DIR."),
+        ("--vectors vectors", 2, "--vectors does not apply to the method 'nlm'"),
+        ("--depth vectors", 2, "--depth goes with"),
+        ("--method reproject-image --vectors none", 1, "none is no folder with motion vectors"),
+        ("--method reproject-image --vectors vectors --factor 5/2", 2, "need a whole factor"),
+        ("--method reproject-scene --vectors vectors --factor 3", 1, "vectors has no vectors for output frame 7"),
+        ("--method reproject-image --vectors vectors --factor 3", 1, "vectors has no vectors for output frame 9"),
+    ],
+)
+def test_mistakes_are_one_sentence_and_nothing_is_written(renders, monkeypatch, capsys, line, code, words):
+    """Exit code 2 for options, 1 for files."""
+    before = sorted(renders.rglob("*"))
+    result = run(monkeypatch, capsys, renders, f"in out {line}")
+    assert result[0] == code
+    assert words in result[1]
+    assert re.fullmatch(r"fpsboost: .+\.\n", result[1])
+    assert sorted(renders.rglob("*")) == before
+
+
+@pytest.mark.parametrize("number", [3, COUNT - 1])
+def test_missing_vectors_of_one_frame(renders, monkeypatch, capsys, number):
+    """A gap and a missing end: one sentence, exit code 1, nothing written."""
+    (renders / "vectors" / f"v_{number:04d}.exr").unlink()
+    line = "in out --method reproject-image --vectors vectors"
+    code, message = run(monkeypatch, capsys, renders, line)
+    assert code == 1
+    assert ("v_0003.exr is missing" if number == 3 else "no vectors for output frame 6") in message
+    assert not (renders / "out").exists()
+    assert not [path for path in renders.iterdir() if path.name.startswith(".")]

@@ -1,0 +1,302 @@
+"""A renderer's motion vectors: files, folders, and motion fields made of them."""
+
+from __future__ import annotations
+
+import struct
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from truth import moving_object, noise
+from vector_truth import constant, save_depth, save_flows, save_object, save_translation, save_vectors
+
+from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.exr import write_exr
+from fpsboost.motion.flow_files import read_flow, write_flow
+from fpsboost.motion.vectors import RenderedMotion, VectorFolder
+from fpsboost.prepared import PreparedImage
+
+SIZE = HEIGHT, WIDTH = 12, 18
+
+
+def placed(number: Fraction | int | None, size: tuple[int, int] = SIZE) -> PreparedImage:
+    return PreparedImage(noise(*size), None if number is None else Fraction(number))
+
+
+def random_flow(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).normal(0, 5, (*SIZE, 2)).astype(np.float32)
+
+
+# ----------------------------------------------------------------------------------------------------------- .flo files
+
+
+@given(st.integers(1, 5), st.integers(1, 5), st.integers(0, 99))
+def test_flow_round_trip(tmp_path_factory, height, width, seed):
+    """Every vector comes back, in every size, and what is unknown stays unknown."""
+    path = tmp_path_factory.getbasetemp() / "a.flo"
+    flow = np.random.default_rng(seed).normal(0, 50, (height, width, 2)).astype(np.float32)
+    flow[0, 0] = np.nan
+    write_flow(path, flow)
+    np.testing.assert_array_equal(read_flow(path), flow)
+
+
+def test_flow_files_are_as_others_write_them(tmp_path):
+    """The bytes of the format, written out by hand."""
+    data = b"PIEH" + struct.pack("<ii", 2, 1) + struct.pack("<4f", 1.5, -2, 3, 2e9)
+    (tmp_path / "a.flo").write_bytes(data)
+    flow = read_flow(tmp_path / "a.flo")
+    np.testing.assert_array_equal(flow, np.array([[[1.5, -2], [3, np.nan]]], np.float32))
+    assert flow.flags.writeable
+    write_flow(tmp_path / "b.flo", flow)
+    assert (tmp_path / "b.flo").read_bytes() == data[:-4] + struct.pack("<f", 1e10)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "no .flo file"),
+        (b"PIEH", "no .flo file"),
+        (b"HEIP" + bytes(20), "no .flo file"),
+        (b"PIEH" + struct.pack("<ii", 2, 1) + bytes(15), "2x1 vectors but has 27 bytes"),
+        (b"PIEH" + struct.pack("<ii", 2, 1) + bytes(17), "2x1 vectors but has 29 bytes"),
+        (b"PIEH" + struct.pack("<ii", 2**31 - 1, 2**31 - 1), "2147483647x2147483647 vectors but has 12 bytes"),
+        (b"PIEH" + struct.pack("<ii", -1, -1) + bytes(8), "-1x-1"),
+        (b"PIEH" + struct.pack("<ii", 0, 5), "0x5"),
+    ],
+)
+def test_damaged_flow_files_are_named(tmp_path, data, message):
+    """By magic number and by length, before memory is taken."""
+    (tmp_path / "a.flo").write_bytes(data)
+    with pytest.raises(InputError, match=rf"a\.flo .*{message}"):
+        read_flow(tmp_path / "a.flo")
+
+
+def test_flow_files_that_cannot_be_opened_are_named(tmp_path):
+    """With the system's reason."""
+    with pytest.raises(InputError, match=r"a\.flo .No such file"):
+        read_flow(tmp_path / "a.flo")
+    with pytest.raises(OutputError, match=r"a\.flo .No such file"):
+        write_flow(tmp_path / "none" / "a.flo", random_flow(0))
+
+
+# -------------------------------------------------------------------------------------------------------------- folders
+
+
+def test_y_points_up_in_openexr(tmp_path):
+    """What falls by 3 pixels was above (Y = 3) and will be below (W = 3); what goes right by 5 came from the left."""
+    channels = {"X": -5.0, "Y": 3.0, "Z": -5.0, "W": 3.0}
+    write_exr(tmp_path / "1.exr", {name: np.full(SIZE, value, np.float32) for name, value in channels.items()})
+    vectors = VectorFolder(tmp_path).at(0)
+    np.testing.assert_array_equal(vectors.backward, constant(*SIZE, -5, -3))
+    np.testing.assert_array_equal(vectors.forward, constant(*SIZE, 5, 3))
+    assert vectors.backward.dtype == vectors.forward.dtype == np.float32
+    assert vectors.depth is None
+
+
+@pytest.mark.parametrize("layer", ["", "View Layer.Vector.", "Vector.", "motion."])
+def test_the_layer_with_vectors_is_found(tmp_path, layer):
+    """Plain names, Blender's layers, and any other, among channels that are none."""
+    save_vectors(tmp_path / "1.exr", random_flow(1), random_flow(2), layer)
+    vectors = VectorFolder(tmp_path).at(0)
+    np.testing.assert_array_equal(vectors.backward, random_flow(1))
+    np.testing.assert_array_equal(vectors.forward, random_flow(2))
+
+
+def test_flow_pairs(tmp_path):
+    """Backward and forward as they stand, in the order of the numbers."""
+    for number in (9, 10, 11):
+        save_flows(tmp_path, str(number), random_flow(number), random_flow(-number % 97))
+    folder = VectorFolder(tmp_path)
+    for index, number in enumerate((9, 10, 11)):
+        np.testing.assert_array_equal(folder.at(index).backward, random_flow(number))
+        np.testing.assert_array_equal(folder.at(index).forward, random_flow(-number % 97))
+
+
+def test_the_first_file_is_the_first_frame(tmp_path):
+    """Whatever its number; a pattern chooses one sequence of a folder, and other files do not matter."""
+    for number in range(98, 102):
+        save_vectors(tmp_path / f"Vector{number}.exr", constant(*SIZE, number, 0), constant(*SIZE, 0, number))
+        save_depth(tmp_path / f"Depth{number}.exr", np.full(SIZE, number, np.float32))
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"several sequences .*Depth##\.exr, Vector##\.exr.*pattern such as"):
+        VectorFolder(tmp_path)
+    folder = VectorFolder(tmp_path / "Vector##.exr", tmp_path / "Depth##.exr")
+    for index in (3, 0, 2, 1, 0):
+        vectors = folder.at(index)
+        assert (vectors.backward[0, 0, 0], vectors.depth[0, 0]) == (98 + index, 98 + index)
+    assert repr(folder) == f"VectorFolder({str(tmp_path / 'Vector##.exr')!r}, depth={str(tmp_path / 'Depth##.exr')!r})"
+
+
+def test_only_a_few_frames_are_kept(tmp_path, monkeypatch):
+    """What was read lately is not read again; what was read long ago is forgotten."""
+    folder = VectorFolder(save_translation(tmp_path, 8, SIZE, 1, 0))
+    first = folder.at(0)
+    for number in (1, 2, 0, 3, 0):
+        folder.at(number)
+    assert folder.at(0) is first
+    for number in range(1, 6):
+        folder.at(number)
+    assert folder.at(0) is not first
+    assert len(folder._kept) == 4
+
+
+def depth_file(path: Path, *names: str) -> Path:
+    write_exr(path, {name: np.full(SIZE, index, np.float32) for index, name in enumerate(names)}, half=False)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["anything"], 0),
+        (["R", "G", "B", "Z"], 3),
+        (["A", "Depth"], 1),
+        (["A", "V", "Y"], 1),
+        (["X", "Y", "Z", "W", "View.Depth.Z"], 4),
+        (["View.Vector.X", "View.Vector.Z", "View.Depth.V"], 2),
+        (["X", "Y", "Z", "W", "Depth"], 4),
+    ],
+)
+def test_the_channel_with_depth_is_found(tmp_path, names, expected):
+    """The only one, a layer's, or the plain name, but not the Z of a vector."""
+    (tmp_path / "d").mkdir()
+    depth_file(tmp_path / "d" / "1.exr", *names)
+    save_translation(tmp_path / "v", 1, SIZE, 1, 0)
+    depth = VectorFolder(tmp_path / "v", tmp_path / "d").at(0).depth
+    np.testing.assert_array_equal(depth, np.full(SIZE, expected, np.float32))
+
+
+def test_what_has_no_depth_is_infinitely_far(tmp_path):
+    """NaN and infinity alike."""
+    depth = np.full(SIZE, 3, np.float32)
+    depth[0, :3] = np.nan, np.inf, 1e10
+    save_depth(tmp_path / "d" / "1.exr", depth)
+    read = VectorFolder(save_translation(tmp_path / "v", 1, SIZE, 1, 0), tmp_path / "d").at(0).depth
+    assert read[0, :4].tolist() == [np.inf, np.inf, np.float32(1e10), 3]
+
+
+# --------------------------------------------------------------------------------------------------------------- errors
+
+
+def test_folders_without_vectors_are_named(tmp_path):
+    """Missing, empty, a file, and a pattern that fits nothing."""
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("")
+    for name, message in {
+        "none": "none is no folder with motion vectors",
+        "file": "file is no folder with motion vectors",
+        "empty": "empty holds no motion vectors",
+        "v_##.exr": "No image is named like .*v_##.exr",
+        "none/v_##.exr": "none/v_##.exr .No such file",
+        "v_##.flo": "is no folder",
+    }.items():
+        with pytest.raises(InputError, match=message):
+            VectorFolder(tmp_path / name)
+    save_translation(tmp_path / "v", 2, SIZE, 1, 0)
+    with pytest.raises(InputError, match="none is no folder with depth"):
+        VectorFolder(tmp_path / "v", tmp_path / "none")
+
+
+def test_frames_without_vectors_are_named(tmp_path):
+    """A gap, a frame beyond the last, and depth that ends early."""
+    save_translation(tmp_path / "v", 4, SIZE, 1, 0)
+    save_depth(tmp_path / "d" / "1.exr", np.ones(SIZE, np.float32))
+    for number in (4, -1):
+        with pytest.raises(InputError, match=rf"v has no vectors for output frame {number}; .*4 are there"):
+            VectorFolder(tmp_path / "v").at(number)
+    with pytest.raises(InputError, match=r"d has no depth for output frame 1; .*1 are there"):
+        VectorFolder(tmp_path / "v", tmp_path / "d").at(1)
+    (tmp_path / "v" / "v_0002.exr").unlink()
+    with pytest.raises(InputError, match=r"v_0002\.exr is missing"):
+        VectorFolder(tmp_path / "v")
+
+
+def test_flow_without_partner_and_mixed_kinds_are_named(tmp_path):
+    """Both directions of each frame, and one kind of file."""
+    save_flows(tmp_path, "0001", random_flow(1), random_flow(2))
+    write_flow(tmp_path / "0002_forward.flo", random_flow(3))
+    with pytest.raises(InputError, match=r"0002_forward\.flo has no partner 0002_backward\.flo"):
+        VectorFolder(tmp_path)
+    (tmp_path / "0002_forward.flo").rename(tmp_path / "0002.flo")
+    with pytest.raises(InputError, match=r"0002\.flo is neither"):
+        VectorFolder(tmp_path)
+    save_vectors(tmp_path / "0001.exr", random_flow(1), random_flow(2))
+    with pytest.raises(InputError, match=r"both \.exr and \.flo"):
+        VectorFolder(tmp_path)
+
+
+def test_unlike_sizes_are_named(tmp_path):
+    """The two directions, depth, and the frames themselves."""
+    save_flows(tmp_path / "f", "1", random_flow(1), random_flow(2)[:-1])
+    with pytest.raises(InputError, match=r"1_backward\.flo and 1_forward\.flo differ in size"):
+        VectorFolder(tmp_path / "f").at(0)
+    save_translation(tmp_path / "v", 2, SIZE, 1, 0)
+    save_depth(tmp_path / "d" / "1.exr", np.ones((5, 6), np.float32))
+    with pytest.raises(InputError, match=r"1\.exr has 6x5 pixels, and the vectors have 18x12"):
+        VectorFolder(tmp_path / "v", tmp_path / "d").at(0)
+    with pytest.raises(InputError, match=r"v has vectors for 18x12 pixels, and the frames have 6x5"):
+        RenderedMotion(VectorFolder(tmp_path / "v")).estimate(placed(0, (5, 6)), placed(1, (5, 6)))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_vectors_that_are_no_numbers_are_counted(tmp_path, value):
+    """In either kind of file; the unknown motion of .flo files too."""
+    spoiled = random_flow(1)
+    spoiled[3, 4:6, 1] = value
+    save_vectors(tmp_path / "e" / "1.exr", random_flow(2), spoiled)
+    save_flows(tmp_path / "f", "1", random_flow(2), spoiled)
+    with pytest.raises(InputError, match=r"1\.exr has 2 motion vectors that are unknown"):
+        VectorFolder(tmp_path / "e").at(0)
+    with pytest.raises(InputError, match=r"1_forward\.flo has 2 motion vectors that are unknown"):
+        VectorFolder(tmp_path / "f").at(0)
+
+
+def test_files_without_the_channels_are_named(tmp_path):
+    """The message says which there are and which are wanted."""
+    depth_file(tmp_path / "1.exr", "R", "G", "B")
+    with pytest.raises(InputError, match=r"1\.exr has no motion vectors among its channels \(B, G, R\).*X, Y, Z and W"):
+        VectorFolder(tmp_path).at(0)
+    save_translation(tmp_path / "v", 1, SIZE, 1, 0)
+    with pytest.raises(InputError, match=r"1\.exr has no depth among its channels \(B, G, R\)"):
+        VectorFolder(tmp_path / "v", tmp_path).at(0)
+
+
+# --------------------------------------------------------------------------------------------------------------- motion
+
+
+@pytest.mark.parametrize("span", [1, 2, 5])
+def test_vectors_are_made_as_long_as_the_pair(tmp_path, span):
+    """Forward from the first, backward from the second, times the output frames between."""
+    for number in range(8):
+        save_vectors(tmp_path / f"{number}.exr", random_flow(number), random_flow(50 + number))
+    field01, field10 = RenderedMotion(VectorFolder(tmp_path)).estimate(placed(2), placed(2 + span))
+    np.testing.assert_array_equal(field01.flow, random_flow(52) * np.float32(span))
+    np.testing.assert_array_equal(field10.flow, random_flow(2 + span) * np.float32(span))
+    assert field01.flow.dtype == field10.flow.dtype == field01.similarity.dtype == np.float32
+    assert (field01.similarity == 1).all()
+
+
+def test_the_motion_of_an_object_is_the_true_one(tmp_path):
+    """Each frame's own mask moves, all else stands."""
+    clip = moving_object(30, 40, box=(8, 8, 20, 20), dx=8, dy=-4)
+    save_object(tmp_path / "v", tmp_path / "d", object_mask, 3, (4, -2))
+    field01, field10 = RenderedMotion(VectorFolder(tmp_path / "v")).estimate(placed(0, (30, 40)), placed(2, (30, 40)))
+    np.testing.assert_array_equal(field01.flow, clip.flow01)
+    np.testing.assert_array_equal(field10.flow, clip.flow10)
+
+
+def object_mask(number: int) -> np.ndarray:
+    mask = np.zeros((30, 40), bool)
+    mask[8 - 2 * number : 20 - 2 * number, 8 + 4 * number : 20 + 4 * number] = True
+    return mask
+
+
+@pytest.mark.parametrize(("place0", "place1"), [(None, None), (0, Fraction(5, 2)), (Fraction(5, 2), 5), (0, None)])
+def test_frames_between_output_frames_have_no_vectors(tmp_path, place0, place1):
+    """A factor that is not whole, or images that nobody placed: the message asks for a whole factor."""
+    motion = RenderedMotion(VectorFolder(save_translation(tmp_path, 6, SIZE, 1, 0)))
+    with pytest.raises(OptionError, match=r"need a whole factor.*--factor 2"):
+        motion.estimate(placed(place0), placed(place1))
