@@ -18,6 +18,7 @@ from fpsboost.motion.field import MotionField
 from fpsboost.motion.nlm import CoarseToFine, pyramid
 from fpsboost.motion.opencv import Dis, Farneback, Still
 from fpsboost.prepared import PreparedImage
+from fpsboost.scenes import CutDetector
 
 estimators: dict[str, MotionEstimator] = {
     "nlm": CoarseToFine(),
@@ -400,3 +401,14 @@ def test_a_small_thing_over_a_still_background_is_found(width, size, shift):
     np.testing.assert_allclose(field01.flow[middle, middle], (shift, 0), atol=0.1)
     np.testing.assert_allclose(field10.flow[middle, middle + shift], (-shift, 0), atol=0.1)
     np.testing.assert_allclose(field01.flow[30, 30], (0, 0), atol=0.1)
+
+
+@pytest.mark.parametrize("gain", [4, 100])
+def test_motion_is_followed_in_bright_light(gain):
+    """Float images far above white: to a tenth of a pixel, as below it."""
+    clip = affine(96, 128, shift=(5.3, -2.6), dtype=np.float32, seed=2)
+    bright = prepared(*(image * np.float32(gain) for image in (clip.image0, clip.image1)))
+    field01, _ = CoarseToFine().estimate(*bright)
+    assert np.abs(field01.flow - np.float32([5.3, -2.6]))[16:-16, 16:-16].mean() < 0.1
+    dim = CutDetector().likeness(*clip.prepared)
+    assert CutDetector().likeness(*bright) > 0.7 * dim

@@ -16,9 +16,12 @@ from fpsboost.kernels.memory import aligned_empty
 Components = NDArray[Any]
 """(H, W, 3) float32."""
 
+HIGHLIGHTS = np.float32(0.5)
+"""Twice as bright as white looks brighter by 0.35, as twice as bright as a middle gray does."""
+
 
 def colour_components(image: Image) -> Components:
-    """Colours in [0, 1], multiplied by alpha so that the colour of a transparent pixel does not matter.
+    """Colours in [0, 1] (see `seen`), multiplied by alpha so that the colour of a transparent pixel does not matter.
 
     Parameters
     ----------
@@ -29,7 +32,7 @@ def colour_components(image: Image) -> Components:
     (H, W, 3) float32
         Gray images have their value in the first component and zero in the others.
     """
-    values = normalised(image)
+    values = seen(image)
     if has_alpha(image):
         values = values[..., :-1] * values[..., -1:]
     if values.shape[2] == 1:
@@ -100,7 +103,7 @@ def contrast_planes(image: Image, padding: int, scale: float, high_pass_size: in
     """
     height, width = image.shape[:2]
     if image.dtype == np.float32:
-        image, white = normalised(image), 1
+        image, white = seen(image), 1
     else:
         white = np.iinfo(image.dtype).max
     luma = np.empty((height, width), np.float32)
@@ -117,6 +120,18 @@ def normalised(image: Image) -> NDArray[Any]:
         return np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
     scale = 1 / np.iinfo(image.dtype).max
     values: NDArray[Any] = image.astype(np.float32) * np.float32(scale)
+    return values
+
+
+def seen(image: Image) -> NDArray[Any]:
+    """`normalised`, with highlights above white as their logarithm: contrast is what counts there, not difference.
+
+    Otherwise two frames of a scene that is brightly lit would have nothing in common, and motion could not be followed
+    in it.
+    """
+    values = normalised(image)
+    if image.dtype == np.float32 and values.max(initial=0) > 1:
+        values = np.where(values > 1, 1 + HIGHLIGHTS * np.log(np.maximum(values, 1)), values)
     return values
 
 
