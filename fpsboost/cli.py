@@ -73,6 +73,9 @@ def convert(
     window: Annotated[Literal["box", "gaussian"] | None, Parameter(group=motion)] = None,
     v: Annotated[float | None, Parameter(group=motion, name="--v")] = None,
     implementation: Annotated[Literal["fused", "passes"] | None, Parameter(group=motion)] = None,
+    block_size: Annotated[int | None, Parameter(group=motion)] = None,
+    search_range: Annotated[int | None, Parameter(group=motion)] = None,
+    pattern: Annotated[Literal["full", "three-step", "diamond"] | None, Parameter(group=motion)] = None,
     at_cuts: Annotated[Literal["repeat", "blend"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
@@ -100,7 +103,8 @@ def convert(
     input_fps
         Frames per second of input images.
     method
-        nlm, nlm-fast, nlm-best (slower), nlm-exhaustive (the report's), dis, farneback, blend or nearest.
+        nlm, nlm-fast, nlm-best (slower), nlm-exhaustive (the report's), blend or nearest; to compare with:
+        dis, farneback, tvl1, dis-warp, farneback-warp, tvl1-warp, block or codec.
     search
         How nlm-exhaustive finds source pixels.
     search_radius
@@ -113,6 +117,12 @@ def convert(
         Width of the similarity measure, for colours from 0 to 1.
     implementation
         nlm-exhaustive: one fused kernel, or plain OpenCV passes.
+    block_size
+        Side of the blocks of the method block, pixels.
+    search_range
+        Largest motion for the method block, pixels each way.
+    pattern
+        Where the method block looks for a block.
     at_cuts
         Across a scene cut, repeat the nearer frame or mix both.
     cut_threshold
@@ -150,6 +160,9 @@ def convert(
         "window": window,
         "v": v,
         "implementation": implementation,
+        "block_size": block_size,
+        "search_range": search_range,
+        "pattern": pattern,
     }
     given = {name: value for name, value in options.items() if value is not None}
     interpolator = configure(find_method(method), method, given)
