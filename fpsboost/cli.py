@@ -76,6 +76,9 @@ def convert(
     implementation: Annotated[Literal["fused", "passes"] | None, Parameter(group=motion)] = None,
     vectors: Annotated[str | None, Parameter(group=motion)] = None,
     depth: Annotated[str | None, Parameter(group=motion)] = None,
+    block_size: Annotated[int | None, Parameter(group=motion)] = None,
+    search_range: Annotated[int | None, Parameter(group=motion)] = None,
+    pattern: Annotated[Literal["full", "three-step", "diamond"] | None, Parameter(group=motion)] = None,
     at_cuts: Annotated[Literal["repeat", "blend"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
@@ -103,8 +106,9 @@ def convert(
     input_fps
         Frames per second of input images.
     method
-        nlm, nlm-fast, nlm-best (slower), nlm-exhaustive and nlm-brute-force (the report's), dis, farneback, blend or
-        nearest; with --vectors also reproject-image and reproject-scene.
+        nlm, nlm-fast, nlm-best (slower), nlm-exhaustive and nlm-brute-force (the report's), blend or nearest; to
+        compare with: dis, farneback, tvl1, dis-warp, farneback-warp, tvl1-warp, block or codec, and with --vectors
+        reproject-image or reproject-scene.
     search
         How nlm-exhaustive and reproject-image find source pixels.
     search_radius
@@ -121,6 +125,12 @@ def convert(
         Folder of a renderer's motion vectors, .exr or .flo, one for every frame of the output.
     depth
         Folder of its depth, .exr, for reproject-scene.
+    block_size
+        Side of the blocks of the method block, pixels.
+    search_range
+        Largest motion for the method block, pixels each way.
+    pattern
+        Where the method block looks for a block.
     at_cuts
         Across a scene cut, repeat the nearer frame or mix both.
     cut_threshold
@@ -159,6 +169,9 @@ def convert(
         "window": window,
         "v": v,
         "implementation": implementation,
+        "block_size": block_size,
+        "search_range": search_range,
+        "pattern": pattern,
     }
     given = {name: value for name, value in options.items() if value is not None}
     if depth is not None and vectors is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from fractions import Fraction
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -13,16 +14,23 @@ import numpy as np
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
+from fpsboost.motion.block import BlockMatching
+from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.nlm import CoarseToFine
-from fpsboost.motion.opencv import Dis, Farneback, Still
+from fpsboost.motion.opencv import Dis, Farneback, Still, TvL1
 from fpsboost.motion.vectors import RenderedMotion, VectorFolder
 from fpsboost.prepared import PreparedImage
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.fuse import Fuse, Fused
+from fpsboost.synthesis.paint import Paint
 from fpsboost.synthesis.reproject import Reproject
 from fpsboost.synthesis.scene_assisted import SceneAssisted
+from fpsboost.synthesis.warp import Warp
+
+plain = partial(Interpolator, curved=False, relight=False, overlays=False)
+"""For methods that are to be what others do: nothing of ours around them."""
 
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
@@ -32,14 +40,18 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
             CoarseToFine(reach=1 / 6, others=(Dis("ultrafast"), Dis("medium"), CoarseToFine(patch_radius=4, v=0.06))),
             Fuse(around=16),
         ),
-        "nlm-exhaustive": Interpolator(ExhaustiveSearch(), Reproject(), curved=False, relight=False, overlays=False),
-        "nlm-brute-force": Interpolator(
-            ExhaustiveSearch(), Reproject(search="brute-force"), curved=False, relight=False, overlays=False
-        ),
+        "nlm-exhaustive": plain(ExhaustiveSearch(), Reproject()),
+        "nlm-brute-force": plain(ExhaustiveSearch(), Reproject(search="brute-force")),
         "dis": Interpolator(Dis(), Fuse()),
         "farneback": Interpolator(Farneback(), Fuse()),
-        "blend": Interpolator(Still(), Blend(), curved=False, relight=False, overlays=False),
-        "nearest": Interpolator(Still(), Nearest(), cuts=None, curved=False, relight=False, overlays=False),
+        "tvl1": Interpolator(TvL1(), Fuse()),
+        "dis-warp": plain(Dis(), Warp()),
+        "farneback-warp": plain(Farneback(), Warp()),
+        "tvl1-warp": plain(TvL1(), Warp()),
+        "block": plain(BlockMatching(), Paint()),
+        "codec": plain(CodecMotion(), Paint()),
+        "blend": plain(Still(), Blend()),
+        "nearest": plain(Still(), Nearest(), cuts=None),
     }
 )
 """The methods by the names that the command line knows."""
@@ -48,12 +60,8 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
 vector_methods: Mapping[str, Callable[[VectorFolder], Interpolator]] = MappingProxyType(
     {
         # Yang et al. 2011, image-based and scene-assisted
-        "reproject-image": lambda vectors: Interpolator(
-            RenderedMotion(vectors), Reproject(), curved=False, relight=False, overlays=False
-        ),
-        "reproject-scene": lambda vectors: Interpolator(
-            Still(), SceneAssisted(vectors), curved=False, relight=False, overlays=False
-        ),
+        "reproject-image": lambda vectors: plain(RenderedMotion(vectors), Reproject()),
+        "reproject-scene": lambda vectors: plain(Still(), SceneAssisted(vectors)),
     }
 )
 """The methods that need a renderer's motion vectors, by name."""
@@ -170,7 +178,8 @@ def interpolate_with_confidence(
     frame0, frame1, t
         As for `interpolate`; t lies between the frames, in (0, 1).
     method : str or Interpolator
-        One that fuses: ``nlm``, ``nlm-fast``, ``nlm-best``, ``dis`` or ``farneback``. Scene cuts are not looked for.
+        One that fuses: ``nlm``, ``nlm-fast``, ``nlm-best``, ``dis``, ``farneback`` or ``tvl1``. Scene cuts are not
+        looked for.
 
     Returns
     -------

@@ -31,6 +31,9 @@ from fpsboost.synthesis.reproject import Reproject
 
 every_method = pytest.mark.parametrize("method", methods)
 moving_methods = pytest.mark.parametrize("method", [name for name in methods if name not in ("blend", "nearest")])
+plain_methods = pytest.mark.parametrize(
+    "method", ["nlm-exhaustive", "dis-warp", "farneback-warp", "tvl1-warp", "block", "codec", "blend", "nearest"]
+)
 
 
 @every_method
@@ -44,9 +47,11 @@ def test_identical_frames_give_the_same_frame(method, channels, dtype):
         image[..., -1] = image[..., -1].clip(1)  # what alpha hides may become black
     for made in methods[method].interpolate(image, image, [0.25, Fraction(1, 3), 0.5]):
         assert made.dtype == dtype
-        if method == "farneback":  # OpenCV's own motion of a still trembles a little at the frame's edge
+        if method.startswith("farneback"):  # OpenCV's own motion of a still trembles a little at the frame's edge
             white = 1 if dtype is np.float32 else np.iinfo(dtype).max
-            assert np.abs(made.astype(float) - image).mean() < 0.001 * white
+            # nothing weighs it in the plain warp, and little alpha makes much of what is off
+            most = 0.002 if method == "farneback-warp" else 0.001
+            assert np.abs(made.astype(float) - image).mean() < most * white
         else:
             np.testing.assert_allclose(made, image, rtol=1e-6 if dtype is np.float32 else 0)
 
@@ -157,7 +162,8 @@ def test_swapped_frames_are_the_scene_backwards(method):
     for t in (0.25, 0.5):
         (forward,) = interpolator.interpolate(clip.image0, clip.image1, [t])
         (backward,) = interpolator.interpolate(clip.image1, clip.image0, [1 - t])
-        inner = slice(12, -12)
+        # a block at an edge that it leaves through has no place to be found at, and that is another edge backwards
+        inner = slice(20, -20) if method == "block" else slice(12, -12)
         difference = np.abs(forward.astype(int) - backward)[inner, inner]
         # of noise, DIS finds vectors that differ a little everywhere, and alike ones join in the order they come
         assert (difference <= 1).mean() > (0.8 if method == "dis" else 0.98)
@@ -339,9 +345,9 @@ def test_neighbouring_pairs_bend_the_path(motion):
     assert max(bent) < straight * 0.7
 
 
-@pytest.mark.parametrize("method", ["nlm-exhaustive", "blend", "nearest"])
+@plain_methods
 def test_methods_that_go_straight_ignore_their_neighbours(method):
-    """The report's method and those without motion make the same image with neighbours and without."""
+    """The report's method, what others do, and those without motion make the same image with neighbours and without."""
     (before, pair, after), _ = three_pairs(methods[method], velocity=(4, -2), acceleration=(2, 1))
     alone, among = (methods[method].between(pair, [0.5], *each).images for each in ((), (before, after)))
     np.testing.assert_array_equal(next(alone), next(among))
@@ -448,10 +454,10 @@ def test_originals_and_the_order_of_times_survive_light_and_overlays(method, sce
     assert (images[1] != images[3]).any()
 
 
-@pytest.mark.parametrize("method", ["nlm-exhaustive", "blend", "nearest"])
+@plain_methods
 @eventful_scenes
 def test_methods_that_are_to_be_plain_know_neither_light_nor_overlays(method, scene):
-    """The report's method and those without motion take the frames as they are."""
+    """The report's method, what others do, and those without motion take the frames as they are."""
     interpolator = methods[method]
     before, pair, after = (interpolator.pair(*each) for each in pairwise(prepared(*eventful(scene))))
     assert pair.lighting is None
@@ -473,7 +479,7 @@ def test_confidence_belongs_to_the_image_that_interpolate_makes(scene):
 def test_confidence_is_refused_where_there_is_none():
     """By methods that do not fuse, at the frames themselves, and for frames that are unlike."""
     image = noise(40, 48)
-    for method in ("nlm-exhaustive", "blend", "nearest", "magic"):
+    for method in ("nlm-exhaustive", "dis-warp", "block", "blend", "nearest", "magic"):
         with pytest.raises(OptionError, match=method):
             interpolate_with_confidence(image, image, method=method)
     for t in (0, 1, -0.5, float("nan")):
@@ -546,6 +552,8 @@ def test_options_reach_the_estimator_and_the_synthesizer():
     [
         ("nlm", {"search_radius": 7}, "--search-radius does not apply to the method 'nlm'"),
         ("blend", {"patch_radius": 3}, "--patch-radius does not apply"),
+        ("dis", {"block_size": 8}, "--block-size does not apply"),
+        ("block", {"pattern": "spiral"}, "--pattern must be one of"),
         ("dis", {"cuts": None}, "--cuts does not apply"),
         ("nlm", {"patch_radius": 99}, "--patch-radius must be"),
         ("nlm-exhaustive", {"iterations": 0}, "iterations must be"),

@@ -12,11 +12,13 @@ from truth import Clip, affine, as_type, eroded, frozen, layers, moving_object, 
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.motion import MotionEstimator
+from fpsboost.motion.block import BlockMatching
+from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.colour import colour_components, contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius, expected_motion
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.nlm import CoarseToFine, pyramid
-from fpsboost.motion.opencv import Dis, Farneback, Still
+from fpsboost.motion.opencv import Dis, Farneback, Still, TvL1
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
 
@@ -29,6 +31,11 @@ estimators: dict[str, MotionEstimator] = {
     "exhaustive, passes": ExhaustiveSearch(search_radius=3, implementation="passes"),
     "dis": Dis(),
     "farneback": Farneback(),
+    "tvl1": TvL1(),
+    "block": BlockMatching(),
+    "block, three-step": BlockMatching(pattern="three-step"),
+    "block, diamond": BlockMatching(block_size=8, search_range=5, pattern="diamond"),
+    "codec": CodecMotion(),
     "still": Still(),
 }
 every_estimator = pytest.mark.parametrize("estimator", estimators.values(), ids=estimators.keys())
@@ -226,7 +233,7 @@ def test_others_leave_the_search_as_it_is():
         np.testing.assert_array_equal(one.similarity, other.similarity)
 
 
-@pytest.mark.parametrize("name", ["nlm", "exhaustive", "dis", "farneback"])
+@pytest.mark.parametrize("name", ["nlm", "exhaustive", "dis", "farneback", "tvl1"])
 @pytest.mark.parametrize("motion", [{"zoom": 1.06}, {"degrees": 4}, {"zoom": 0.96, "degrees": -3, "shift": (2.5, 1)}])
 def test_zoom_and_rotation_are_followed(name, motion):
     """Off by less than a pixel on average where both frames show the scene."""
@@ -335,6 +342,12 @@ def test_still_frames_need_the_smallest_radius():
         (CoarseToFine, {"patch_radius": 11}),
         (CoarseToFine, {"v": -1.0}),
         (Dis, {"preset": "slow"}),
+        (TvL1, {"levels": 0}),
+        (TvL1, {"warps": 0}),
+        (TvL1, {"inner_iterations": 0}),
+        (TvL1, {"outer_iterations": 0}),
+        (TvL1, {"scale_step": 1.0}),
+        (TvL1, {"epsilon": 0.0}),
     ],
 )
 def test_options_out_of_range_are_refused(kind, options):

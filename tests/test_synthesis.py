@@ -13,21 +13,25 @@ from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import Synthesizer, Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.fuse import Fuse
+from fpsboost.synthesis.paint import Paint
 from fpsboost.synthesis.reproject import Reproject
 from fpsboost.synthesis.rounding import rounding_offset, value_range
+from fpsboost.synthesis.warp import Warp
 
 synthesizers: dict[str, Synthesizer] = {
     "fuse": Fuse(),
     "iterative": Reproject("iterative"),
     "brute-force": Reproject("brute-force"),
+    "paint": Paint(),
+    "warp": Warp(),
     "blend": Blend(),
     "nearest": Nearest(),
 }
 every_synthesizer = pytest.mark.parametrize("synthesizer", synthesizers.values(), ids=synthesizers.keys())
 along_motion = pytest.mark.parametrize(
     "synthesizer",
-    [synthesizers[name] for name in ("fuse", "iterative", "brute-force")],
-    ids=["fuse", "iterative", "brute-force"],
+    [synthesizers[name] for name in ("fuse", "iterative", "brute-force", "paint")],
+    ids=["fuse", "iterative", "brute-force", "paint"],
 )
 TIMES = (0.25, 0.5, 0.75)
 

@@ -166,6 +166,53 @@ def fetched(
     return out
 
 
+def matched_blocks(image0: Array, image1: Array, block_size: int, search_range: int) -> tuple[Array, Array]:
+    """Of every place in frame 1 and in range, the one with the lowest sum of absolute differences, then the nearest.
+
+    ``(dx, dy)`` and the sum for every block; those at the right and at the bottom edge may be smaller.
+    """
+    height, width = image0.shape[:2]
+    rows, columns = -(-height // block_size), -(-width // block_size)
+    motion, difference = np.zeros((rows, columns, 2), int), np.zeros((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            top, left = row * block_size, column * block_size
+            block = image0[top : top + block_size, left : left + block_size].astype(float)
+            found = []
+            for dy in range(-search_range, search_range + 1):
+                for dx in range(-search_range, search_range + 1):
+                    bottom, right = top + dy + block.shape[0], left + dx + block.shape[1]
+                    if top + dy < 0 or left + dx < 0 or bottom > height or right > width:
+                        continue
+                    there = image1[top + dy : bottom, left + dx : right].astype(float)
+                    found.append((np.abs(block - there).sum(), dx * dx + dy * dy, dy, dx))
+            best = min(found)
+            motion[row, column], difference[row, column] = best[:1:-1], best[0]
+    return motion, difference
+
+
+def landed(flow: Array, similarity: Array, least: float, t: float) -> tuple[Array, Array]:
+    """The pixels of both frames, ``y * W + x``, that are seen at each place at time t.
+
+    Of the pixels of frame 0 that land there the most similar, the first of several, and what it moves to; or the place
+    itself where none of at least that similarity lands.
+    """
+    height, width = similarity.shape
+    landings: dict[tuple[int, int], list[tuple[float, int, int]]] = {}
+    for y in range(height):
+        for x in range(width):
+            dx, dy = (float(value) for value in flow[y, x])
+            place = math.floor(y + t * dy + 0.5), math.floor(x + t * dx + 0.5)
+            if similarity[y, x] >= least:
+                end = clamped(y + dy, height) * width + clamped(x + dx, width)
+                landings.setdefault(place, []).append((-float(similarity[y, x]), y * width + x, end))
+    source0, source1 = (np.arange(height * width).reshape(height, width) for _ in range(2))
+    for (y, x), candidates in landings.items():
+        if 0 <= y < height and 0 <= x < width:
+            _, source0[y, x], source1[y, x] = min(candidates)
+    return source0, source1
+
+
 def bspline(distance: float) -> float:
     """The cubic B-spline."""
     x = abs(distance)

@@ -1,8 +1,9 @@
 """Motion between two frames.
 
 One contract, `MotionEstimator`, and its implementations: `ExhaustiveSearch` (the report's), `CoarseToFine` (the
-default), `Dis` and `Farneback` (OpenCV's optical flow), `RenderedMotion` (a renderer's vectors) and `Still` (no motion
-at all). Each is a frozen dataclass whose fields are its options.
+default), `Dis`, `Farneback` and `TvL1` (OpenCV's optical flow), `BlockMatching` and `CodecMotion` (video coding's),
+`RenderedMotion` (a renderer's vectors) and `Still` (no motion at all). Each is a frozen dataclass whose fields are its
+options.
 """
 
 from __future__ import annotations

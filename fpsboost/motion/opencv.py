@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import check_choice
+from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.motion.colour import gray
 from fpsboost.motion.field import MotionField
@@ -86,6 +86,63 @@ class Farneback:
             poly_sigma=1.1,
             flags=cv2.OPTFLOW_FARNEBACK_GAUSSIAN,
         )
+
+
+@dataclass(frozen=True)
+class TvL1:
+    """Total variation and L1 (Zach et al. 2007, doi:10.1007/978-3-540-74936-3_22), as OpenCV contrib has it.
+
+    Parameters
+    ----------
+    levels : int
+        Levels of the pyramid, at least 1.
+    scale_step : float
+        Size of each level in that of the one before, above 0 and below 1. OpenCV's own 0.8 misses larger motion.
+    warps : int
+        Times that each level is warped by what is known so far, at least 1.
+    epsilon : float
+        Change below which a level counts as solved; greater is faster.
+    inner_iterations, outer_iterations : int
+        Between two looks at the change, and times that the motion is filtered, at least 1. OpenCV's own 30 and 10, and
+        an epsilon of 0.01, take seven times as long and find no better motion.
+
+    Raises
+    ------
+    OptionError
+        A value is out of range.
+    """
+
+    levels: int = 6
+    scale_step: float = 0.5
+    warps: int = 5
+    epsilon: float = 0.05
+    inner_iterations: int = 5
+    outer_iterations: int = 2
+
+    def __post_init__(self) -> None:
+        for name in ("levels", "warps", "inner_iterations", "outer_iterations"):
+            if getattr(self, name) < 1:
+                raise OptionError(f"{name} must be at least 1, not {getattr(self, name)}.")
+        if not 0 < self.scale_step < 1:
+            raise OptionError(f"scale_step must be above 0 and below 1, not {self.scale_step}.")
+        if not self.epsilon > 0:
+            raise OptionError(f"epsilon must be above 0, not {self.epsilon}.")
+
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        gray0, gray1 = _gray_pair(image0, image1)
+        flow = cv2.optflow.DualTVL1OpticalFlow.create(
+            nscales=self.levels,
+            warps=self.warps,
+            epsilon=self.epsilon,
+            innnerIterations=self.inner_iterations,
+            outerIterations=self.outer_iterations,
+            scaleStep=self.scale_step,
+        )
+        flow01, flow10 = (
+            flow.calc(a, b, np.zeros((*a.shape, 2), np.float32)) for a, b in ((gray0, gray1), (gray1, gray0))
+        )
+        return _field(_unpadded(flow01, image0.pixels)), _field(_unpadded(flow10, image0.pixels))
 
 
 @dataclass(frozen=True)

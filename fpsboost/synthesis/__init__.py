@@ -1,7 +1,8 @@
 """In-between frames from two frames and the motion between them.
 
 One contract, `Synthesizer`, and its implementations: `Fuse` (the default), `Reproject` (the report's), `SceneAssisted`
-(with a renderer's vectors), `Blend` and `Nearest` (which need no motion).
+(with a renderer's vectors), `Paint` (blocks moved, as in video coding), `Warp` (what people usually write around an
+optical flow), `Blend` and `Nearest` (which need no motion).
 """
 
 from __future__ import annotations

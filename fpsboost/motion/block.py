@@ -1,0 +1,178 @@
+"""Block matching, the motion estimation of video coding (section 2.1 of the report)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import OptionError, check_choice
+from fpsboost.frame import Image, check_pair, has_alpha
+from fpsboost.kernels.block import match_blocks
+from fpsboost.motion.colour import normalised
+from fpsboost.motion.field import MotionField
+from fpsboost.prepared import PreparedImage
+
+Pattern = Literal["full", "three-step", "diamond"]
+
+HERE = np.array([(0, 0)], np.int32)
+SQUARE = np.array([(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)], np.int32)
+LARGE_DIAMOND = np.array([(-2, 0), (-1, -1), (-1, 1), (0, -2), (0, 2), (1, -1), (1, 1), (2, 0)], np.int32)
+SMALL_DIAMOND = np.array([(-1, 0), (0, -1), (0, 1), (1, 0)], np.int32)
+"""Places around another, ``(dy, dx)``."""
+
+LARGEST_BLOCK = 128
+LARGEST_RANGE = 1000
+
+
+@dataclass(frozen=True)
+class BlockMatching:
+    """For every block of a frame, the place in the other one with the lowest sum of absolute differences.
+
+    That is Equation 1 of the report, over all colour channels, multiplied by alpha where there is alpha. Of places that
+    are as good as each other, the nearest counts. Both directions are searched independently. The similarity of a block
+    is 1 less the mean difference of its values, as a share of white: where it is low, the motion is not usable.
+
+    Parameters
+    ----------
+    block_size : int
+        Side of a block, pixels, from 2 to 128; blocks at the right and at the bottom edge may be smaller.
+    search_range : int
+        Largest motion along x and y, whole pixels, from 1 to 1000; only places within the frame are looked at.
+    pattern : {'full', 'three-step', 'diamond'}
+        *full*: every offset. *three-step*: eight places around the best so far, in steps that halve (Koga et al. 1981).
+        *diamond*: a diamond of places that follows the best one, then a smaller one (Zhu and Ma 2000,
+        doi:10.1109/83.821744).
+
+    Raises
+    ------
+    OptionError
+        A value is out of range.
+
+    Examples
+    --------
+    >>> frame = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    >>> moved = np.roll(frame, (2, 5), axis=(0, 1))
+    >>> field01, _ = BlockMatching().estimate(PreparedImage(frame), PreparedImage(moved))
+    >>> field01.flow[20, 30].tolist(), float(field01.similarity[20, 30])
+    ([5.0, 2.0], 1.0)
+    """
+
+    block_size: int = 16
+    search_range: int = 24
+    pattern: Pattern = "full"
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.block_size <= LARGEST_BLOCK:
+            raise OptionError(f"--block-size must be from 2 to {LARGEST_BLOCK} pixels, not {self.block_size}.")
+        if not 1 <= self.search_range <= LARGEST_RANGE:
+            raise OptionError(f"--search-range must be from 1 to {LARGEST_RANGE} pixels, not {self.search_range}.")
+        check_choice("--pattern", self.pattern, get_args(Pattern))
+
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        check_pair(image0.pixels, image1.pixels)
+        values0, values1 = (image.once(colour_values) for image in (image0, image1))
+        white = white_of(image0.pixels)
+        return self._match(values0, values1, white), self._match(values1, values0, white)
+
+    def _match(self, values0: NDArray[Any], values1: NDArray[Any], white: float) -> MotionField:
+        height, width, channels = values0.shape
+        rows, columns = -(-height // self.block_size), -(-width // self.block_size)
+        motion = np.empty((rows, columns, 2), np.int32)
+        difference = np.empty((rows, columns), np.float32 if values0.dtype == np.float32 else np.int64)
+        match_blocks(
+            values0.reshape(height, -1),
+            values1.reshape(height, -1),
+            channels,
+            self.block_size,
+            self.search_range,
+            *search_plan(self.pattern, self.search_range),
+            motion,
+            difference,
+        )
+        heights, widths = (
+            np.minimum(self.block_size, length - np.arange(0, length, self.block_size)) for length in (height, width)
+        )
+        similarity = 1 - difference / (np.outer(heights, widths) * channels * white)
+        flow, alike = (
+            np.repeat(np.repeat(of_blocks, heights, axis=0), widths, axis=1) for of_blocks in (motion, similarity)
+        )
+        return MotionField(flow.astype(np.float32), alike.clip(0, 1).astype(np.float32))
+
+
+def colour_values(image: Image) -> NDArray[Any]:
+    """The colours as numbers that can be compared, multiplied by alpha where there is alpha; see `white_of`.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32
+
+    Returns
+    -------
+    (H, W, 1) or (H, W, 3), contiguous, uint8, uint16 or float32
+        A new array, since kernels are compiled once more for arrays that must not be written to.
+    """
+    values = normalised(image) if image.dtype == np.float32 else image
+    if not has_alpha(image):
+        return values.copy()
+    colours, alpha = values[..., :-1], values[..., -1:]
+    products: NDArray[Any]
+    if image.dtype == np.uint8:
+        products = colours.astype(np.uint16) * alpha  # which holds them as they are
+    elif image.dtype == np.uint16:
+        products = (colours.astype(np.uint32) * alpha // np.iinfo(np.uint16).max).astype(np.uint16)
+    else:
+        products = colours * alpha
+    return products
+
+
+def white_of(image: Image) -> float:
+    """What white is in the `colour_values` of images of this type."""
+    if image.dtype == np.float32:
+        return 1
+    white = int(np.iinfo(image.dtype).max)
+    return white**2 if has_alpha(image) and image.dtype == np.uint8 else white
+
+
+class SearchPlan(NamedTuple):
+    """What `fpsboost.kernels.block.match_blocks` tries, turn after turn."""
+
+    offsets: NDArray[np.int32]
+    turns: NDArray[np.int32]
+    repeated: NDArray[np.bool_]
+
+
+def search_plan(pattern: Pattern, search_range: int) -> SearchPlan:
+    """The places that a pattern looks at, from the best so far.
+
+    Parameters
+    ----------
+    pattern : {'full', 'three-step', 'diamond'}
+    search_range : int
+        Pixels.
+    """
+    if pattern == "full":
+        # the nearest first: they are good most often, and then most of a bad place need not be looked at
+        turns = [_nearest_first(search_range)]
+    elif pattern == "three-step":
+        # with all that follow, the first step reaches as far as the range
+        steps = [2**power for power in reversed(range(search_range.bit_length()))]
+        turns = [HERE, *(step * SQUARE for step in steps)]
+    else:
+        turns = [HERE, LARGE_DIAMOND, SMALL_DIAMOND]
+    return SearchPlan(
+        np.concatenate(turns),
+        np.cumsum([0, *map(len, turns)], dtype=np.int32),
+        np.array([turn is LARGE_DIAMOND for turn in turns]),
+    )
+
+
+def _nearest_first(search_range: int) -> NDArray[np.int32]:
+    """All ``(dy, dx)`` within the range, sorted by length, then in raster order."""
+    along = np.arange(-search_range, search_range + 1, dtype=np.int32)
+    offsets = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
+    ordered: NDArray[np.int32] = offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]
+    return ordered

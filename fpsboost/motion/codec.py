@@ -1,0 +1,175 @@
+"""The motion that a video encoder chose, read back from its stream."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Literal, get_args
+
+import av
+import cv2
+import numpy as np
+from av.codec.codec import UnknownCodecError
+from av.codec.context import Flags2
+from numpy.typing import NDArray
+
+from fpsboost.errors import OptionError, check_choice
+from fpsboost.frame import Image, check_pair
+from fpsboost.motion.block import colour_values, white_of
+from fpsboost.motion.colour import colour_components
+from fpsboost.motion.field import MotionField
+from fpsboost.prepared import PreparedImage
+
+Preset = Literal[
+    "ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow", "placebo"
+]
+
+ENCODER = "libx264"
+
+BLOCK, CELL = 16, 8
+"""Sides of the largest and the smallest block that has a vector of its own, pixels."""
+
+SMALLEST_SIDE = 16
+"""Smaller frames are encoded as this large."""
+
+RATE = 25
+"""Frames per second, since a stream must have some."""
+
+NO_VECTORS = [(name, np.int32) for name in ("w", "h", "dst_x", "dst_y", "motion_x", "motion_y", "motion_scale")]
+
+ONE_FROM_THE_OTHER = "keyint=250:scenecut=0:bframes=0:ref=1:weightp=0:threads=1"
+"""The first frame by itself, the second from it alone, as bright as it is; the same stream on any number of cores."""
+
+
+@dataclass(frozen=True)
+class CodecMotion:
+    """The motion vectors of an H.264 stream: the pair is encoded by x264 in memory, and FFmpeg tells what it reads.
+
+    The vectors of a predicted frame say where each of its blocks comes from, to a quarter of a pixel; for the other
+    direction, the pair is encoded the other way round. An encoder looks for what is cheap to store, which need not be
+    how things move. Blocks that it stored as they are have no motion and a similarity of 0; that of all others is 1
+    less the mean difference to what lies at the other end of the vector, rounded to whole pixels, as a share of white.
+
+    The encoder sees 8 bits, with a colour for every four pixels, and an even number of pixels along both sides, edges
+    repeated.
+
+    Parameters
+    ----------
+    crf : int
+        Quality of the stream, from 0 to 51; lower is better.
+    preset : {'ultrafast', 'superfast', ..., 'veryslow', 'placebo'}
+        How long x264 looks for good motion.
+
+    Raises
+    ------
+    OptionError
+        A value is out of range; or, once motion is asked for, this FFmpeg has no x264.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[0:64, 0:96, 0:3][:2]
+    >>> image0, image1 = (
+    ...     (128 + 60 * np.sin((x - dx) / 5) + 60 * np.cos(y / 7 + x / 9 - dx / 9)).astype(np.uint8) for dx in (0, 4)
+    ... )
+    >>> field01, _ = CodecMotion().estimate(PreparedImage(image0), PreparedImage(image1))
+    >>> np.round(np.median(field01.flow, axis=(0, 1))).tolist()
+    [4.0, 0.0]
+    """
+
+    crf: int = 18
+    preset: Preset = "medium"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.crf <= 51:
+            raise OptionError(f"crf must be from 0 to 51, not {self.crf}.")
+        check_choice("preset", self.preset, get_args(Preset))
+
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        check_pair(image0.pixels, image1.pixels)
+        return self._towards(image1, image0), self._towards(image0, image1)
+
+    def _towards(self, reference: PreparedImage, predicted: PreparedImage) -> MotionField:
+        """The motion of the predicted frame's blocks."""
+        packets = self._encode(reference.once(_as_yuv), predicted.once(_as_yuv))
+        return _field(_read_vectors(packets), predicted, reference)
+
+    def _encode(self, *pictures: NDArray[Any]) -> list[av.Packet[Any]]:
+        try:
+            encoder = av.CodecContext.create(ENCODER, "w")
+        except UnknownCodecError as error:
+            raise OptionError(f"The method codec needs {ENCODER}, which this FFmpeg lacks; take block.") from error
+        assert isinstance(encoder, av.VideoCodecContext)
+        frames = [av.VideoFrame.from_ndarray(picture, format="yuv420p") for picture in pictures]
+        encoder.width, encoder.height, encoder.pix_fmt = frames[0].width, frames[0].height, "yuv420p"
+        encoder.time_base, encoder.framerate = Fraction(1, RATE), Fraction(RATE)
+        encoder.options = {"crf": str(self.crf), "preset": self.preset, "x264-params": ONE_FROM_THE_OTHER}
+        packets: list[av.Packet[Any]] = []
+        for number, frame in enumerate(frames):
+            frame.pts = number
+            packets += encoder.encode(frame)
+        return [*packets, *encoder.encode(None)]
+
+
+def _as_yuv(image: Image) -> NDArray[Any]:
+    """8 bits, a colour for every four pixels, an even number of pixels along both sides: (H * 3 / 2, W) uint8."""
+    if image.dtype == np.uint8 and image.shape[2] == 3:
+        colours = image
+    else:
+        components = colour_components(image)
+        if image.shape[2] < 3:
+            components = np.repeat(components[..., :1], 3, axis=2)
+        colours = np.clip(components * 255 + 0.5, 0, 255).astype(np.uint8)
+    height, width = image.shape[:2]
+    below, right = (length % 2 + max(0, SMALLEST_SIDE - length) // 2 * 2 for length in (height, width))
+    even = cv2.copyMakeBorder(colours, 0, below, 0, right, cv2.BORDER_REPLICATE)
+    return cv2.cvtColor(even, cv2.COLOR_BGR2YUV_I420)
+
+
+def _read_vectors(packets: list[av.Packet[Any]]) -> NDArray[Any]:
+    """The vectors of the second frame, as FFmpeg has them: one structure for each block that has one."""
+    decoder = av.CodecContext.create("h264", "r")
+    assert isinstance(decoder, av.VideoCodecContext)
+    decoder.flags2 |= Flags2.export_mvs
+    decoder.thread_count = 1
+    frames = [frame for packet in [*packets, None] for frame in decoder.decode(packet)]
+    vectors = frames[1].side_data.get("MOTION_VECTORS")
+    return np.empty(0, NO_VECTORS) if vectors is None else vectors.to_ndarray()
+
+
+def _field(vectors: NDArray[Any], image: PreparedImage, other: PreparedImage) -> MotionField:
+    height, width = image.pixels.shape[:2]
+    numbers = _block_numbers(vectors, height, width)
+    motions = np.zeros((len(vectors) + 1, 2), np.float32)
+    for axis, name in enumerate(("motion_x", "motion_y")):
+        motions[1:, axis] = vectors[name] / vectors["motion_scale"]
+    flow = motions[numbers]
+    differences = np.bincount(numbers.ravel(), _differences(image, other, flow).ravel(), len(motions))
+    sizes = np.bincount(numbers.ravel(), minlength=len(motions))
+    similarities = (1 - differences / np.maximum(sizes, 1)).clip(0, 1).astype(np.float32)
+    similarities[0] = 0
+    return MotionField(flow, similarities[numbers])
+
+
+def _block_numbers(vectors: NDArray[Any], height: int, width: int) -> NDArray[Any]:
+    """Which vector each pixel has, counted from 1; 0 where it has none: (H, W)."""
+    cells = np.zeros((-(-height // BLOCK) * BLOCK // CELL, -(-width // BLOCK) * BLOCK // CELL), np.intp)
+    top, left = vectors["dst_y"] - vectors["h"] // 2, vectors["dst_x"] - vectors["w"] // 2
+    for down in range(0, BLOCK, CELL):
+        for across in range(0, BLOCK, CELL):
+            (which,) = np.nonzero((vectors["h"] > down) & (vectors["w"] > across))
+            row, column = (top[which] + down) // CELL, (left[which] + across) // CELL
+            within = (row < cells.shape[0]) & (column < cells.shape[1])  # a tiny frame is encoded larger than it is
+            cells[row[within], column[within]] = which[within] + 1
+    return cells.repeat(CELL, axis=0).repeat(CELL, axis=1)[:height, :width]
+
+
+def _differences(image: PreparedImage, other: PreparedImage, flow: NDArray[Any]) -> NDArray[Any]:
+    """Of every pixel to what lies at the other end of its rounded vector: mean over the colours, white 1."""
+    height, width = flow.shape[:2]
+    here, there = (each.once(colour_values) for each in (image, other))
+    y, x = np.mgrid[:height, :width]
+    end_x, end_y = (np.floor(flow[..., axis] + np.float32(0.5)).astype(np.intp) for axis in (0, 1))
+    found = there[(y + end_y).clip(0, height - 1), (x + end_x).clip(0, width - 1)]
+    of_pixels: NDArray[Any] = cv2.absdiff(here, found).reshape(here.shape).mean(axis=2) / white_of(image.pixels)
+    return of_pixels

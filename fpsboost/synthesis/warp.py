@@ -1,0 +1,70 @@
+"""The plain warp: both frames fetched along the motion at the target pixel, and mixed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image, has_alpha
+from fpsboost.motion.colour import normalised
+from fpsboost.synthesis import Transition
+from fpsboost.synthesis.rounding import rounding_offset, value_range
+
+
+@dataclass(frozen=True)
+class Warp:
+    """``(1 - t) image0(x - t flow01(x)) + t image1(x - (1 - t) flow10(x))``, bilinear, edges repeated.
+
+    That is what people usually write around an optical flow. The motion is read at the target pixel, though it belongs
+    to another one: around what moves, the background is pulled along, and what is hidden in one frame is mixed in.
+    """
+
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight."""
+        for t in times:
+            mean = (1 - t) * _fetched(transition.image0.once(_premultiplied), transition.field01.flow, t)
+            mean += t * _fetched(transition.image1.once(_premultiplied), transition.field10.flow, 1 - t)
+            yield _as_image(mean, transition, t)
+
+
+def _premultiplied(image: Image) -> NDArray[Any]:
+    """(H, W, C) float32 with the image's own white; colours with straight alpha are multiplied by it."""
+    if image.dtype == np.float32:  # what is no number would spread to its surroundings
+        return normalised(image)
+    values: NDArray[Any] = image.astype(np.float32)
+    if has_alpha(image):
+        values[..., :-1] *= values[..., -1:] / np.float32(np.iinfo(image.dtype).max)
+    return values
+
+
+def _fetched(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:
+    """What lies t of the motion behind every pixel."""
+    height, width = flow.shape[:2]
+    y, x = np.arange(height, dtype=np.float32)[:, np.newaxis], np.arange(width, dtype=np.float32)
+    time = np.float32(t)
+    fetched = cv2.remap(
+        values,
+        x - time * flow[..., 0],
+        y - time * flow[..., 1],
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return fetched.reshape(values.shape)
+
+
+def _as_image(mean: NDArray[Any], transition: Transition, t: float) -> Image:
+    image0, image1 = transition.image0.pixels, transition.image1.pixels
+    straight_alpha = has_alpha(image0) and image0.dtype != np.float32
+    lowest, highest = value_range(image0)
+    if straight_alpha:
+        mean[..., :-1] *= highest / np.maximum(mean[..., -1:], np.float32(1e-6))
+    image: Image = (mean + rounding_offset(image0)).clip(lowest, highest).astype(image0.dtype)
+    if straight_alpha:  # what cannot be seen has a colour all the same
+        unseen = image[..., -1] == 0
+        image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)
+    return image

@@ -1,0 +1,90 @@
+"""The motion in an encoder's stream, against constructed truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from truth import affine, as_type, layers, noise, prepared
+
+from fpsboost.errors import OptionError
+from fpsboost.motion import codec
+from fpsboost.motion.codec import CodecMotion
+
+
+@pytest.mark.parametrize("shift", [(6, -4), (-5, 3), (2.5, 1.25)])
+@pytest.mark.parametrize("size", [(96, 128), (97, 125)])
+def test_translations_are_found(size, shift):
+    """Half of the frame to half a pixel, in both directions; even and odd sizes."""
+    clip = affine(*size, shift=shift, seed=1)
+    for field, sign in zip(CodecMotion().estimate(*clip.prepared), (1, -1), strict=True):
+        assert field.flow.shape == (*size, 2)
+        off = np.median(field.flow, axis=(0, 1)) - np.multiply(sign, shift)
+        assert np.abs(off).max() <= 0.5
+        assert np.median(field.similarity) > 0.95
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_any_image_can_be_encoded(channels, dtype):
+    """Gray, colour, alpha, deep and float: the same motion."""
+    clip = affine(64, 96, shift=(5, -3), channels=channels, dtype=dtype, seed=2)
+    for field, sign in zip(CodecMotion().estimate(*clip.prepared), (1, -1), strict=True):
+        assert np.abs(np.median(field.flow, axis=(0, 1)) - np.multiply(sign, (5, -3))).max() <= 0.5
+
+
+def test_motion_is_the_same_every_time():
+    """To the bit, also for blocks of all sizes."""
+    clip = layers(120, 160, box=(40, 40, 84, 84), shift=(9, 5), background=(-3, 1))
+    for first, second in zip(*(CodecMotion().estimate(*clip.prepared) for _ in range(2)), strict=True):
+        np.testing.assert_array_equal(first.flow, second.flow)
+        np.testing.assert_array_equal(first.similarity, second.similarity)
+        assert len(np.unique(first.flow.reshape(-1, 2), axis=0)) > 5
+
+
+def test_blocks_without_a_vector_are_not_usable():
+    """Where there is nothing to predict from, blocks are stored as they are: no motion, and no similarity."""
+    flat, busy = as_type(np.full((64, 96, 3), 0.5), np.uint8), affine(64, 96).image0
+    field, _ = CodecMotion().estimate(*prepared(busy, flat))
+    without = field.similarity == 0
+    assert without.mean() > 0.5
+    assert not field.flow[without].any()
+
+
+def test_similarity_is_one_less_the_mean_difference():
+    """Of a block and what lies at the end of its vector: none moves here, and half of white lies between."""
+    black, gray = (as_type(np.full((32, 48, 3), value), np.uint8) for value in (0, 0.25))
+    vectors = np.zeros(
+        6, [(name, int) for name in ("w", "h", "dst_x", "dst_y", "motion_x", "motion_y", "motion_scale")]
+    )
+    vectors["w"] = vectors["h"] = 16
+    vectors["motion_scale"] = 4
+    vectors["dst_y"], vectors["dst_x"] = np.mgrid[8:32:16, 8:48:16].reshape(2, -1)
+    field = codec._field(vectors[1:], *prepared(black, gray))
+    np.testing.assert_allclose(field.similarity[16:], 0.75, atol=1 / 255)
+    assert not field.similarity[:16, :16].any()  # the block that was left out
+
+
+def test_blocks_of_all_sizes_have_their_pixels():
+    """Whole, halved either way, and quarters; the frame cuts some off."""
+    blocks = [(8, 8, 16, 16), (24, 4, 16, 8), (24, 12, 16, 8), (36, 8, 8, 16), (44, 8, 8, 16)]
+    blocks += [(4, 20, 8, 8), (12, 20, 8, 8), (4, 28, 8, 8)]
+    names = ("dst_x", "dst_y", "w", "h")
+    numbers = codec._block_numbers(np.array(blocks, [(name, int) for name in names]), 27, 45)
+    expected = np.zeros((32, 48), int)
+    for number, (x, y, width, height) in enumerate(blocks, 1):
+        expected[y - height // 2 : y + height // 2, x - width // 2 : x + width // 2] = number
+    np.testing.assert_array_equal(numbers, expected[:27, :45])
+
+
+@pytest.mark.parametrize("options", [{"crf": -1}, {"crf": 52}, {"preset": "glacial"}])
+def test_options_out_of_range_are_refused(options):
+    """When the object is made."""
+    with pytest.raises(OptionError, match=next(iter(options))):
+        CodecMotion(**options)
+
+
+def test_a_missing_encoder_is_said(monkeypatch):
+    """With what to take instead."""
+    monkeypatch.setattr(codec, "ENCODER", "libnothing")
+    with pytest.raises(OptionError, match=r"libnothing.*take block"):
+        CodecMotion().estimate(*prepared(noise(16, 16), noise(16, 16)))
