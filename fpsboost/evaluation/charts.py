@@ -32,6 +32,9 @@ MARKED_FRAMES = 80
 MAGNITUDE = 8
 """Ratio of the largest to the smallest value above which a logarithmic scale shows more."""
 
+WIDEST = 1e5
+"""Ratio of the largest to the smallest value that a logarithmic scale shows: equal frames have next to no error."""
+
 style: Mapping[str, Any] = {
     "svg.fonttype": "none",  # text stays text: the page's fonts, and readable by machines
     "svg.hashsalt": "fpsboost",  # the same figure gets the same names
@@ -129,7 +132,7 @@ def draw_lines(
     charts = []
     for form in FORMS:
         with _styled(form):
-            figure, axes = _begin(form, label)
+            figure, axes = _begin(form, f"{label}, logarithmic" if logarithmic else label)
             for each, line in zip(series, values, strict=True):
                 _draw_line(axes, each.method, numbers, line)
             for cut in cuts:
@@ -170,7 +173,7 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
                     clip_on=False,
                 )
             left, right = min(dot.x for dot in dots), max(dot.x for dot in dots)
-            axes.set_xlim(left / 1.6, right * (2 if form.name == "wide" else 4))
+            axes.set_xlim(left / 1.6, right * 1.6)
             axes.margins(y=0.18)
             axes.set_xlabel(across)
             _number_logarithmic(axes.xaxis, right / left)
@@ -212,6 +215,7 @@ def _set_limits(axes: Axes, numbers: Sequence[int], shown: NDArray[Any], *, from
     axes.set_xlim(numbers[0] - spare, numbers[-1] + spare)
     lowest, highest = float(shown.min()), float(shown.max())
     if logarithmic:
+        lowest = max(lowest, highest / WIDEST)
         axes.set_yscale("log")
         axes.set_ylim(lowest / 1.5, highest * 1.5)
         _number_logarithmic(axes.yaxis, highest / lowest)
@@ -231,6 +235,7 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> None:
     """Write each name beside its dot, where it covers neither another name nor a dot."""
     pixels = axes.transData.transform([(dot.x, dot.y) for dot in dots])
     scale = axes.figure.dpi / 72
+    room = axes.figure.bbox.width
     taken = [_Rectangle(x, y, 12 * scale, 12 * scale) for x, y in pixels]
     for dot, (x, y) in sorted(zip(dots, pixels.tolist(), strict=True), key=lambda each: -each[1][1]):
         width, height = 0.62 * text * len(dot.name) * scale, 1.3 * text * scale
@@ -239,7 +244,7 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> None:
         places = [(aside, 0.0), (aside, above), (aside, -above), (0.0, above), (0.0, -above), (-aside, 0.0)]
         places += [(aside, 2 * above), (aside, -2 * above), (-aside, above), (-aside, -above)]
         rectangles = [_Rectangle(x + dx, y + dy, width, height) for dx, dy in places]
-        free = [each for each in rectangles if not any(each.meets(other) for other in taken)]
+        free = [each for each in rectangles if each.lies_in(room) and not any(each.meets(other) for other in taken)]
         chosen = (free or rectangles)[0]
         taken.append(chosen)
         offset = (chosen.x - x) / scale, (chosen.y - y) / scale
@@ -262,6 +267,9 @@ class _Rectangle(NamedTuple):
     y: float
     width: float
     height: float
+
+    def lies_in(self, width: float) -> bool:
+        return self.x - self.width / 2 > 0 and self.x + self.width / 2 < width
 
     def meets(self, other: _Rectangle) -> bool:
         return (

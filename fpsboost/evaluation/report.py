@@ -206,9 +206,9 @@ def choose_frames(comparison: Comparison) -> list[Chosen]:
 
 def _most_different(comparison: Comparison) -> int:
     frames = zip(*(comparison.counted(method) for method in comparison.methods), strict=True)
-    psnr: dict[int, list[float]] = {each[0].number: [frame.scores.psnr for frame in each] for each in frames}
+    errors: dict[int, list[float]] = {each[0].number: [frame.scores.mae for frame in each] for each in frames}
     # not from the worst: a method that fails everywhere would decide alone
-    return max(psnr, key=lambda number: max(psnr[number]) - median(psnr[number]))
+    return max(errors, key=lambda number: median(errors[number]) - min(errors[number]))
 
 
 def _title(chosen: Chosen) -> str:
@@ -303,13 +303,12 @@ def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cel
 def frame_plots(comparison: Comparison) -> list[Plot]:
     """The error of every frame, as three figures to choose from."""
     choices = (
-        ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", True),
-        ("mae", "MAE", "levels", "Mean absolute error, levels of 255", True),
-        ("psnr", "PSNR", "dB", "PSNR, dB (higher is better)", False),
+        ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
+        ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
+        ("psnr", "PSNR", "dB", "PSNR, dB (higher is better)", {"from_zero": False}),
     )
     return [
-        Plot(key, title, unit, _frame_charts(comparison, key, label, from_zero=from_zero))
-        for key, title, unit, label, from_zero in choices
+        Plot(key, title, unit, _frame_charts(comparison, key, label, **how)) for key, title, unit, label, how in choices
     ]
 
 

@@ -109,10 +109,13 @@ class Reader {
 
   tell(x, rows) {
     const frame = values.frames[this.place];
-    const box = this.add("reading", `top:${100 * this.top}%;` + (x < 0.5 ? `left:calc(${100 * x}% + 14px)` : `right:calc(${100 - 100 * x}% + 14px)`));
+    const box = this.add("reading", `top:${100 * this.top}%`);
     box.setAttribute("role", "status");
     const title = document.createElement("b");
     title.textContent = `frame ${frame}` + (values.cuts.includes(frame) ? ", across a cut" : "");
+    const unit = document.createElement("small");
+    unit.textContent = ` ${this.chart.dataset.unit}`;
+    title.append(unit);
     box.append(title);
     for (const row of rows) {
       const line = document.createElement("div");
@@ -121,10 +124,14 @@ class Reader {
       name.className = "method";
       name.append(legend, row.name);
       const value = document.createElement("span");
-      value.textContent = `${row.value.toPrecision(row.value >= 1000 ? 4 : 3)} ${this.chart.dataset.unit}`;
+      value.textContent = row.value.toPrecision(row.value >= 1000 ? 4 : 3);
       line.append(name, value);
       box.append(line);
     }
+    // beside the line, where there is more room, and never beyond the figure
+    const width = this.chart.clientWidth;
+    const beside = x < 0.5 ? x * width + 14 : x * width - 14 - box.offsetWidth;
+    box.style.left = `${clamp(beside, 0, Math.max(0, width - box.offsetWidth))}px`;
   }
 
   add(names, style) {
@@ -188,7 +195,7 @@ class Viewer {
     this.stage.style.setProperty("--gain", this.gain.value);
     this.element.querySelector("output").textContent = `${this.gain.value}×`;
     const [left, right] = [this.names[this.sides.left], this.names[this.sides.right]];
-    this.element.querySelector(".tag.left").textContent = differing ? `${left} − ${right}, ${this.gain.value}×` : left;
+    this.element.querySelector(".tag.left").textContent = differing ? `difference of ${left} and ${right}, ${this.gain.value}×` : left;
     this.element.querySelector(".tag.right").textContent = right;
   }
 
