@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -88,6 +90,10 @@ def compare(
         console.print(escape(line))
     if json is not None:
         write_json(Path(json), comparison)
+    if report is not None:
+        with Console(stderr=True, quiet=quiet).status("writing the page"):
+            page = write_page(Path(report), comparison, makers, rate)
+        console.print(f"Page: {escape(str(page))}", soft_wrap=True)
 
 
 def choose(names: str, vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:
@@ -123,9 +129,20 @@ def choose(names: str, vectors: VectorFolder | None) -> tuple[dict[str, Maker], 
 
 
 def check_new(path: str | None, option: str) -> None:
-    """Raise `OutputError` if a file or folder to be written exists."""
-    if path is not None and Path(path).exists():
+    """Raise `OutputError` if a file or folder to be written exists, or has no folder to be in."""
+    if path is None:
+        return
+    if Path(path).exists():
         raise OutputError(f"{path} exists; name a new one with {option}, or remove it first.")
+    if not Path(path).parent.is_dir():
+        raise OutputError(f"{path} is in no folder that exists; create {Path(path).parent} or change {option}.")
+
+
+def write_page(folder: Path, comparison: Comparison, makers: Mapping[str, Maker], input_fps: Fraction | None) -> Path:
+    """Write the page, and say where it is."""
+    from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (what draws is slow to import)
+
+    return write_report(folder, comparison, makers, input_fps=input_fps)
 
 
 def write_json(path: Path, comparison: Comparison) -> None:

@@ -5,13 +5,16 @@ The clip is read once for the areas and the cuts and once a method, so that memo
 
 from __future__ import annotations
 
+import os
 import platform
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from fractions import Fraction
+from importlib.metadata import version
 from typing import IO, Any, NamedTuple, Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -231,13 +234,23 @@ def compare(
         overview.shares,
         results,
         dict(skipped or {}),
-        {
-            "fpsboost": __version__,
-            "Python": platform.python_version(),
-            "NumPy": np.__version__,
-            "machine": f"{platform.system()} {platform.machine()}",
-        },
+        _made_with(),
     )
+
+
+def _made_with() -> dict[str, str]:
+    """Versions of what has a say in frames, scores or speed, and the machine."""
+    outside = {
+        name: version(package)
+        for name, package in (("NumPy", "numpy"), ("Numba", "numba"), ("scikit-image", "scikit-image"))
+    }
+    return {
+        "fpsboost": __version__,
+        "Python": platform.python_version(),
+        **outside,
+        "OpenCV": cv2.__version__,
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+    }
 
 
 def _look(intervals: Iterator[Interval], areas: _Areas, observer: Observer) -> _Overview:

@@ -1,0 +1,309 @@
+"""Figures drawn by matplotlib as SVG text that a page can colour and read.
+
+Nothing in a figure has a colour of its own that matters: what belongs to a method carries ``class="series method-N"``
+and ``data-method="N"``, everything else is frame, and the page's style sheet colours both for light and dark.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from numpy.typing import NDArray
+
+COLOURS = 9
+"""Colours and marks that the style sheet has; more methods begin again."""
+
+MARKS = ("o", "s", "^", "D", "v", "p", "h", "*", "X")
+"""One for each colour, so that no figure hangs on colour alone."""
+
+MARKED_FRAMES = 80
+"""Up to so many frames, each point of a line is marked."""
+
+MAGNITUDE = 8
+"""Ratio of the largest to the smallest value above which a logarithmic scale shows more."""
+
+WIDEST = 1e5
+"""Ratio of the largest to the smallest value that a logarithmic scale shows: equal frames have next to no error."""
+
+style: Mapping[str, Any] = {
+    "svg.fonttype": "none",  # text stays text: the page's fonts, and readable by machines
+    "svg.hashsalt": "fpsboost",  # the same figure gets the same names
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.spines.left": False,
+    "axes.grid": True,
+    "axes.grid.axis": "y",
+    "grid.linewidth": 0.6,
+    "axes.linewidth": 0.8,
+    "xtick.major.size": 3,
+    "ytick.left": False,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 9,
+    "axes.axisbelow": True,
+}
+
+
+class Form(NamedTuple):
+    """How large a figure is drawn: it is scaled to the page's width, so this decides how large its text looks."""
+
+    name: str
+    size: tuple[float, float]
+    """Width and height, inches."""
+    text: float
+    """Points."""
+
+
+FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))
+"""For a screen and for a phone."""
+
+
+class Series(NamedTuple):
+    """What one method has at every frame."""
+
+    method: int
+    """Its place among the methods: decides on its colour."""
+    values: Sequence[float]
+
+
+class Dot(NamedTuple):
+    """Where one method stands."""
+
+    method: int
+    name: str
+    x: float
+    y: float
+
+
+class Chart(NamedTuple):
+    """A figure, and where in it the data are, so that a page can read values from it."""
+
+    form: str
+    svg: str
+    box: tuple[float, float, float, float]
+    """Left, top, width and height of the axes, shares of the figure."""
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+    logarithmic: bool
+    """Along y."""
+
+
+def draw_lines(
+    name: str,
+    label: str,
+    numbers: Sequence[int],
+    series: Sequence[Series],
+    cuts: Sequence[int] = (),
+    *,
+    from_zero: bool = True,
+    may_be_logarithmic: bool = False,
+) -> list[Chart]:
+    """Draw a value for every frame and method, in every form.
+
+    Parameters
+    ----------
+    name : str
+        Tells this figure's names from those of others on a page.
+    label : str
+        What is drawn, and its unit.
+    numbers : sequence of int
+        Of the frames.
+    series : sequence of Series
+    cuts : sequence of int
+        Frames across a scene cut: marked, their values left out.
+    from_zero : bool
+        Let the axis begin at 0.
+    may_be_logarithmic : bool
+        Take a logarithmic axis where the values differ much.
+    """
+    counted = np.array([number not in cuts for number in numbers]) | (len(cuts) == len(numbers))
+    values = [np.where(counted, np.asarray(each.values, float), np.nan) for each in series]
+    shown = np.concatenate([each[counted] for each in values])
+    logarithmic = may_be_logarithmic and float(shown.min()) > 0 and _differ_much(values)
+    charts = []
+    for form in FORMS:
+        with _styled(form):
+            figure, axes = _begin(form, f"{label}, logarithmic" if logarithmic else label)
+            for each, line in zip(series, values, strict=True):
+                _draw_line(axes, each.method, numbers, line)
+            for cut in cuts:
+                axes.axvline(cut, gid=f"cut-{cut}", linewidth=1, linestyle=(0, (2, 3)))
+            _set_limits(axes, numbers, shown, from_zero=from_zero and not logarithmic, logarithmic=logarithmic)
+            axes.set_xlabel("frame")
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=12 if form.name == "wide" else 6))
+            charts.append(_finish(figure, axes, name, form))
+    return charts
+
+
+def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[Chart]:
+    """Draw one labelled dot a method, x logarithmic, in every form.
+
+    Parameters
+    ----------
+    name, label
+        As for `draw_lines`.
+    across : str
+        What x is.
+    dots : sequence of Dot
+    """
+    charts = []
+    for form in FORMS:
+        with _styled(form):
+            figure, axes = _begin(form, label)
+            axes.set_xscale("log")
+            axes.grid(axis="x")
+            for dot in dots:
+                mark = MARKS[dot.method % COLOURS]
+                axes.plot(
+                    [dot.x],
+                    [dot.y],
+                    mark,
+                    markersize=9,
+                    markeredgewidth=0,
+                    gid=f"series-{dot.method}-dot",
+                    clip_on=False,
+                )
+            left, right = min(dot.x for dot in dots), max(dot.x for dot in dots)
+            axes.set_xlim(left / 1.6, right * 1.6)
+            axes.margins(y=0.18)
+            axes.set_xlabel(across)
+            _number_logarithmic(axes.xaxis, right / left)
+            figure.draw_without_rendering()
+            _label(axes, dots, form.text)
+            charts.append(_finish(figure, axes, name, form))
+    return charts
+
+
+def _styled(form: Form) -> AbstractContextManager[None]:
+    settings: Any = {**style, "font.size": form.text}
+    return mpl.rc_context(settings)
+
+
+def _differ_much(values: Sequence[NDArray[Any]]) -> bool:
+    medians = [float(np.nanmedian(each)) for each in values]
+    return max(medians) > MAGNITUDE * min(medians)
+
+
+def _begin(form: Form, label: str) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=form.size, layout="constrained")
+    figure.patch.set_visible(False)
+    axes = figure.add_subplot()
+    axes.patch.set_visible(False)
+    axes.set_title(label, fontsize=form.text)
+    return figure, axes
+
+
+def _draw_line(axes: Axes, method: int, numbers: Sequence[int], values: NDArray[Any]) -> None:
+    (line,) = axes.plot(numbers, values, linewidth=1.6, gid=f"series-{method}-line")
+    if len(numbers) <= MARKED_FRAMES:
+        line.set(marker=MARKS[method % COLOURS], markersize=5.5, markeredgewidth=0)
+    if method >= COLOURS:  # its colour is taken
+        line.set_linestyle((0, (4, 2)))
+
+
+def _set_limits(axes: Axes, numbers: Sequence[int], shown: NDArray[Any], *, from_zero: bool, logarithmic: bool) -> None:
+    spare = max(0.5, 0.015 * (numbers[-1] - numbers[0]))
+    axes.set_xlim(numbers[0] - spare, numbers[-1] + spare)
+    lowest, highest = float(shown.min()), float(shown.max())
+    if logarithmic:
+        lowest = max(lowest, highest / WIDEST)
+        axes.set_yscale("log")
+        axes.set_ylim(lowest / 1.5, highest * 1.5)
+        _number_logarithmic(axes.yaxis, highest / lowest)
+    else:
+        span = (highest - (0 if from_zero else lowest)) or 1.0
+        axes.set_ylim(0 if from_zero else lowest - 0.08 * span, highest + 0.08 * span)
+
+
+def _number_logarithmic(axis: Axis, ratio: float) -> None:
+    """Plain numbers instead of powers of ten, and enough of them."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio < 200 else (1, 3) if ratio < 5000 else (1,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
+
+
+def _label(axes: Axes, dots: Sequence[Dot], text: float) -> None:
+    """Write each name beside its dot, where it covers neither another name nor a dot."""
+    pixels = axes.transData.transform([(dot.x, dot.y) for dot in dots])
+    scale = axes.figure.dpi / 72
+    room = axes.figure.bbox.width
+    taken = [_Rectangle(x, y, 12 * scale, 12 * scale) for x, y in pixels]
+    for dot, (x, y) in sorted(zip(dots, pixels.tolist(), strict=True), key=lambda each: -each[1][1]):
+        width, height = 0.62 * text * len(dot.name) * scale, 1.3 * text * scale
+        aside = width / 2 + 9 * scale
+        above = height / 2 + 7 * scale
+        places = [(aside, 0.0), (aside, above), (aside, -above), (0.0, above), (0.0, -above), (-aside, 0.0)]
+        places += [(aside, 2 * above), (aside, -2 * above), (-aside, above), (-aside, -above)]
+        rectangles = [_Rectangle(x + dx, y + dy, width, height) for dx, dy in places]
+        free = [each for each in rectangles if each.lies_in(room) and not any(each.meets(other) for other in taken)]
+        chosen = (free or rectangles)[0]
+        taken.append(chosen)
+        offset = (chosen.x - x) / scale, (chosen.y - y) / scale
+        axes.annotate(
+            dot.name,
+            (dot.x, dot.y),
+            xytext=offset,
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            gid=f"series-{dot.method}-name",
+            annotation_clip=False,
+        ).set_in_layout(False)
+
+
+class _Rectangle(NamedTuple):
+    """Centre and size."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def lies_in(self, width: float) -> bool:
+        return self.x - self.width / 2 > 0 and self.x + self.width / 2 < width
+
+    def meets(self, other: _Rectangle) -> bool:
+        return (
+            abs(self.x - other.x) < (self.width + other.width) / 2
+            and abs(self.y - other.y) < (self.height + other.height) / 2
+        )
+
+
+def _finish(figure: Figure, axes: Axes, name: str, form: Form) -> Chart:
+    file = io.StringIO()
+    figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    place = axes.get_position()
+    return Chart(
+        form=form.name,
+        svg=_for_page(file.getvalue(), f"{name}-{form.name}"),
+        box=(place.x0, 1 - place.y1, place.width, place.height),
+        x_range=axes.get_xlim(),
+        y_range=axes.get_ylim(),
+        logarithmic=axes.get_yscale() == "log",
+    )
+
+
+def _for_page(svg: str, prefix: str) -> str:
+    """Names that no other figure of a page has, and classes for what belongs to a method."""
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    # what is drawn again and again takes the colour of its place, not of its definition
+    svg = re.sub(r"<defs>.*?</defs>", lambda match: re.sub(r"stroke: #\w+", "", match[0]), svg, flags=re.DOTALL)
+    svg = re.sub(r'id="series-(\d+)-(\w+)"', _as_series, svg)
+    svg = re.sub(r'id="cut-\d+"', 'class="cut"', svg)
+    svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\1{prefix}-", svg)
+    return svg.replace("<svg ", '<svg aria-hidden="true" ', 1)
+
+
+def _as_series(match: re.Match[str]) -> str:
+    method = int(match[1])
+    return f'class="series {match[2]} method-{method % COLOURS}" data-method="{method}"'

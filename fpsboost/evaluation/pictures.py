@@ -1,0 +1,417 @@
+"""Pictures for a page: frames, crops at the worst spots, motion and confidence, encoded into the page itself."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.evaluation.compare import Picked
+from fpsboost.evaluation.hiding import Interval
+from fpsboost.evaluation.making import InterpolatorMaker, Maker
+from fpsboost.evaluation.metrics import absolute_error, as_seen
+from fpsboost.frame import Image, has_alpha
+from fpsboost.interpolator import Pair
+from fpsboost.motion.field import at_points
+from fpsboost.motion.opencv import Still
+from fpsboost.prepared import PreparedImage
+from fpsboost.synthesis import Transition
+from fpsboost.synthesis.fuse import Fuse
+
+WIDEST = 1280
+"""Pixels of a picture on the page."""
+
+QUALITY = 92
+"""Of WebP; crops are lossless."""
+
+LOSSLESS = 101
+"""What OpenCV calls WebP without loss."""
+
+SMALLEST_CROP = 48
+"""Pixels; a tenth of the frame's width where that is more."""
+
+WHEEL = 160
+"""Pixels."""
+
+ARROWS = 30
+"""Arrows along the longer side of a frame."""
+
+BRIGHTEST = 64
+"""Error that is drawn brightest, levels of 255."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One encoded picture.
+
+    Attributes
+    ----------
+    name : str
+        Of the method, or ``truth``.
+    method : int or None
+        Its place among the methods; None for the truth.
+    uri : str
+        The encoded picture itself.
+    mae : float or None
+        Mean absolute error of a crop, levels of 255.
+    """
+
+    name: str
+    method: int | None
+    uri: str
+    mae: float | None = None
+
+
+class Spot(NamedTuple):
+    """A square of a frame that is worth a closer look."""
+
+    x: int
+    y: int
+    size: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Strip:
+    """One spot, in the truth and as every method has it.
+
+    Attributes
+    ----------
+    letter : str
+    spot : Spot
+    place : tuple of float
+        Left, top, width and height, shares of the frame.
+    crops : list of Picture
+    """
+
+    letter: str
+    spot: Spot
+    place: tuple[float, float, float, float]
+    crops: list[Picture]
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """A hidden frame, in the truth and as every method made it, and closer looks."""
+
+    number: int
+    width: int
+    height: int
+    pictures: list[Picture]
+    strips: list[Strip]
+
+
+@dataclass(frozen=True)
+class MotionPicture:
+    """Motion from one shown frame to the next, as one method found it.
+
+    Attributes
+    ----------
+    picture : Picture
+        Direction as hue, length as saturation.
+    arrows, tips : str
+        SVG paths, in pixels of the frame: shafts, and where they point to.
+    longest : float
+        Pixels.
+    """
+
+    picture: Picture
+    arrows: str
+    tips: str
+    longest: float
+
+
+@dataclass(frozen=True)
+class MotionView:
+    """What the methods think moves between two shown frames.
+
+    Attributes
+    ----------
+    number : int
+        Of the hidden frame.
+    between : tuple of int
+        Numbers of the shown frames.
+    width, height : int
+    shown : str
+        The earlier shown frame.
+    wheel : str
+        The legend.
+    edge : float
+        Motion at the wheel's edge, pixels.
+    stretch : float
+        Arrows are drawn so many times as long as the motion is.
+    fields : list of MotionPicture
+    doubts : list of tuple of Picture
+        Doubt and true error of each method that knows its doubt.
+    """
+
+    number: int
+    between: tuple[int, int]
+    width: int
+    height: int
+    shown: str
+    wheel: str
+    edge: float
+    stretch: float
+    fields: list[MotionPicture]
+    doubts: list[tuple[Picture, Picture]]
+
+
+def view_frame(picked: Picked, made: Mapping[str, Image]) -> FrameView:
+    """Encode a frame as every method made it, and find and encode the spots worth a closer look.
+
+    Parameters
+    ----------
+    picked : Picked
+    made : mapping of str to image
+        By method, in the order of the comparison.
+    """
+    truth = picked.hidden.truth
+    height, width = truth.shape[:2]
+    images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(made.items()))]
+    errors = [absolute_error(truth, image) for image in made.values()]
+    strips = []
+    for letter, spot in zip("AB", find_spots(errors), strict=False):
+        window = np.s_[spot.y : spot.y + spot.size, spot.x : spot.x + spot.size]
+        crops = [
+            Picture(
+                name,
+                index,
+                encode(as_shown(image[window]), LOSSLESS),
+                None if index is None else float(errors[index][window].mean()),
+            )
+            for name, index, image in images
+        ]
+        place = spot.x / width, spot.y / height, spot.size / width, spot.size / height
+        strips.append(Strip(letter, spot, place, crops))
+    pictures = [Picture(name, index, encode(not_too_wide(as_shown(image)))) for name, index, image in images]
+    return FrameView(picked.hidden.number, width, height, pictures, strips)
+
+
+def view_motion(picked: Picked, made: Mapping[str, Image], makers: Mapping[str, Maker]) -> MotionView | None:
+    """Draw the motion that every method finds around a hidden frame, and the doubts of those that have any.
+
+    Parameters
+    ----------
+    picked : Picked
+    made : mapping of str to image
+        The hidden frame by method, in the order of the comparison.
+    makers : mapping of str to Maker
+
+    Returns
+    -------
+    MotionView or None
+        None where no method estimates motion.
+    """
+    interval = _interval_of(picked)
+    places = {name: index for index, name in enumerate(made)}
+    pairs = {name: _pair(maker, interval) for name, maker in makers.items() if _moves(maker) and name in places}
+    if not pairs:
+        return None
+    flows = {name: pair.fields[0].flow for name, pair in pairs.items()}
+    height, width = interval.shown0.image.shape[:2]
+    edge = max(1.0, float(np.median([np.percentile(np.linalg.norm(flow, axis=-1), 98) for flow in flows.values()])))
+    spacing = max(4, max(height, width) // ARROWS)
+    stretch = _stretch(edge, spacing)
+    fields = [
+        MotionPicture(
+            Picture(name, places[name], encode(not_too_wide(in_colour(flow, edge)))),
+            *draw_arrows(flow, spacing, stretch),
+            float(np.linalg.norm(flow, axis=-1).max()),
+        )
+        for name, flow in flows.items()
+    ]
+    return MotionView(
+        number=picked.hidden.number,
+        between=(interval.number, interval.number + len(interval.hidden) + 1),
+        width=width,
+        height=height,
+        shown=encode(not_too_wide(as_shown(interval.shown0.image))),
+        wheel=encode(draw_wheel(WHEEL), LOSSLESS),
+        edge=edge,
+        stretch=stretch,
+        fields=fields,
+        doubts=list(_doubts(picked, made, makers, pairs)),
+    )
+
+
+def _interval_of(picked: Picked) -> Interval:
+    return next(each for each in picked.window if picked.hidden.number in {hidden.number for hidden in each.hidden})
+
+
+def _moves(maker: Maker) -> bool:
+    return isinstance(maker, InterpolatorMaker) and not isinstance(maker.interpolator.estimator, Still)
+
+
+def _pair(maker: Maker, interval: Interval) -> Pair:
+    assert isinstance(maker, InterpolatorMaker)
+    return maker.interpolator.pair(PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image))
+
+
+def _doubts(
+    picked: Picked, made: Mapping[str, Image], makers: Mapping[str, Maker], pairs: Mapping[str, Pair]
+) -> Iterator[tuple[Picture, Picture]]:
+    for index, name in enumerate(made):
+        maker = makers[name]
+        if name not in pairs or not isinstance(maker, InterpolatorMaker):
+            continue
+        synthesizer = maker.interpolator.synthesizer
+        if isinstance(synthesizer, Fuse):
+            transition = Transition(*pairs[name].in_one_light, *pairs[name].fields)
+            confidence = next(synthesizer.fuse(transition, [float(picked.hidden.t)])).confidence
+            error = absolute_error(picked.hidden.truth, made[name])
+            doubt, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / BRIGHTEST))
+            yield Picture(name, index, encode(doubt)), Picture(name, index, encode(wrong), float(error.mean()))
+
+
+def as_shown(image: Image) -> NDArray[Any]:
+    """An image as a screen shows it: 8-bit colours, clipped; transparency over mid gray; float values as linear light.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> as_shown(np.full((1, 1, 1), 2.0, np.float32)).tolist()
+    [[[255, 255, 255]]]
+    """
+    linear = image.dtype == np.float32
+    values = as_seen(image)
+    if has_alpha(image):
+        gray = 0.5**2.2 if linear else 0.5
+        values = values[..., :-1] + gray * (1 - values[..., -1:].clip(0, 1))
+    values = values.clip(0, 1)
+    if linear:
+        values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
+    levels = np.rint(values * 255).astype(np.uint8)
+    return np.ascontiguousarray(levels if levels.shape[2] == 3 else levels.repeat(3, axis=2))
+
+
+def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
+    """An image, made smaller where a page has no use for its width."""
+    height, width = image.shape[:2]
+    if width <= WIDEST:
+        return image
+    return cv2.resize(image, (WIDEST, max(1, round(height * WIDEST / width))), interpolation=cv2.INTER_AREA)
+
+
+def encode(image: NDArray[Any], quality: int = QUALITY) -> str:
+    """An image as text that a page can hold."""
+    data = cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1]
+    return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode()
+
+
+def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
+    """The square where all methods together err most, and the one, beside it, where the best is farthest ahead.
+
+    Ahead of the middle one, that is.
+
+    Parameters
+    ----------
+    errors : sequence of (H, W)
+        Absolute error of every method.
+
+    Returns
+    -------
+    list of Spot
+        One, if the frame has no room for two.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> error = np.zeros((100, 200), np.float32)
+    >>> error[10:58, 20:68] = 9
+    >>> find_spots([error])[0][:3]
+    (20, 10, 48)
+    """
+    height, width = errors[0].shape
+    size = min(max(SMALLEST_CROP, width // 10), height, width)
+    means = np.stack([_window_means(error, size) for error in errors])
+    together = means.mean(axis=0)
+    y, x = np.unravel_index(int(together.argmax()), together.shape)
+    spots = [Spot(int(x), int(y), size, "largest error")]
+    several = len(errors) > 1
+    # not from the worst: a method that fails everywhere would draw all attention
+    wanted = np.median(means, axis=0) - means.min(axis=0) if several else together
+    rows, columns = np.ogrid[: wanted.shape[0], : wanted.shape[1]]
+    beside = (abs(rows - y) >= size) | (abs(columns - x) >= size)
+    if beside.any():
+        y, x = np.unravel_index(int(np.where(beside, wanted, -1).argmax()), wanted.shape)
+        spots.append(Spot(int(x), int(y), size, "methods differ most" if several else "next largest error"))
+    return spots
+
+
+def _window_means(error: NDArray[Any], size: int) -> NDArray[Any]:
+    """Means over all squares that lie inside, by their upper left corner."""
+    sums = cv2.integral(error.astype(np.float32), sdepth=cv2.CV_64F)
+    return (sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]) / size**2
+
+
+def in_colour(flow: NDArray[Any], edge: float) -> NDArray[Any]:
+    """Motion as colours: direction as hue, length as saturation, `edge` pixels and more fully saturated.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+    """
+    length, angle = cv2.cartToPolar(flow[..., 0], flow[..., 1], angleInDegrees=True)
+    colours = np.stack([angle, (length / edge).clip(0, 1), np.ones_like(angle)], axis=-1).astype(np.float32)
+    return np.rint(cv2.cvtColor(colours, cv2.COLOR_HSV2BGR) * 255).astype(np.uint8)
+
+
+def draw_wheel(size: int) -> NDArray[Any]:
+    """The legend of `in_colour`: each direction's and length's colour, where it points to.
+
+    Returns
+    -------
+    (size, size, 4) uint8
+    """
+    radius = size / 2
+    y, x = (np.mgrid[:size, :size].astype(np.float32) + 0.5 - radius) / radius
+    inside = ((1 - np.hypot(x, y)) * radius + 0.5).clip(0, 1)  # a smooth rim
+    return np.dstack([in_colour(np.dstack([x, y]), 1), np.rint(inside * 255).astype(np.uint8)])
+
+
+def _stretch(edge: float, spacing: int) -> float:
+    """The roundest factor that lets arrows be seen and hardly overlap."""
+    return float(next((factor for factor in (20, 10, 5, 2) if factor * edge <= 1.5 * spacing), 1))
+
+
+def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, str]:
+    """Motion as SVG paths, in pixels: shafts from where a pixel is, and a point where it goes.
+
+    Parameters
+    ----------
+    flow : (H, W, 2)
+    spacing : int
+        Pixels between arrows.
+    stretch : float
+        Drawn so many times as long.
+    """
+    shafts, tips = [], []
+    for row, vectors in enumerate(at_points(flow, spacing)):
+        for column, (dx, dy) in enumerate((vectors * stretch).tolist()):
+            x, y = column * spacing + spacing // 2, row * spacing + spacing // 2
+            if np.hypot(dx, dy) >= 1:
+                shafts.append(f"M{x} {y}l{dx:.1f} {dy:.1f}")
+                tips.append(f"M{x + dx:.1f} {y + dy:.1f}h0")
+    return "".join(shafts), "".join(tips)
+
+
+def as_heat(values: NDArray[Any]) -> NDArray[Any]:
+    """Values from 0 to 1 from black over red to pale yellow.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+    """
+    levels = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
+    colours: NDArray[Any] = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
+    return colours

@@ -1,0 +1,371 @@
+"""A comparison as one page that needs nothing but a browser: figures, tables, and pictures to look at closely.
+
+The page says what a `Comparison` holds and scores nothing anew; frames are made again only to be shown.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+import shutil
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from fractions import Fraction
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from fpsboost.errors import OutputError
+from fpsboost.evaluation.charts import COLOURS, Chart, Dot, Series, draw_dots, draw_lines
+from fpsboost.evaluation.compare import Comparison, MethodResult, Picked, pick
+from fpsboost.evaluation.making import Maker
+from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
+from fpsboost.evaluation.regions import NAMES, OUTSIDES
+from fpsboost.frame import Image
+
+PAGE = "index.html"
+
+LEVEL = 0.005
+"""Two methods that differ by less are level, dB."""
+
+TABLED_FRAMES = 400
+"""Of longer clips the page has no table of all frames."""
+
+
+class Column(NamedTuple):
+    """A figure of the summary table."""
+
+    title: str
+    unit: str
+    digits: int
+    high_is_good: bool
+
+
+COLUMNS = (
+    Column("PSNR", "dB", 2, True),
+    Column("SSIM", "", 4, True),
+    Column("MAE", "levels", 2, False),
+    Column("MSE", "levels²", 1, False),
+    Column("Time", "s a frame", 3, False),
+    Column("CPU time", "s a frame", 3, False),
+)
+
+
+class Cell(NamedTuple):
+    """A number as a table shows it, and whether none in its column is better."""
+
+    text: str
+    value: float | None
+    best: bool
+
+
+class Row(NamedTuple):
+    """A method in a table."""
+
+    method: int
+    name: str
+    cells: list[Cell]
+
+
+class Plot(NamedTuple):
+    """A figure that has a value for every frame."""
+
+    key: str
+    title: str
+    unit: str
+    charts: list[Chart]
+
+
+class Chosen(NamedTuple):
+    """A frame that is shown, and why."""
+
+    number: int
+    reasons: list[str]
+
+
+class Shown(NamedTuple):
+    """A frame on the page."""
+
+    title: str
+    view: FrameView
+
+
+def write_report(
+    folder: Path, comparison: Comparison, makers: Mapping[str, Maker], *, input_fps: Fraction | None = None
+) -> Path:
+    """Write the page of a comparison into a new folder, which appears whole or not at all.
+
+    Parameters
+    ----------
+    folder : Path
+    comparison : Comparison
+    makers : mapping of str to Maker
+        Its methods, to make some frames again.
+    input_fps : Fraction, optional
+        Frames per second of images, as in the comparison.
+
+    Returns
+    -------
+    Path
+        Of the page.
+
+    Raises
+    ------
+    OutputError
+        The folder exists, or cannot be written.
+    """
+    if folder.exists():
+        raise OutputError(f"{folder} exists; name a new folder with --report, or remove it first.")
+    page = make_page(comparison, makers, input_fps=input_fps)
+    unfinished = folder.with_name(f".{folder.name}.unfinished")
+    try:
+        unfinished.mkdir(exist_ok=True)  # one of an earlier, stopped attempt is taken over
+        (unfinished / PAGE).write_text(page, encoding="utf-8")
+        unfinished.rename(folder)
+    except OSError as error:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        raise OutputError(f"{folder} cannot be written ({error.strerror}); choose another place.") from None
+    return folder / PAGE
+
+
+def make_page(
+    comparison: Comparison,
+    makers: Mapping[str, Maker],
+    *,
+    input_fps: Fraction | None = None,
+    date: datetime | None = None,
+) -> str:
+    """The page of a comparison as text.
+
+    Parameters
+    ----------
+    comparison, makers, input_fps
+        As for `write_report`.
+    date : datetime, optional
+        When it was made; now, if not given.
+    """
+    chosen = choose_frames(comparison)
+    shown: list[Shown] = []
+    motion: MotionView | None = None
+    for each, picked in zip(
+        chosen,
+        pick(comparison.clip, comparison.hiding, [each.number for each in chosen], input_fps),
+        strict=True,
+    ):
+        made = _make_again(picked, comparison, makers)
+        shown.append(Shown(_title(each), view_frame(picked, made)))
+        if each is chosen[0]:
+            motion = view_motion(picked, made, makers)
+    environment = Environment(
+        loader=PackageLoader("fpsboost.evaluation"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html.j2").render(
+        comparison=comparison,
+        name=Path(comparison.clip).name or comparison.clip,
+        hidden=describe_hidden(comparison),
+        outcome=say_outcome(comparison),
+        columns=COLUMNS,
+        overall=overall_rows(comparison),
+        areas=list(zip(NAMES, OUTSIDES, strict=True)),
+        by_area=area_rows(comparison),
+        plots=frame_plots(comparison),
+        timing=time_plot(comparison),
+        quality=quality_charts(comparison),
+        values=frame_values(comparison),
+        tabled=len(comparison.hidden) <= TABLED_FRAMES,
+        shown=shown,
+        motion=motion,
+        command=command(comparison, input_fps),
+        date=(date or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M"),
+        is_float=comparison.kind.endswith("float"),
+        colours=COLOURS,
+        brightest=BRIGHTEST,
+        text_of=lambda file: _text_of(environment, file),
+    )
+
+
+def choose_frames(comparison: Comparison) -> list[Chosen]:
+    """The worst, the median and the best frame of the first method, and the one where the methods differ most."""
+    first = comparison.methods[0]
+    ranked = sorted(comparison.counted(first), key=lambda frame: frame.scores.psnr)
+    reasons = {f"the worst of {first.name}": ranked[0].number}
+    reasons[f"the median of {first.name}"] = ranked[(len(ranked) - 1) // 2].number
+    reasons[f"the best of {first.name}"] = ranked[-1].number
+    if len(comparison.methods) > 1:
+        reasons["where the methods differ most"] = _most_different(comparison)
+    numbers = dict.fromkeys(reasons.values())
+    return [Chosen(number, [why for why, which in reasons.items() if which == number]) for number in numbers]
+
+
+def _most_different(comparison: Comparison) -> int:
+    frames = zip(*(comparison.counted(method) for method in comparison.methods), strict=True)
+    errors: dict[int, list[float]] = {each[0].number: [frame.scores.mae for frame in each] for each in frames}
+    # not from the worst: a method that fails everywhere would decide alone
+    return max(errors, key=lambda number: median(errors[number]) - min(errors[number]))
+
+
+def _title(chosen: Chosen) -> str:
+    return f"Frame {chosen.number}: {_listed(chosen.reasons)}"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _make_again(picked: Picked, comparison: Comparison, makers: Mapping[str, Maker]) -> dict[str, Image]:
+    return {method.name: picked.make(makers[method.name]) for method in comparison.methods}
+
+
+def describe_hidden(comparison: Comparison) -> str:
+    """What was hidden, in one sentence.
+
+    Returns
+    -------
+    str
+        ``Between every two frames shown, one was hidden: 6 frames of 640x360, 3 channels, 8-bit.``
+    """
+    skip, count = comparison.hiding.skip, len(comparison.hidden)
+    each = "one was" if skip == 1 else f"{skip} were"
+    size, _, rest = comparison.kind.partition(", ")
+    frames = "frame" if count == 1 else "frames"
+    return f"Between every two frames shown, {each} hidden: {count} {frames} of {size}, {rest}."
+
+
+def say_outcome(comparison: Comparison) -> str:
+    """Who comes nearest to the truth, by how much, and at what price, in one sentence."""
+    ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
+    best = ranked[0]
+    psnr = comparison.means(best).psnr
+    price = f"at {_seconds(comparison.mean_seconds(best)[0])} a frame"
+    if len(ranked) == 1:
+        return f"{best.name} reaches {psnr:.1f} dB, {price}."
+    ahead = psnr - comparison.means(ranked[1]).psnr
+    if ahead < LEVEL:
+        lead = f"level with {ranked[1].name}"
+    else:
+        lead = f"{ahead:.{1 if ahead >= 0.1 else 2}f} dB ahead of {ranked[1].name}"
+    return f"{best.name} comes nearest to the truth: {psnr:.1f} dB, {lead}, {price}."
+
+
+def _seconds(seconds: float) -> str:
+    """Seconds with two figures that count."""
+    return f"{seconds:.{max(0, 1 - math.floor(math.log10(seconds)))}f} s" if 0 < seconds < 10 else f"{seconds:.0f} s"
+
+
+def overall_rows(comparison: Comparison) -> list[Row]:
+    """Quality and price of every method, the best first."""
+    figures = []
+    for method in comparison.methods:
+        scores = comparison.means(method)
+        figures.append([scores.psnr, scores.ssim, scores.mae, scores.mse, *comparison.mean_seconds(method)])
+    rows = _rows(comparison.methods, figures, [(each.digits, each.high_is_good) for each in COLUMNS])
+    return [rows[index] for index in sorted(range(len(rows)), key=lambda index: -figures[index][0])]
+
+
+def area_rows(comparison: Comparison) -> list[Row]:
+    """Errors in and out of each area, in the order of `overall_rows`."""
+    figures = [
+        [comparison.mean_error(method, area, inside) for area in NAMES for inside in (True, False)]
+        for method in comparison.methods
+    ]
+    rows = _rows(comparison.methods, figures, [(2, False)] * (2 * len(NAMES)))
+    return [rows[row.method] for row in overall_rows(comparison)]
+
+
+def _rows(
+    methods: Sequence[MethodResult], figures: Sequence[Sequence[float]], formats: Sequence[tuple[int, bool]]
+) -> list[Row]:
+    columns = [
+        _cells(values, digits, high_is_good)
+        for values, (digits, high_is_good) in zip(zip(*figures, strict=True), formats, strict=True)
+    ]
+    return [Row(index, method.name, [column[index] for column in columns]) for index, method in enumerate(methods)]
+
+
+def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cell]:
+    """What reads the same as the best is the best too; a lone value is no best."""
+    known = [value for value in values if math.isfinite(value)]
+    best = f"{max(known) if high_is_good else min(known):.{digits}f}" if len(known) > 1 else None
+    texts = [f"{value:.{digits}f}" if math.isfinite(value) else None for value in values]
+    return [
+        Cell("-", None, False) if text is None else Cell(text, value, text == best)
+        for text, value in zip(texts, values, strict=True)
+    ]
+
+
+def frame_plots(comparison: Comparison) -> list[Plot]:
+    """The error of every frame, as three figures to choose from."""
+    choices = (
+        ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
+        ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
+        ("psnr", "PSNR", "dB", "PSNR, dB (higher is better)", {"from_zero": False}),
+    )
+    return [
+        Plot(key, title, unit, _frame_charts(comparison, key, label, **how)) for key, title, unit, label, how in choices
+    ]
+
+
+def time_plot(comparison: Comparison) -> Plot:
+    """The time that every frame took."""
+    charts = _frame_charts(comparison, "seconds", "Time, seconds a frame", may_be_logarithmic=True)
+    return Plot("seconds", "Time", "s", charts)
+
+
+def _frame_charts(comparison: Comparison, key: str, label: str, **how: bool) -> list[Chart]:
+    values = frame_values(comparison)
+    series = [Series(index, each[key]) for index, each in enumerate(values["methods"])]
+    return draw_lines(key, label, comparison.hidden, series, comparison.cuts, **how)
+
+
+def quality_charts(comparison: Comparison) -> list[Chart]:
+    """One dot a method: what it costs and what it is worth."""
+    dots = [
+        Dot(index, method.name, comparison.mean_seconds(method)[0], comparison.means(method).psnr)
+        for index, method in enumerate(comparison.methods)
+    ]
+    return draw_dots("quality", "PSNR, dB (higher is better)", "seconds a frame (farther left is faster)", dots)
+
+
+def frame_values(comparison: Comparison) -> dict[str, Any]:
+    """What the page's figures are drawn from, for its script."""
+    return {
+        "frames": comparison.hidden,
+        "cuts": comparison.cuts,
+        "methods": [
+            {
+                "name": method.name,
+                "mse": [frame.scores.mse for frame in method.frames],
+                "mae": [frame.scores.mae for frame in method.frames],
+                "psnr": [frame.scores.psnr for frame in method.frames],
+                "seconds": [frame.seconds for frame in method.frames],
+            }
+            for method in comparison.methods
+        ],
+    }
+
+
+def command(comparison: Comparison, input_fps: Fraction | None) -> str:
+    """What to type to do it again."""
+    hiding = comparison.hiding
+    names = [*(method.name for method in comparison.methods), *comparison.skipped]
+    words = ["fpsboost", "compare", comparison.clip, "-m", ",".join(names)]
+    if hiding.skip != 1:
+        words += ["--skip", str(hiding.skip)]
+    if hiding.first or hiding.last is not None:
+        words += ["--range", f"{hiding.first}:{'' if hiding.last is None else hiding.last}"]
+    if input_fps is not None:
+        words += ["--input-fps", str(input_fps)]
+    return shlex.join([*words, "--report", "DIR"])
+
+
+def _text_of(environment: Environment, file: str) -> Markup:
+    """A style sheet or a script, as it is."""
+    assert environment.loader is not None
+    return Markup(environment.loader.get_source(environment, file)[0])

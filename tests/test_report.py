@@ -1,0 +1,387 @@
+"""The page of a comparison: complete, one file, and alive in a browser."""
+
+from __future__ import annotations
+
+import math
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from playwright.sync_api import Page, Request, sync_playwright
+from video_truth import scene
+
+from fpsboost.errors import OutputError
+from fpsboost.evaluation.compare import Comparison, compare
+from fpsboost.evaluation.hiding import Hiding
+from fpsboost.evaluation.making import InterpolatorMaker, Maker
+from fpsboost.evaluation.pictures import as_shown, find_spots, in_colour
+from fpsboost.evaluation.report import choose_frames, command, say_outcome, write_report
+from fpsboost.method_table import methods
+
+NAMES = ("dis", "blend", "nearest")
+HEIGHT, WIDTH, FRAMES = 48, 64, 7
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+QUIET = ("--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run")
+
+
+class Silence:
+    """An observer with nothing to say."""
+
+    def begun(self, name: str, frames: int | None) -> None:
+        pass
+
+    def made(self) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def makers() -> dict[str, Maker]:
+    return {name: InterpolatorMaker(methods[name]) for name in NAMES}
+
+
+@pytest.fixture(scope="module")
+def comparison(tmp_path_factory: pytest.TempPathFactory, makers: dict[str, Maker]) -> Comparison:
+    """Of a tiny clip that speeds up, so that no two frames are equally hard."""
+    folder = tmp_path_factory.mktemp("clip")
+    for number in range(FRAMES):
+        image = scene(number * (number + 3) // 3, HEIGHT, WIDTH)
+        (folder / f"{number:04d}.png").write_bytes(cv2.imencode(".png", image)[1].tobytes())
+    reason = "there is no <ffmpeg> here"
+    return compare(str(folder), makers, Hiding(), Silence(), skipped={"minterpolate": reason})
+
+
+@pytest.fixture(scope="module")
+def path(comparison: Comparison, makers: dict[str, Maker], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_report(tmp_path_factory.mktemp("report") / "page", comparison, makers)
+
+
+@pytest.fixture(scope="module")
+def text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+class References(HTMLParser):
+    """Collects what a page would load, and the names in it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+        self.names: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name in {"src", "href", "xlink:href", "srcset", "poster", "data", "action"} and value:
+                self.loaded.append(value)
+            if name == "id" and value:
+                self.names.append(value)
+
+
+def test_page_is_one_file(path: Path) -> None:
+    """The folder holds the page and nothing else."""
+    assert [each.name for each in path.parent.iterdir()] == ["index.html"]
+
+
+def test_page_loads_nothing(text: str) -> None:
+    """Whatever the page shows lies in it: no address leads out of it, and its own policy forbids any that would."""
+    references = References()
+    references.feed(text)
+    assert references.loaded
+    assert [each for each in references.loaded if not each.startswith(("data:", "#"))] == []
+    assert re.findall(r"url\((?!#|[\"']?data:)|@import", text) == []
+    assert "default-src 'none'" in text
+
+
+def test_names_in_the_page_are_unique(text: str) -> None:
+    """No two elements share a name, figures by the same hand included."""
+    references = References()
+    references.feed(text)
+    assert len(references.names) == len(set(references.names))
+
+
+def test_page_holds_every_method(text: str, comparison: Comparison) -> None:
+    """Every method has its row with the comparison's own numbers, its line in each figure and its options."""
+    for index, method in enumerate(comparison.methods):
+        scores = comparison.means(method)
+        row = re.search(rf'<tr data-method="{index}">.*?</tr>', text, re.DOTALL)
+        assert row is not None
+        assert method.name in row[0]
+        assert f">{scores.psnr:.2f}<" in row[0]
+        assert f">{scores.ssim:.4f}<" in row[0]
+        assert text.count(f'class="series line method-{index}" data-method="{index}"') == 8  # 4 figures, 2 forms
+        assert method.options.replace("'", "&#39;") in text
+    assert text.count("<b>minterpolate</b> was skipped: there is no &lt;ffmpeg&gt; here.") == 1
+
+
+def test_page_says_how_to_repeat_it(text: str, comparison: Comparison) -> None:
+    """The command names the clip, the methods and what was hidden, and is on the page."""
+    hiding = Hiding(skip=2, first=1, last=9)
+    assert f"fpsboost compare {comparison.clip} -m dis,blend,nearest,minterpolate --report DIR" in text
+    assert "--skip 2 --range 1:9 --input-fps 24 --report" in command(replace(comparison, hiding=hiding), 24)
+
+
+def test_existing_folder_is_refused(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path) -> None:
+    """A folder that is there is left alone, with one sentence that names it."""
+    with pytest.raises(OutputError, match=rf"^{re.escape(str(tmp_path))} exists; [^.]*\.$"):
+        write_report(tmp_path, comparison, makers)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folder_appears_whole_or_not_at_all(
+    comparison: Comparison, makers: dict[str, Maker], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """When the disk is full, neither the folder nor anything half done remains."""
+
+    def fail(path: Path, data: str, encoding: str) -> int:
+        path.write_bytes(data[:100].encode())
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", fail)
+    with pytest.raises(OutputError, match=r"cannot be written \(No space left on device\)"):
+        write_report(tmp_path / "page", comparison, makers)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_across_cuts_are_named_and_not_drawn(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path):
+    """A frame across a cut is said not to count, marked in every figure, and never picked to be shown."""
+    worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
+    cut = replace(comparison, cuts=[worst])
+    text = write_report(tmp_path / "page", cut, makers).read_text()
+    assert f"Not counted: frame {worst}," in text
+    assert text.count('class="cut"') == 8
+    assert worst not in [chosen.number for chosen in choose_frames(cut)]
+
+
+def test_a_frame_chosen_twice_is_shown_once(comparison: Comparison) -> None:
+    """Worst, median, best and most different: every frame once, with all its reasons."""
+    chosen = choose_frames(comparison)
+    numbers = [each.number for each in chosen]
+    assert len(numbers) == len(set(numbers))
+    assert sum(len(each.reasons) for each in chosen) == 4
+    psnr = {frame.number: frame.scores.psnr for frame in comparison.methods[0].frames}
+    assert numbers[0] == min(psnr, key=lambda number: psnr[number])
+
+
+def test_outcome_is_a_sentence(comparison: Comparison) -> None:
+    """It names the best method, the next one and the price; a method alone is ahead of nobody."""
+    ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
+    sentence = say_outcome(comparison)
+    assert sentence.startswith(f"{ranked[0].name} comes nearest to the truth: ")
+    assert f" dB ahead of {ranked[1].name}, at " in sentence
+    alone = replace(comparison, methods=[ranked[0]])
+    assert re.fullmatch(rf"{ranked[0].name} reaches [\d.]+ dB, at [\d.]+ s a frame\.", say_outcome(alone))
+
+
+def test_level_methods_are_called_level(comparison: Comparison) -> None:
+    """Nobody is 0.0 dB ahead."""
+    twin = replace(comparison.methods[0], name="twin")
+    assert "level with twin" in say_outcome(replace(comparison, methods=[comparison.methods[0], twin]))
+
+
+@pytest.mark.parametrize(
+    ("pixel", "shown"),
+    [
+        (np.array([65535, 0, 32768], np.uint16), [255, 0, 128]),
+        (np.array([2.0, -1.0, 0.5], np.float32), [255, 0, 188]),
+        (np.array([255, 0, 0, 0], np.uint8), [128, 128, 128]),
+        (np.array([100, 255], np.uint8), [100, 100, 100]),
+        (np.array([7], np.uint8), [7, 7, 7]),
+    ],
+    ids=["16-bit", "linear float", "transparent", "gray and opaque", "gray"],
+)
+def test_any_image_is_shown_in_8_bit_colours(pixel: NDArray[Any], shown: list[int]) -> None:
+    """Depths are scaled, floats clipped and shown as sRGB, what is transparent lies over mid gray."""
+    assert as_shown(np.tile(pixel, (2, 3, 1))).tolist() == [[shown] * 3] * 2
+
+
+def test_spots_are_where_the_errors_are() -> None:
+    """The first is where all err, the second where one errs less than the others, and they do not overlap."""
+    common = np.zeros((120, 200), np.float32)
+    common[60:108, 10:58] = 20
+    other = common.copy()
+    other[5:53, 130:178] = 10
+    first, second = find_spots([common, other])
+    assert first[:3] == (10, 60, 48)
+    assert second[:3] == (130, 5, 48)
+
+
+def test_a_tiny_frame_has_one_spot() -> None:
+    """Where two squares have no room beside each other, there is one."""
+    assert len(find_spots([np.ones((20, 24), np.float32)])) == 1
+
+
+def test_motion_has_the_wheels_colours() -> None:
+    """No motion is white; motion to the right is red; what is longer than the wheel's rim looks like its rim."""
+    flow = np.array([[[0, 0], [5, 0], [50, 0]]], np.float32)
+    assert in_colour(flow, 5).tolist() == [[[255, 255, 255], [0, 0, 255], [0, 0, 255]]]
+
+
+# ---------------------------------------------------------------- in a browser
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    if BROWSER is None:
+        pytest.skip("there is no Chromium on the PATH")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu", *QUIET])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(chromium: Any, path: Path) -> Iterator[Page]:
+    """The page, opened; nothing is asked of a network, and no error is reported, as long as it is."""
+    opened = chromium.new_page(viewport={"width": 1200, "height": 900}, reduced_motion="reduce")
+    complaints: list[str] = []
+
+    def watch(request: Request) -> None:
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            complaints.append(request.url)
+
+    opened.on("request", watch)
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.on("console", lambda message: complaints.append(message.text) if message.type != "log" else None)
+    opened.goto(path.as_uri())
+    yield opened
+    opened.close()
+    assert complaints == []
+
+
+def shown_on(page: Page, selector: str) -> bool:
+    return page.locator(selector).first.is_visible()
+
+
+def wipe(page: Page) -> float:
+    """Where the right picture of the first viewer begins, per cent from the left."""
+    clip: str = page.locator(".viewer .layer.is-right").first.evaluate("each => getComputedStyle(each).clipPath")
+    found = re.search(r"([\d.]+)%\)", clip)
+    return float(found[1]) if found else 0.0
+
+
+def right(page: Page) -> str:
+    return page.locator(".viewer .tag.right").first.inner_text()
+
+
+def test_slider_moves_the_edge(page: Page) -> None:
+    """The slider, a drag in the picture and the arrow keys all move it."""
+    page.locator(".wipe").first.fill("30")
+    assert wipe(page) == 30
+    stage = page.locator(".stage").first
+    stage.scroll_into_view_if_needed()
+    box = stage.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 30)
+    page.mouse.up()
+    assert math.isclose(wipe(page), 80, abs_tol=1)
+    stage.focus()
+    before = wipe(page)
+    page.keyboard.press("ArrowLeft")
+    assert wipe(page) == before - 2
+
+
+def test_keyboard_flips_and_chooses(page: Page) -> None:
+    """Space shows one picture and then the other, a digit chooses the right one, d the difference."""
+    page.locator(".stage").first.focus()
+    page.keyboard.press("Space")
+    assert wipe(page) == 0
+    page.keyboard.press("Space")
+    assert wipe(page) == 100
+    page.keyboard.press("3")
+    assert right(page) == "nearest"
+    page.keyboard.press("d")
+    blend = page.locator(".viewer .layer.is-right").first.evaluate("each => getComputedStyle(each).mixBlendMode")
+    assert blend == "difference"
+
+
+def test_choosing_the_other_sides_picture_swaps(page: Page) -> None:
+    """Two equal pictures side by side would show nothing."""
+    page.locator('.viewer [data-side="right"]').first.click()
+    assert right(page) == "truth"
+    assert page.locator(".viewer .tag.left").first.inner_text() == NAMES[0]
+
+
+def test_legend_hides_a_method(page: Page) -> None:
+    """A click takes its line out of every figure, another brings it back."""
+    line = '#errors .metric:not(.later) .chart.wide .series[data-method="1"]'
+    assert shown_on(page, line)
+    button = page.locator('#errors [data-toggles="1"]')
+    button.click()
+    assert not shown_on(page, line)
+    assert page.locator('#times [data-toggles="1"]').get_attribute("aria-pressed") == "false"
+    button.click()
+    assert shown_on(page, line)
+
+
+def test_pointing_at_a_figure_reads_it(page: Page, comparison: Comparison) -> None:
+    """The nearest frame's values are told, and their points lie on the lines."""
+    chart = page.locator("#errors .metric:not(.later) .chart.wide")
+    chart.focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    reading = chart.locator(".reading").inner_text()
+    assert f"frame {comparison.hidden[1]}" in reading
+    for method in comparison.methods:
+        assert method.name in reading
+        assert f"{method.frames[1].scores.mse:.3g}"[:3] in reading
+    centres = """(chart, chosen) => [...chart.querySelectorAll(chosen)].map(each => each.getBoundingClientRect())
+        .map(box => box.y + box.height / 2 - chart.getBoundingClientRect().y).sort((one, other) => one - other)"""
+    points = chart.evaluate(centres, ".point")
+    second_marks = chart.evaluate(centres, ".series.line use:nth-of-type(2)")
+    assert len(points) == len(comparison.methods)
+    assert np.allclose(points, second_marks, atol=2)
+
+
+def test_switch_shows_another_error(page: Page) -> None:
+    """MSE gives way to PSNR."""
+    page.locator('[data-shows="psnr"]').click()
+    assert shown_on(page, '[data-metric="psnr"] .chart.wide')
+    assert not shown_on(page, '[data-metric="mse"] .chart.wide')
+
+
+def test_tables_sort(page: Page) -> None:
+    """A click on a heading sorts by it, another the other way."""
+    column = page.locator("#overall thead th").nth(3)
+    cells = "#overall tbody td:nth-of-type(3)"
+    column.locator("button").click()
+    upwards = [float(text.split()[0]) for text in page.locator(cells).all_inner_texts()]
+    column.locator("button").click()
+    downwards = [float(text.split()[0]) for text in page.locator(cells).all_inner_texts()]
+    assert upwards == sorted(upwards)
+    assert downwards == upwards[::-1]
+
+
+def test_theme_can_be_chosen(page: Page) -> None:
+    """The switch turns light to dark."""
+    colour = "() => getComputedStyle(document.body).backgroundColor"
+    light = page.evaluate(colour)
+    page.locator(".theme").click()
+    assert page.evaluate(colour) != light
+
+
+def test_phone_sees_no_sideways_scrolling(page: Page) -> None:
+    """On a narrow screen the page is as wide as the screen, with figures drawn for it."""
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert shown_on(page, "#errors .chart.narrow")
+
+
+def test_page_can_be_read_without_script(chromium: Any, path: Path) -> None:
+    """Every picture and table is there for a browser that runs no script."""
+    context = chromium.new_context(java_script_enabled=False)
+    opened = context.new_page()
+    opened.goto(path.as_uri())
+    layers = opened.locator(".layer")
+    assert all(layers.nth(index).is_visible() for index in range(layers.count()))
+    assert opened.locator("#overall").is_visible()
+    assert not opened.locator(".panel").first.is_visible()
+    context.close()
