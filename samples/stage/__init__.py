@@ -1,0 +1,1 @@
+"""What the rendered scenes are made of: solids and cameras, textures, and the scenes themselves."""
