@@ -28,12 +28,12 @@ STEPS = 64  # vectors are rounded to this part of a pixel, so that they pack wel
 
 
 def for_mitsuba(entry: Any) -> Any:
-    """Turn the arrays in a description into Mitsuba's bitmaps (images) and transforms (4x4 matrices)."""
+    """Turn what a description holds into Mitsuba's bitmaps (functions that make images) and transforms (matrices)."""
     if isinstance(entry, dict):
         return {key: for_mitsuba(value) for key, value in entry.items()}
     if isinstance(entry, np.ndarray):
-        return mi.ScalarTransform4f(entry) if entry.shape == (4, 4) else mi.Bitmap(entry)
-    return entry
+        return mi.ScalarTransform4f(entry)
+    return mi.Bitmap(entry()) if callable(entry) else entry
 
 
 def describe_camera(camera: Camera, size: Size, samples: int) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The three scenes: who is on stage, how it moves from frame to frame, and what lights it.
 
-Materials and lights are dictionaries as Mitsuba takes them, with plain arrays for images and matrices.
+Materials and lights are dictionaries as Mitsuba takes them, with plain arrays for matrices and, for images, functions
+that make them.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,8 @@ from stage import textures
 from stage.geometry import Array, Camera, Solid, follow_spline, make_box, make_icosahedron, move, scale, turn
 
 FRAMES_A_LEG = 12  # frames the camera takes from one point of its spline to the next
+
+MakeTexture = Callable[[], textures.Texture]
 
 
 @dataclass(frozen=True)
@@ -57,9 +61,9 @@ class Scene:
         return [(actor.solid, actor.pose(number)) for actor in self.actors]
 
 
-def paint(texture: textures.Texture) -> dict[str, Any]:
-    """Make a matt material of a texture."""
-    return {"type": "diffuse", "reflectance": {"type": "bitmap", "bitmap": texture, "filter_type": "bilinear"}}
+def paint(make_texture: MakeTexture) -> dict[str, Any]:
+    """Make a matt material of a texture that is drawn when it is asked for: motion is known without."""
+    return {"type": "diffuse", "reflectance": {"type": "bitmap", "bitmap": cache(make_texture)}}
 
 
 def make_panel(middle: tuple[float, float, float], width: float, height: float, light: float) -> dict[str, Any]:
@@ -74,7 +78,7 @@ def make_panel(middle: tuple[float, float, float], width: float, height: float, 
     return {"type": "rectangle", "to_world": matrix, "emitter": {"type": "area", "radiance": radiance}}
 
 
-def make_room(floor: textures.Texture, wall: textures.Texture, distance: float) -> list[Actor]:
+def make_room(floor: MakeTexture, wall: MakeTexture, distance: float) -> list[Actor]:
     """Make a floor and, behind the stage, a wall."""
     return [
         Actor(make_box(14, 0.1, 14), paint(floor), lambda _: move(0, -0.1, 0)),
@@ -84,8 +88,8 @@ def make_room(floor: textures.Texture, wall: textures.Texture, distance: float) 
 
 def make_reflective() -> Scene:
     """Two metals of different roughness turn above a tiled floor; panels of light flash up in them."""
-    floor = textures.make_tiles(3, 34, "5a2422 a8573a d8b070 e8dcc0 3f7c80 1d4358", "1c1816")
-    wall = textures.make_plaster(4, "16283a 2c4a5e 4a6f80 8a9a86 9a6a4a")
+    floor = partial(textures.make_tiles, 3, 34, "5a2422 a8573a d8b070 e8dcc0 3f7c80 1d4358", "1c1816")
+    wall = partial(textures.make_plaster, 4, "16283a 2c4a5e 4a6f80 8a9a86 9a6a4a")
     steel = {"type": "roughconductor", "material": "Al", "alpha": 0.03, "distribution": "ggx"}
     copper = {"type": "roughconductor", "material": "Cu", "alpha": 0.14, "distribution": "ggx"}
     actors = [
@@ -97,7 +101,7 @@ def make_reflective() -> Scene:
         ),
     ]
     lights = [
-        {"type": "envmap", "bitmap": textures.make_sky(7)},
+        {"type": "envmap", "bitmap": cache(partial(textures.make_sky, 7))},
         make_panel((-3.5, 6, 5), 1.3, 1.3, 7),
         make_panel((6, 3.5, 4), 0.7, 1.6, 6),
     ]
@@ -108,14 +112,14 @@ def make_reflective() -> Scene:
 
 def make_texture() -> Scene:
     """A cube with six detailed sides turns, grows and shrinks."""
-    floor = textures.make_tiles(13, 40, "3c4a3e 6f8a66 a9b88c d9d3b0 8a7a5c", "26302a")
-    wall = textures.make_plaster(14, "e0c9a6 d9a679 b9806a 8c6272 5a5478")
+    floor = partial(textures.make_tiles, 13, 40, "3c4a3e 6f8a66 a9b88c d9d3b0 8a7a5c", "26302a")
+    wall = partial(textures.make_plaster, 14, "e0c9a6 d9a679 b9806a 8c6272 5a5478")
 
     def pose(number: float) -> Array:
         size = 1.0 + 0.2 * math.sin(2 * math.pi * number / 36)
         return move(0.1, 1.65, 0) @ turn((0.45, 1, 0.25), 25 + 3.6 * number) @ scale(size)
 
-    cube = Actor(make_box(0.85, 0.85, 0.85, columns=3, rows=2), paint(textures.make_sides(12)), pose)
+    cube = Actor(make_box(0.85, 0.85, 0.85, columns=3, rows=2), paint(partial(textures.make_sides, 12)), pose)
     lights = [{"type": "constant", "radiance": {"type": "rgb", "value": [0.42, 0.46, 0.55]}}]
     lights += [make_panel((-4, 7, 5), 1.6, 1.6, 11)]
     positions = np.array([(1.3, 2.4, 7.0), (0.2, 2.8, 6.8), (-1.2, 2.5, 6.7), (-0.1, 2.1, 7.2)])
@@ -125,8 +129,8 @@ def make_texture() -> Scene:
 
 def make_glass() -> Scene:
     """A cube of glass turns in front of a coloured checker."""
-    floor = textures.make_tiles(23, 36, "3a3f4a 6a7588 a0aab0 d8d8d0", "22252c")
-    wall = textures.make_checker(24, 44, "e63946 f4a261 e9c46a 2a9d8f 1d5c8f 6a3d8f")
+    floor = partial(textures.make_tiles, 23, 36, "3a3f4a 6a7588 a0aab0 d8d8d0", "22252c")
+    wall = partial(textures.make_checker, 24, 44, "e63946 f4a261 e9c46a 2a9d8f 1d5c8f 6a3d8f")
     glass = {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}
     cube = Actor(make_box(0.88, 0.88, 0.88), glass, lambda n: move(0, 1.65, 0.4) @ turn((0.3, 1, -0.35), 12 + 3.8 * n))
     lights = [
