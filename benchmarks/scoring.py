@@ -124,7 +124,7 @@ def read_clip(name: str, path: str, largest: int) -> Clip:
     shown, hidden = frames[::2], frames[1::2]
     if not hidden:
         raise InputError(f"{path} holds fewer than three frames; one between two others is needed.")
-    cuts = [CutDetector().is_cut(*pair) for pair in pairwise(map(PreparedImage, shown))]
+    cuts = CutDetector().find_cuts([CutDetector().likeness(*pair) for pair in pairwise(map(PreparedImage, shown))])
     return Clip(name, shown, hidden, [index for index, cut in enumerate(cuts) if not cut])
 
 

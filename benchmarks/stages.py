@@ -38,7 +38,7 @@ class Stage(NamedTuple):
 
 STAGES = {
     "lighting": Stage(INTERPOLATOR, "find_lighting"),
-    "cut detection": Stage("fpsboost.scenes", "CutDetector.is_cut"),
+    "cut detection": Stage("fpsboost.scenes", "CutDetector.likeness"),
     "pyramid": Stage(NLM, "pyramid"),
     "components, coarsest": Stage(NLM, "contrast_components"),
     "components, padded": Stage(NLM, "contrast_planes"),

@@ -80,10 +80,15 @@ class Pair:
         )
 
     @cached_property
-    def is_cut(self) -> bool:
-        """Whether a scene ends between the two."""
+    def likeness(self) -> float:
+        """How much of the two can be found in each other, 0 to 1; 1 where scene cuts are not looked for."""
         cuts = self._interpolator.cuts
-        return cuts is not None and cuts.is_cut(*self.in_one_light)
+        return 1.0 if cuts is None else cuts.likeness(*self.in_one_light)
+
+    def is_cut(self, *neighbours: Pair | None) -> bool:
+        """Whether a scene ends between the two, given the pairs before and after where they are known."""
+        cuts = self._interpolator.cuts
+        return cuts is not None and cuts.is_cut(self.likeness, *(each.likeness for each in neighbours if each))
 
     @cached_property
     def fields(self) -> tuple[MotionField, MotionField]:
@@ -199,7 +204,7 @@ class Interpolator:
         for t in times:
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        return InBetween(self._images(pair, times, before, after), pair.is_cut)
+        return InBetween(self._images(pair, times, before, after), pair.is_cut(before, after))
 
     def _images(
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None, after: Pair | None
@@ -210,11 +215,11 @@ class Interpolator:
             yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
 
     def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
-        if pair.is_cut:
+        if pair.is_cut(before, after):
             mixer: Synthesizer = Blend() if self.at_cuts == "blend" else Nearest()
             still = Still().estimate(pair.image0, pair.image1)
             return mixer.synthesize(Transition(pair.image0, pair.image1, *still), times)
-        before, after = (each if each is not None and not each.is_cut else None for each in (before, after))
+        before, after = (None if each is None or each.is_cut(pair) else each for each in (before, after))
         acceleration = None
         if self.curved:
             acceleration = find_acceleration(*pair.fields, _neighbour(before, pair), _neighbour(after, pair))

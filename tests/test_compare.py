@@ -212,7 +212,7 @@ def test_a_missing_program_is_said_and_no_error(fpsboost_, folder, monkeypatch):
         (("--skip", "6"), 1, "too few frames"),
         (("--json", "taken"), 1, "taken exists"),
         (("--report", "taken"), 1, "taken exists"),
-        (("--json", "no/such/folder.json"), 1, "cannot be written"),
+        (("--json", "no/such/folder.json"), 1, "is in no folder that exists"),
     ],
 )
 def test_what_cannot_be_compared_is_one_sentence(fpsboost_, folder, tmp_path, snapshot, arguments, code, sentence):

@@ -296,13 +296,16 @@ def test_neighbours_in_another_scene_tell_nothing():
         def __init__(self, *images):
             self._images = images
 
-        def is_cut(self, image0, image1):
-            return (image0, image1) != self._images
+        def likeness(self, image0, image1):
+            return (image0, image1) == self._images
+
+        def is_cut(self, likeness, *neighbours):
+            return not likeness
 
     images = prepared(*(panning((12, 0), letters())(t) for t in (-1, 0, 1, 2)))
     interpolator = replace(KEEPING, cuts=EveryPairBut(*images[1:3]))
     before, pair, after = (interpolator.pair(*each) for each in pairwise(images))
-    assert [each.is_cut for each in (before, pair, after)] == [True, False, True]
+    assert [each.is_cut() for each in (before, pair, after)] == [True, False, True]
     among, alone = (interpolator.between(pair, [0.5], *each).images for each in ((before, after), (None, None)))
     np.testing.assert_array_equal(next(among), next(alone))
 

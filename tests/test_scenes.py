@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 from truth import affine, as_type, frozen, moving_object, noise, prepared, translation, waves
 
 from fpsboost.errors import OptionError
+from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
 
 
@@ -16,26 +21,31 @@ def scene(seed: int, height: int = 90, width: int = 120, channels: int = 3, dtyp
     return as_type(waves(x, y, channels, seed), dtype)
 
 
+def is_cut(detector, image0, image1):
+    """Whether a scene ends between two frames of which nothing else is known."""
+    return detector.is_cut(detector.likeness(image0, image1))
+
+
 @pytest.mark.parametrize(("first", "second"), [(1, 2), (3, 4), (5, 6), (7, 8), (9, 10)])
 def test_different_scenes_are_cuts(first, second):
     """Two pictures of nothing in common, both ways."""
-    assert CutDetector().is_cut(*prepared(scene(first), scene(second)))
-    assert CutDetector().is_cut(*prepared(scene(second), scene(first)))
+    assert is_cut(CutDetector(), *prepared(scene(first), scene(second)))
+    assert is_cut(CutDetector(), *prepared(scene(second), scene(first)))
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)])
 def test_cuts_are_found_in_images_of_every_kind(channels, dtype):
     """Gray, with alpha, deep and float; and the picture itself is no cut to itself."""
     one, other = scene(1, channels=channels, dtype=dtype), scene(2, channels=channels, dtype=dtype)
-    assert CutDetector().is_cut(*prepared(one, other))
-    assert not CutDetector().is_cut(*prepared(one, one))
+    assert is_cut(CutDetector(), *prepared(one, other))
+    assert not is_cut(CutDetector(), *prepared(one, one))
 
 
 def test_a_cut_to_black_is_found():
     """From a picture to nothing and back."""
     black = frozen(np.zeros((90, 120, 3), np.uint8))
-    assert CutDetector().is_cut(*prepared(scene(1), black))
-    assert CutDetector().is_cut(*prepared(black, scene(1)))
+    assert is_cut(CutDetector(), *prepared(scene(1), black))
+    assert is_cut(CutDetector(), *prepared(black, scene(1)))
 
 
 @pytest.mark.parametrize(
@@ -51,15 +61,15 @@ def test_a_cut_to_black_is_found():
 )
 def test_motion_is_no_cut(clip):
     """Whatever can be followed belongs to one scene."""
-    assert not CutDetector().is_cut(*clip.prepared)
-    assert not CutDetector().is_cut(*prepared(clip.image1, clip.image0))
+    assert not is_cut(CutDetector(), *clip.prepared)
+    assert not is_cut(CutDetector(), *prepared(clip.image1, clip.image0))
 
 
 @pytest.mark.parametrize("image", [noise(90, 120), scene(1), np.full((90, 120, 3), 128, np.uint8)])
 def test_identical_frames_are_no_cut(image):
     """Likeness 1."""
     assert CutDetector().likeness(*prepared(image, image)) == pytest.approx(1, abs=1e-5)
-    assert not CutDetector().is_cut(*prepared(image, image))
+    assert not is_cut(CutDetector(), *prepared(image, image))
 
 
 def test_noise_and_slow_fades_are_no_cut():
@@ -67,10 +77,10 @@ def test_noise_and_slow_fades_are_no_cut():
     image = scene(1)
     grain = np.random.default_rng(1).normal(0, 8, image.shape)
     noisy = frozen((image + grain).clip(0, 255).astype(np.uint8))
-    assert not CutDetector().is_cut(*prepared(image, noisy))
+    assert not is_cut(CutDetector(), *prepared(image, noisy))
     for other in (scene(2), np.zeros_like(image)):
         faded = frozen(np.rint(0.95 * image + 0.05 * other).astype(np.uint8))
-        assert not CutDetector().is_cut(*prepared(image, faded))
+        assert not is_cut(CutDetector(), *prepared(image, faded))
 
 
 def test_likeness_is_a_share_and_symmetric():
@@ -84,13 +94,13 @@ def test_likeness_is_a_share_and_symmetric():
 def test_the_threshold_runs_from_no_cuts_to_all():
     """0 finds none, 1 finds all."""
     clip = translation(48, 64, 1, 0)
-    assert not CutDetector(threshold=0).is_cut(*prepared(scene(1), scene(2)))
-    assert CutDetector(threshold=1).is_cut(*clip.prepared)
+    assert not is_cut(CutDetector(threshold=0), *prepared(scene(1), scene(2)))
+    assert is_cut(CutDetector(threshold=1), *clip.prepared)
 
 
 def test_at_threshold_one_even_identical_frames_are_a_cut():
     """1 means all pairs, so these too."""
-    assert CutDetector(threshold=1).is_cut(*prepared(scene(1), scene(1)))
+    assert is_cut(CutDetector(threshold=1), *prepared(scene(1), scene(1)))
 
 
 @pytest.mark.parametrize("threshold", [-0.1, 1.1, float("nan")])
@@ -105,7 +115,7 @@ def test_tiny_frames_have_a_likeness(size):
     """Down to a single pixel."""
     for channels in (1, 3):
         image = noise(*size, channels)
-        assert not CutDetector().is_cut(*prepared(image, image))
+        assert not is_cut(CutDetector(), *prepared(image, image))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -114,5 +124,26 @@ def test_one_broken_pixel_of_a_render_is_no_cut(value):
     image = affine(120, 160, dtype=np.float32).image0
     broken = image.copy()
     broken[30, 40] = value
-    assert not CutDetector().is_cut(*prepared(image, broken))
-    assert not CutDetector().is_cut(*prepared(broken, image))
+    assert not is_cut(CutDetector(), *prepared(image, broken))
+    assert not is_cut(CutDetector(), *prepared(broken, image))
+
+
+def test_a_cut_stands_out_from_its_neighbours():
+    """Where everything is hard to follow nothing is cut; a short shot between two cuts has two."""
+    detector = CutDetector()
+    assert detector.is_cut(0.4)
+    assert not detector.is_cut(0.4, 0.45, 0.42)
+    assert detector.is_cut(0.3, 0.45, 0.42)
+    assert detector.is_cut(0.3, 0.9, 0.2)
+    assert not detector.is_cut(0.6, 0.95, 0.95)
+    assert detector.find_cuts([0.9, 0.3, 0.2, 0.9, 0.45, 0.44]) == [False, True, True, False, True, False]
+    assert detector.find_cuts([]) == []
+
+
+@pytest.mark.parametrize("scene_name", ["glass", "reflective", "texture"])
+def test_the_rendered_scenes_hold_no_cut(scene_name):
+    """Not even with every second frame hidden, and although turning glass shows something else each time."""
+    paths = sorted((Path(__file__).parents[1] / "samples" / "scenes" / scene_name).glob("*.png"))[::2]
+    images = [PreparedImage(cv2.imread(str(path))) for path in paths]
+    detector = CutDetector()
+    assert not any(detector.find_cuts([detector.likeness(*pair) for pair in pairwise(images)]))

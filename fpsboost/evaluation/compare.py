@@ -256,20 +256,27 @@ def _made_with() -> dict[str, str]:
 def _look(intervals: Iterator[Interval], areas: _Areas, observer: Observer) -> _Overview:
     """Find the scene cuts and the areas."""
     kind = ""
-    hidden: list[int] = []
-    cuts: list[int] = []
+    hidden: list[list[int]] = []
+    likenesses: list[float] = []
     shares: list[list[float]] = []
     for interval in intervals:
         kind = describe(interval.shown0.image)
-        numbers = [each.number for each in interval.hidden]
-        hidden += numbers
-        if CutDetector().is_cut(PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image)):
-            cuts += numbers
+        hidden.append([each.number for each in interval.hidden])
+        images = PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image)
+        likenesses.append(CutDetector().likeness(*images))
         for regions in find_regions(interval):
             areas.add(regions)
             shares.append([float(each.mean()) for each in regions])
             observer.made()
-    return _Overview(kind, hidden, cuts, dict(zip(NAMES, np.mean(shares, axis=0).tolist(), strict=True)), areas)
+    found = zip(hidden, CutDetector().find_cuts(likenesses), strict=True)
+    cuts = [number for numbers, cut in found if cut for number in numbers]
+    return _Overview(
+        kind,
+        [number for numbers in hidden for number in numbers],
+        cuts,
+        dict(zip(NAMES, np.mean(shares, axis=0).tolist(), strict=True)),
+        areas,
+    )
 
 
 def _scored(

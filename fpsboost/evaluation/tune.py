@@ -136,15 +136,18 @@ def choose_frames(
 
     Frames across a scene cut are left out, as long as there are others.
     """
-    motions: list[tuple[bool, float, int]] = []
+    motions: list[tuple[float, int]] = []
+    likenesses: list[float] = []
     for interval in hiding.intervals(path, input_fps):
         image0, image1 = PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image)
         motion = expected_motion(colour_components(image0.pixels), colour_components(image1.pixels))
         middle = interval.hidden[len(interval.hidden) // 2].number
-        motions.append((not CutDetector().is_cut(image0, image1), motion, middle))
+        motions.append((motion, middle))
+        likenesses.append(CutDetector().likeness(image0, image1))
         observer.made()
-    usable = [each for each in motions if each[0]] or motions
-    ranked = [number for _, _, number in sorted(usable)]
+    cuts = CutDetector().find_cuts(likenesses)
+    usable = [each for each, cut in zip(motions, cuts, strict=True) if not cut] or motions
+    ranked = [number for _, number in sorted(usable)]
     places = np.linspace(len(ranked) - 1, (len(ranked) - 1) // 2, min(count, len(ranked)))
     return pick(path, hiding, sorted({ranked[round(place)] for place in places.tolist()}), input_fps)
 

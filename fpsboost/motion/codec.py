@@ -134,7 +134,8 @@ def _read_vectors(packets: list[av.Packet[Any]]) -> NDArray[Any]:
     decoder.thread_count = 1
     frames = [frame for packet in [*packets, None] for frame in decoder.decode(packet)]
     vectors = frames[1].side_data.get("MOTION_VECTORS")
-    return np.empty(0, NO_VECTORS) if vectors is None else vectors.to_ndarray()
+    # a copy: the array lies in the frame's own memory, which goes with the frame
+    return np.empty(0, NO_VECTORS) if vectors is None else vectors.to_ndarray().copy()
 
 
 def _field(vectors: NDArray[Any], image: PreparedImage, other: PreparedImage) -> MotionField:
