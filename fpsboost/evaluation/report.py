@@ -31,6 +31,8 @@ PAGE = "index.html"
 LEVEL = 0.005
 """Two methods that differ by less are level, dB."""
 
+DIFFERENT = "where the methods differ most"
+
 TABLED_FRAMES = 400
 """Of longer clips the page has no table of all frames."""
 
@@ -156,7 +158,7 @@ def make_page(
         strict=True,
     ):
         made = _make_again(picked, comparison, makers)
-        shown.append(Shown(_title(each), view_frame(picked, made)))
+        shown.append(Shown(_title(each, comparison.methods[0].name), view_frame(picked, made)))
         if each is chosen[0]:
             motion = view_motion(picked, made, makers)
     environment = Environment(
@@ -195,11 +197,11 @@ def choose_frames(comparison: Comparison) -> list[Chosen]:
     """The worst, the median and the best frame of the first method, and the one where the methods differ most."""
     first = comparison.methods[0]
     ranked = sorted(comparison.counted(first), key=lambda frame: frame.scores.psnr)
-    reasons = {f"the worst of {first.name}": ranked[0].number}
-    reasons[f"the median of {first.name}"] = ranked[(len(ranked) - 1) // 2].number
-    reasons[f"the best of {first.name}"] = ranked[-1].number
+    reasons = {"the worst": ranked[0].number}
+    reasons["the median"] = ranked[(len(ranked) - 1) // 2].number
+    reasons["the best"] = ranked[-1].number
     if len(comparison.methods) > 1:
-        reasons["where the methods differ most"] = _most_different(comparison)
+        reasons[DIFFERENT] = _most_different(comparison)
     numbers = dict.fromkeys(reasons.values())
     return [Chosen(number, [why for why, which in reasons.items() if which == number]) for number in numbers]
 
@@ -211,8 +213,10 @@ def _most_different(comparison: Comparison) -> int:
     return max(errors, key=lambda number: median(errors[number]) - min(errors[number]))
 
 
-def _title(chosen: Chosen) -> str:
-    return f"Frame {chosen.number}: {_listed(chosen.reasons)}"
+def _title(chosen: Chosen, first: str) -> str:
+    places = [reason for reason in chosen.reasons if reason != DIFFERENT]
+    of_first = [f"{_listed(places)} of {first}"] if places else []
+    return f"Frame {chosen.number}: {_listed(of_first + [each for each in chosen.reasons if each == DIFFERENT])}"
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -292,12 +296,19 @@ def _rows(
 def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cell]:
     """What reads the same as the best is the best too; a lone value is no best."""
     known = [value for value in values if math.isfinite(value)]
+    digits += _more_digits(known, digits)
     best = f"{max(known) if high_is_good else min(known):.{digits}f}" if len(known) > 1 else None
     texts = [f"{value:.{digits}f}" if math.isfinite(value) else None for value in values]
     return [
         Cell("-", None, False) if text is None else Cell(text, value, text == best)
         for text, value in zip(texts, values, strict=True)
     ]
+
+
+def _more_digits(values: Sequence[float], digits: int) -> int:
+    """So many more, up to two, that the smallest value is not a row of zeros."""
+    smallest = min((abs(value) for value in values if value), default=1)
+    return next((more for more in (0, 1) if smallest >= 2 * 10.0 ** -(digits + more)), 2)
 
 
 def frame_plots(comparison: Comparison) -> list[Plot]:
