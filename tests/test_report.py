@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -23,10 +24,10 @@ from video_truth import scene
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.compare import Comparison, compare
-from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.making import InterpolatorMaker, Maker
+from fpsboost.evaluation.hiding import Hiding, Interval
+from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
 from fpsboost.evaluation.pictures import as_shown, find_spots, in_colour
-from fpsboost.evaluation.report import _cells, choose_frames, command, say_outcome, write_report
+from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, say_outcome, write_report
 from fpsboost.method_table import methods
 
 NAMES = ("dis", "blend", "nearest")
@@ -160,6 +161,31 @@ def test_frames_across_cuts_are_named_and_not_drawn(comparison: Comparison, make
     assert f"Not counted: frame {worst}," in text
     assert text.count('class="cut"') == 8
     assert worst not in [chosen.number for chosen in choose_frames(cut)]
+
+
+class Darkening:
+    """A method that looks far: each frame is darker than the one made before, and the first is white."""
+
+    looks_far: ClassVar[bool] = True
+
+    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
+        for count, interval in enumerate(intervals):
+            for hidden in interval.hidden:
+                yield Made(hidden.number, np.full_like(hidden.truth, 255 - 60 * count), 0.1, 0.1)
+
+    def describe(self) -> str:
+        return "darkens"
+
+
+def test_frames_shown_are_those_that_were_scored(comparison: Comparison) -> None:
+    """A method that looks far is run over the whole clip again, so that it makes what it made before."""
+    makers = {"darkening": Darkening()}
+    scored = compare(comparison.clip, makers, Hiding(), Silence())
+    for frame in _view_frames(scored, makers, None)[0]:
+        whole = frame.view.pictures[1].uri.partition(",")[2]
+        image = cv2.imdecode(np.frombuffer(base64.b64decode(whole), np.uint8), cv2.IMREAD_COLOR)
+        level = 255 - 60 * scored.hidden.index(frame.view.number)
+        assert np.allclose(image, level, atol=2)  # WebP is lossy
 
 
 def test_a_frame_chosen_twice_is_shown_once(comparison: Comparison) -> None:

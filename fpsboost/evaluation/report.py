@@ -20,11 +20,10 @@ from markupsafe import Markup
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.charts import COLOURS, Chart, Dot, Series, draw_dots, draw_lines
-from fpsboost.evaluation.compare import Comparison, MethodResult, Picked, pick
+from fpsboost.evaluation.compare import Comparison, MethodResult, make_some, pick
 from fpsboost.evaluation.making import Maker
 from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
 from fpsboost.evaluation.regions import NAMES, OUTSIDES
-from fpsboost.frame import Image
 
 PAGE = "index.html"
 
@@ -149,18 +148,7 @@ def make_page(
     date : datetime, optional
         When it was made; now, if not given.
     """
-    chosen = choose_frames(comparison)
-    shown: list[Shown] = []
-    motion: MotionView | None = None
-    for each, picked in zip(
-        chosen,
-        pick(comparison.clip, comparison.hiding, [each.number for each in chosen], input_fps),
-        strict=True,
-    ):
-        made = _make_again(picked, comparison, makers)
-        shown.append(Shown(_title(each, comparison.methods[0].name), view_frame(picked, made)))
-        if each is chosen[0]:
-            motion = view_motion(picked, made, makers)
+    shown, motion = _view_frames(comparison, makers, input_fps)
     environment = Environment(
         loader=PackageLoader("fpsboost.evaluation"),
         autoescape=True,
@@ -193,6 +181,24 @@ def make_page(
     )
 
 
+def _view_frames(
+    comparison: Comparison, makers: Mapping[str, Maker], input_fps: Fraction | None
+) -> tuple[list[Shown], MotionView | None]:
+    """The chosen frames, each made again when its turn comes, so that few are in memory; motion around the first."""
+    names = [method.name for method in comparison.methods]
+    chosen = choose_frames(comparison)
+    clip = comparison.clip, comparison.hiding, [each.number for each in chosen]
+    far = {name: make_some(*clip, makers[name], input_fps) for name in names if makers[name].looks_far}
+    shown: list[Shown] = []
+    motion: MotionView | None = None
+    for each, picked in zip(chosen, pick(*clip, input_fps), strict=True):
+        made = {name: far[name][each.number] if name in far else picked.make(makers[name]) for name in names}
+        shown.append(Shown(_title(each, names[0]), view_frame(picked, made)))
+        if len(shown) == 1:
+            motion = view_motion(picked, made, makers)
+    return shown, motion
+
+
 def choose_frames(comparison: Comparison) -> list[Chosen]:
     """The worst, the median and the best frame of the first method, and the one where the methods differ most."""
     first = comparison.methods[0]
@@ -221,10 +227,6 @@ def _title(chosen: Chosen, first: str) -> str:
 
 def _listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def _make_again(picked: Picked, comparison: Comparison, makers: Mapping[str, Maker]) -> dict[str, Image]:
-    return {method.name: picked.make(makers[method.name]) for method in comparison.methods}
 
 
 def describe_hidden(comparison: Comparison) -> str:
