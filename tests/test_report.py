@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import math
+import os
 import re
 import shutil
-from collections.abc import Iterator
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -20,10 +24,10 @@ from video_truth import scene
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.compare import Comparison, compare
-from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.making import InterpolatorMaker, Maker
+from fpsboost.evaluation.hiding import Hiding, Interval
+from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
 from fpsboost.evaluation.pictures import as_shown, find_spots, in_colour
-from fpsboost.evaluation.report import choose_frames, command, say_outcome, write_report
+from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, say_outcome, write_report
 from fpsboost.method_table import methods
 
 NAMES = ("dis", "blend", "nearest")
@@ -159,6 +163,31 @@ def test_frames_across_cuts_are_named_and_not_drawn(comparison: Comparison, make
     assert worst not in [chosen.number for chosen in choose_frames(cut)]
 
 
+class Darkening:
+    """A method that looks far: each frame is darker than the one made before, and the first is white."""
+
+    looks_far: ClassVar[bool] = True
+
+    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
+        for count, interval in enumerate(intervals):
+            for hidden in interval.hidden:
+                yield Made(hidden.number, np.full_like(hidden.truth, 255 - 60 * count), 0.1, 0.1)
+
+    def describe(self) -> str:
+        return "darkens"
+
+
+def test_frames_shown_are_those_that_were_scored(comparison: Comparison) -> None:
+    """A method that looks far is run over the whole clip again, so that it makes what it made before."""
+    makers = {"darkening": Darkening()}
+    scored = compare(comparison.clip, makers, Hiding(), Silence())
+    for frame in _view_frames(scored, makers, None)[0]:
+        whole = frame.view.pictures[1].uri.partition(",")[2]
+        image = cv2.imdecode(np.frombuffer(base64.b64decode(whole), np.uint8), cv2.IMREAD_COLOR)
+        level = 255 - 60 * scored.hidden.index(frame.view.number)
+        assert np.allclose(image, level, atol=2)  # WebP is lossy
+
+
 def test_a_frame_chosen_twice_is_shown_once(comparison: Comparison) -> None:
     """Worst, median, best and most different: every frame once, with all its reasons."""
     chosen = choose_frames(comparison)
@@ -221,6 +250,52 @@ def test_motion_has_the_wheels_colours() -> None:
     """No motion is white; motion to the right is red; what is longer than the wheel's rim looks like its rim."""
     flow = np.array([[[0, 0], [5, 0], [50, 0]]], np.float32)
     assert in_colour(flow, 5).tolist() == [[[255, 255, 255], [0, 0, 255], [0, 0, 255]]]
+
+
+def test_numbers_have_digits_enough() -> None:
+    """A column whose smallest number would read 0.000 gets up to two more digits, all of it."""
+    assert [cell.text for cell in _cells([0.0004, 0.5], 3, False)] == ["0.0004", "0.5000"]
+    assert [cell.text for cell in _cells([0.0000004, 0.5], 3, False)] == ["0.00000", "0.50000"]
+    assert [(cell.text, cell.best) for cell in _cells([2.5, 0.5, math.nan], 1, True)] == [
+        ("2.5", True),
+        ("0.5", False),
+        ("-", False),
+    ]
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The command line, in a process of its own."""
+    words = [sys.executable, *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=100, check=False)
+
+
+def test_command_writes_the_page_and_says_where(comparison: Comparison, tmp_path: Path) -> None:
+    """``--report`` names a new folder; the last line of the output is the page's path."""
+    result = run(tmp_path, "-m", "fpsboost", "compare", comparison.clip, "-m", "blend", "--report", "page")
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.splitlines()[-1] == f"Page: {Path('page', 'index.html')}"
+    assert (tmp_path / "page" / "index.html").is_file()
+
+
+@pytest.mark.parametrize(("report", "word"), [("taken", "exists"), ("missing/page", "no folder that exists")])
+def test_folder_that_cannot_be_is_refused_before_any_work(report: str, word: str, tmp_path: Path) -> None:
+    """One sentence names the folder, and the clip is not even looked for."""
+    (tmp_path / "taken").mkdir()
+    result = run(tmp_path, "-m", "fpsboost", "compare", "no-such-clip", "--report", report)
+    assert result.returncode == 1
+    assert result.stderr.startswith(f"fpsboost: {report} ")
+    assert word in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_help_draws_nothing(tmp_path: Path) -> None:
+    """The command line starts without what only a page needs."""
+    line = (
+        "import sys, fpsboost.cli as cli; cli.app(['compare', '--help'], result_action='return_value'); "
+        "sys.exit(str({'matplotlib', 'jinja2'} & set(sys.modules)))"
+    )
+    assert run(tmp_path, "-c", line).stderr == "set()\n"
 
 
 # ---------------------------------------------------------------- in a browser

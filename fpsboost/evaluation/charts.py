@@ -236,11 +236,11 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> None:
     pixels = axes.transData.transform([(dot.x, dot.y) for dot in dots])
     scale = axes.figure.dpi / 72
     room = axes.figure.bbox.width
-    taken = [_Rectangle(x, y, 12 * scale, 12 * scale) for x, y in pixels]
+    taken = [_Rectangle(x, y, 15 * scale, 15 * scale) for x, y in pixels]
     for dot, (x, y) in sorted(zip(dots, pixels.tolist(), strict=True), key=lambda each: -each[1][1]):
         width, height = 0.62 * text * len(dot.name) * scale, 1.3 * text * scale
-        aside = width / 2 + 9 * scale
-        above = height / 2 + 7 * scale
+        aside = width / 2 + 10 * scale
+        above = height / 2 + 8 * scale
         places = [(aside, 0.0), (aside, above), (aside, -above), (0.0, above), (0.0, -above), (-aside, 0.0)]
         places += [(aside, 2 * above), (aside, -2 * above), (-aside, above), (-aside, -above)]
         rectangles = [_Rectangle(x + dx, y + dy, width, height) for dx, dy in places]

@@ -308,7 +308,7 @@ class Picked(NamedTuple):
     """Its interval, the one before and the one after."""
 
     def make(self, maker: Maker) -> Image:
-        """Make it once more, exactly as in a comparison."""
+        """Make it once more, exactly as in a comparison unless the method looks farther than the window."""
         (made,) = maker.make(self.window, {self.hidden.number})
         return made.image
 
@@ -339,6 +339,27 @@ def pick(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction 
         found.update((picked.hidden.number, picked) for picked in unfinished)
         before = interval
     return [found[number] for number in numbers]
+
+
+def make_some(
+    path: str, hiding: Hiding, numbers: Sequence[int], maker: Maker, input_fps: Fraction | None = None
+) -> dict[int, Image]:
+    """Make some of the hidden frames once more, exactly as in a comparison, by running a method over the whole clip.
+
+    `Picked.make` is quicker, and enough for a method that does not look far.
+
+    Parameters
+    ----------
+    path, hiding, numbers, input_fps
+        As for `pick`.
+    maker : Maker
+
+    Returns
+    -------
+    dict of int to image
+        By number.
+    """
+    return {made.number: made.image for made in maker.make(hiding.intervals(path, input_fps), numbers)}
 
 
 def _without_nan(value: Any) -> Any:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import IO, Any, NamedTuple, Protocol
+from typing import IO, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,15 @@ class Made(NamedTuple):
 
 
 class Maker(Protocol):
-    """Contract: makes the hidden frames of a clip, in order."""
+    """Contract: makes the hidden frames of a clip, in order.
+
+    Attributes
+    ----------
+    looks_far : bool
+        Whether a frame hangs on more of the clip than its own interval, the one before and the one after.
+    """
+
+    looks_far: ClassVar[bool]
 
     def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         """Yield one frame for each that is hidden, or for those whose numbers are wanted.
@@ -66,6 +74,7 @@ class InterpolatorMaker:
     """
 
     interpolator: Interpolator
+    looks_far: ClassVar[bool] = False
 
     def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         """See `Maker.make`."""
@@ -111,6 +120,7 @@ class Minterpolate:
     """
 
     options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
+    looks_far: ClassVar[bool] = True  # its search begins where the search for the frame before ended
 
     @staticmethod
     def missing() -> str | None:

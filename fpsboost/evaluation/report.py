@@ -20,16 +20,17 @@ from markupsafe import Markup
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.charts import COLOURS, Chart, Dot, Series, draw_dots, draw_lines
-from fpsboost.evaluation.compare import Comparison, MethodResult, Picked, pick
+from fpsboost.evaluation.compare import Comparison, MethodResult, make_some, pick
 from fpsboost.evaluation.making import Maker
 from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
 from fpsboost.evaluation.regions import NAMES, OUTSIDES
-from fpsboost.frame import Image
 
 PAGE = "index.html"
 
 LEVEL = 0.005
 """Two methods that differ by less are level, dB."""
+
+DIFFERENT = "where the methods differ most"
 
 TABLED_FRAMES = 400
 """Of longer clips the page has no table of all frames."""
@@ -147,18 +148,7 @@ def make_page(
     date : datetime, optional
         When it was made; now, if not given.
     """
-    chosen = choose_frames(comparison)
-    shown: list[Shown] = []
-    motion: MotionView | None = None
-    for each, picked in zip(
-        chosen,
-        pick(comparison.clip, comparison.hiding, [each.number for each in chosen], input_fps),
-        strict=True,
-    ):
-        made = _make_again(picked, comparison, makers)
-        shown.append(Shown(_title(each), view_frame(picked, made)))
-        if each is chosen[0]:
-            motion = view_motion(picked, made, makers)
+    shown, motion = _view_frames(comparison, makers, input_fps)
     environment = Environment(
         loader=PackageLoader("fpsboost.evaluation"),
         autoescape=True,
@@ -191,15 +181,33 @@ def make_page(
     )
 
 
+def _view_frames(
+    comparison: Comparison, makers: Mapping[str, Maker], input_fps: Fraction | None
+) -> tuple[list[Shown], MotionView | None]:
+    """The chosen frames, each made again when its turn comes, so that few are in memory; motion around the first."""
+    names = [method.name for method in comparison.methods]
+    chosen = choose_frames(comparison)
+    clip = comparison.clip, comparison.hiding, [each.number for each in chosen]
+    far = {name: make_some(*clip, makers[name], input_fps) for name in names if makers[name].looks_far}
+    shown: list[Shown] = []
+    motion: MotionView | None = None
+    for each, picked in zip(chosen, pick(*clip, input_fps), strict=True):
+        made = {name: far[name][each.number] if name in far else picked.make(makers[name]) for name in names}
+        shown.append(Shown(_title(each, names[0]), view_frame(picked, made)))
+        if len(shown) == 1:
+            motion = view_motion(picked, made, makers)
+    return shown, motion
+
+
 def choose_frames(comparison: Comparison) -> list[Chosen]:
     """The worst, the median and the best frame of the first method, and the one where the methods differ most."""
     first = comparison.methods[0]
     ranked = sorted(comparison.counted(first), key=lambda frame: frame.scores.psnr)
-    reasons = {f"the worst of {first.name}": ranked[0].number}
-    reasons[f"the median of {first.name}"] = ranked[(len(ranked) - 1) // 2].number
-    reasons[f"the best of {first.name}"] = ranked[-1].number
+    reasons = {"the worst": ranked[0].number}
+    reasons["the median"] = ranked[(len(ranked) - 1) // 2].number
+    reasons["the best"] = ranked[-1].number
     if len(comparison.methods) > 1:
-        reasons["where the methods differ most"] = _most_different(comparison)
+        reasons[DIFFERENT] = _most_different(comparison)
     numbers = dict.fromkeys(reasons.values())
     return [Chosen(number, [why for why, which in reasons.items() if which == number]) for number in numbers]
 
@@ -211,16 +219,14 @@ def _most_different(comparison: Comparison) -> int:
     return max(errors, key=lambda number: median(errors[number]) - min(errors[number]))
 
 
-def _title(chosen: Chosen) -> str:
-    return f"Frame {chosen.number}: {_listed(chosen.reasons)}"
+def _title(chosen: Chosen, first: str) -> str:
+    places = [reason for reason in chosen.reasons if reason != DIFFERENT]
+    of_first = [f"{_listed(places)} of {first}"] if places else []
+    return f"Frame {chosen.number}: {_listed(of_first + [each for each in chosen.reasons if each == DIFFERENT])}"
 
 
 def _listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def _make_again(picked: Picked, comparison: Comparison, makers: Mapping[str, Maker]) -> dict[str, Image]:
-    return {method.name: picked.make(makers[method.name]) for method in comparison.methods}
 
 
 def describe_hidden(comparison: Comparison) -> str:
@@ -292,12 +298,19 @@ def _rows(
 def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cell]:
     """What reads the same as the best is the best too; a lone value is no best."""
     known = [value for value in values if math.isfinite(value)]
+    digits += _more_digits(known, digits)
     best = f"{max(known) if high_is_good else min(known):.{digits}f}" if len(known) > 1 else None
     texts = [f"{value:.{digits}f}" if math.isfinite(value) else None for value in values]
     return [
         Cell("-", None, False) if text is None else Cell(text, value, text == best)
         for text, value in zip(texts, values, strict=True)
     ]
+
+
+def _more_digits(values: Sequence[float], digits: int) -> int:
+    """So many more, up to two, that the smallest value is not a row of zeros."""
+    smallest = min((abs(value) for value in values if value), default=1)
+    return next((more for more in (0, 1) if smallest >= 2 * 10.0 ** -(digits + more)), 2)
 
 
 def frame_plots(comparison: Comparison) -> list[Plot]:

@@ -211,7 +211,7 @@ class Viewer {
     this.moveTo((100 * (event.clientX - bounds.left)) / bounds.width);
   }
 
-  /** Left and right change places; where the edge stands in the middle of the picture, all of it is shown first. */
+  /** All of the right picture first, then all of the left one, and so on. */
   flip() {
     const whole = this.wipe.value === "0" || this.wipe.value === "100";
     this.moveTo(whole ? 100 - this.wipe.value : 0);
