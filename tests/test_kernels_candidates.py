@@ -11,15 +11,16 @@ from twins import collected
 from fpsboost.kernels.candidates import BAND, CELL, collect_candidates
 
 
-def collect(flows, times, size, step=4, around=16.0, tolerance=0.5, capacity=12):
+def collect(flows, times, size, step=4, around=16.0, tolerance=0.5, capacity=12, trusts=None):
     """Both frames' motion as the kernel collects it: count, votes, the corners' shares and sums."""
+    in_full = np.ones([-(-length // step) for length in size], np.float32)
     cells = -(-size[0] // CELL), -(-size[1] // CELL)
     count = np.zeros(cells, np.int32)
     votes, sums = np.zeros((*cells, capacity), np.float32), np.zeros((*cells, capacity, 2), np.float32)
     corners = np.zeros((*cells, capacity, 2, 2), np.float32)
     limits = np.float32(around), np.float32(tolerance)
-    for flow, sign, t in zip(flows, (1, -1), times, strict=False):
-        kinds = np.float32(flow), np.float32(sign), np.float32(t)
+    for flow, trust, sign, t in zip(flows, trusts or (in_full, in_full), (1, -1), times, strict=False):
+        kinds = np.float32(flow), trust, np.float32(sign), np.float32(t)
         collect_candidates(*kinds, step, *limits, count, votes, corners, sums)
     return count, votes, corners, sums
 
@@ -41,14 +42,18 @@ def steady(size, dx, dy):
 @example(CELL * (BAND + 1), 20, 9, 20, 5, 1)
 def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity, seed):
     """Both directions, also out of the frame and with too little room, give the twin's candidates in its order."""
-    flows = (np.random.default_rng(seed).integers(-largest, largest + 1, (2, height, width, 2)) / 8).astype(np.float32)
+    random = np.random.default_rng(seed)
+    flows = (random.integers(-largest, largest + 1, (2, height, width, 2)) / 8).astype(np.float32)
+    trusts = [random.choice(np.float32([0, 0.25, 1]), (-(-height // step), -(-width // step))) for _ in range(2)]
     around, tolerance = 16, 0.7  # shares are exact, and no difference is on the edge of two answers
-    count, votes, corners, sums = collect(flows, (0.25, 0.75), (height, width), step, around, tolerance, capacity)
+    count, votes, corners, sums = collect(
+        flows, (0.25, 0.75), (height, width), step, around, tolerance, capacity, trusts
+    )
     expected = np.empty(count.shape, object)
     for place in np.ndindex(expected.shape):
         expected[place] = []
-    for flow, sign, t in zip(flows, (1, -1), (0.25, 0.75), strict=True):
-        collected(flow, sign, t, step, around, tolerance, expected, capacity=capacity)
+    for flow, trust, sign, t in zip(flows, trusts, (1, -1), (0.25, 0.75), strict=True):
+        collected(flow, trust, sign, t, step, around, tolerance, expected, capacity=capacity)
     for place in np.ndindex(expected.shape):
         known = count[place]
         assert known == len(expected[place])

@@ -9,7 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -168,10 +168,11 @@ class Darkening:
 
     looks_far: ClassVar[bool] = True
 
-    def make(self, intervals: Iterable[Interval]) -> Iterator[Made]:
+    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         for count, interval in enumerate(intervals):
             for hidden in interval.hidden:
-                yield Made(hidden.number, np.full_like(hidden.truth, 255 - 60 * count), 0.1, 0.1)
+                if wanted is None or hidden.number in wanted:
+                    yield Made(hidden.number, np.full_like(hidden.truth, 255 - 60 * count), 0.1, 0.1)
 
     def describe(self) -> str:
         return "darkens"

@@ -245,13 +245,22 @@ def spline_at(coefficients: Array, beyond: int, y: float, x: float) -> float:
 
 
 def collected(
-    flow: Array, sign: float, t: float, step: int, around: float, tolerance: float, candidates: Array, *, capacity: int
+    flow: Array,
+    trust: Array,
+    sign: float,
+    t: float,
+    step: int,
+    around: float,
+    tolerance: float,
+    candidates: Array,
+    *,
+    capacity: int,
 ) -> None:
     """Motions for cells of 16 pixels: ``candidates[row, column]`` are lists of ``[votes, sum of dx, sum of dy, ...]``.
 
     Every motion has a share for each corner of a cell that it lands nearer to than `around`, along x and y: 1 at the
-    corner, less with distance. It joins the first candidate whose mean is near, or is a new one as long as there is
-    room. The last four numbers are the shares of the corners, row by row.
+    corner, less with distance, and all of that by how far its point is trusted. It joins the first candidate whose mean
+    is near, or is a new one as long as there is room. The last four numbers are the shares of the corners, row by row.
     """
     height, width = flow.shape[:2]
     rows, columns = candidates.shape
@@ -263,7 +272,7 @@ def collected(
                 for column in range(columns):
                     down = [max(1 - abs(landing_y - 16 * (row + k)) / around, 0) for k in (0, 1)]
                     across = [max(1 - abs(landing_x - 16 * (column + k)) / around, 0) for k in (0, 1)]
-                    shares = np.outer(down, across).ravel()
+                    shares = float(trust[y // step, x // step]) * np.outer(down, across).ravel()
                     vote = shares.sum()
                     if vote == 0:
                         continue

@@ -21,13 +21,15 @@ BAND = 12
 
 
 @njit(parallel=True, cache=True, **JIT)
-def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, corners, sums):
+def collect_candidates(flow, trust, sign, t, step, around, tolerance, count, votes, corners, sums):
     """Add one frame's motion to the cells' candidates.
 
     Parameters
     ----------
     flow : (H, W, 2) float32
         Motion of the frame.
+    trust : (points down, points across) float32
+        What the vote of each point that is asked counts, 0 to 1.
     sign : float32
         1 for frame 0, -1 for frame 1: candidates always lead from frame 0 to frame 1.
     t : float32
@@ -55,6 +57,7 @@ def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, cor
         first, last = np.int64(number) * BAND, min((np.int64(number) + 1) * BAND, rows) - 1
         for y in range(min(step // 2, height - 1), height, step):
             for x in range(min(step // 2, width - 1), width, step):
+                weight = trust[y // step, x // step]
                 # cells begin half a pixel before their first pixel's middle
                 landing_x = np.float32(x) + t * flow[y, x, 0] + half
                 landing_y = np.float32(y) + t * flow[y, x, 1] + half
@@ -64,8 +67,8 @@ def collect_candidates(flow, sign, t, step, around, tolerance, count, votes, cor
                 bottom = min(math.floor((landing_y + around) * per_cell), last)
                 right = min(math.floor((landing_x + around) * per_cell), columns - 1)
                 for row in range(top, bottom + 1):
-                    above = max(one - abs(landing_y - np.float32(row * CELL)) / around, np.float32(0))
-                    below = max(one - abs(landing_y - np.float32((row + 1) * CELL)) / around, np.float32(0))
+                    above = weight * max(one - abs(landing_y - np.float32(row * CELL)) / around, np.float32(0))
+                    below = weight * max(one - abs(landing_y - np.float32((row + 1) * CELL)) / around, np.float32(0))
                     for column in range(left, right + 1):
                         before = max(one - abs(landing_x - np.float32(column * CELL)) / around, np.float32(0))
                         behind = max(one - abs(landing_x - np.float32((column + 1) * CELL)) / around, np.float32(0))

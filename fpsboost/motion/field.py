@@ -33,13 +33,13 @@ def at_points(flow: NDArray[Any], spacing: int) -> NDArray[Any]:
 
     Parameters
     ----------
-    flow : (H, W, 2)
+    flow : (H, W, 2) or (H, W)
     spacing : int
         Pixels.
 
     Returns
     -------
-    (rows, columns, 2)
+    (rows, columns, 2) or (rows, columns)
     """
     height, width = flow.shape[:2]
     y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in (height, width))

@@ -16,6 +16,7 @@ from fpsboost.kernels.fuse import ROW, SPARE, fuse_candidates, write_pixels
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
+from fpsboost.motion.field import MotionField, at_points
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.rounding import rounding_offset, value_range
 
@@ -82,15 +83,16 @@ class Fuse:
         acceleration = transition.acceleration
         if acceleration is None:
             acceleration = np.zeros((*cells, 2), np.float32)
-        flows0, flows1 = ((field.flow, *field.alternatives) for field in (transition.field01, transition.field10))
+        votes01, votes10 = (self._voters(field) for field in (transition.field01, transition.field10))
         for t in times:
             count = np.zeros(cells, np.int32)
             votes, sums = np.zeros((*cells, CAPACITY), np.float32), np.zeros((*cells, CAPACITY, 2), np.float32)
             corners = np.zeros((*cells, CAPACITY, 2, 2), np.float32)
-            landings = [(flow, 1, t) for flow in flows0] + [(flow, -1, 1 - t) for flow in flows1]
-            for flow, sign, time in landings:
+            landings = [(*voters, 1, t) for voters in votes01] + [(*voters, -1, 1 - t) for voters in votes10]
+            for flow, trust, sign, time in landings:
                 collect_candidates(
                     flow,
+                    trust,
                     np.float32(sign),
                     np.float32(time),
                     self.step,
@@ -125,6 +127,15 @@ class Fuse:
                 confidence,
             )
             yield Fused(_as_image(mean, transition, t), confidence)
+
+    def _voters(self, field: MotionField) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+        """Every motion of a frame with what each of its points counts: as much as its patches are alike.
+
+        Of other estimators' motion that is not known, and it counts in full.
+        """
+        trust = at_points(field.similarity, self.step)
+        in_full = np.ones_like(trust)
+        return [(field.flow, trust), *((flow, in_full) for flow in field.alternatives)]
 
 
 def _samples(image: Image) -> NDArray[Any]:
