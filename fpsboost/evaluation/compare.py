@@ -24,7 +24,6 @@ from fpsboost.evaluation.making import Made, Maker
 from fpsboost.evaluation.metrics import Scores, absolute_error, mean, mean_scores, score
 from fpsboost.evaluation.regions import NAMES, Regions, find_regions
 from fpsboost.frame import Image, describe
-from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
 
 
@@ -262,8 +261,7 @@ def _look(intervals: Iterator[Interval], areas: _Areas, observer: Observer) -> _
     for interval in intervals:
         kind = describe(interval.shown0.image)
         hidden.append([each.number for each in interval.hidden])
-        images = PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image)
-        likenesses.append(CutDetector().likeness(*images))
+        likenesses.append(CutDetector().likeness(*interval.prepared()))
         for regions in find_regions(interval):
             areas.add(regions)
             shares.append([float(each.mean()) for each in regions])

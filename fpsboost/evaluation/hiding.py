@@ -13,6 +13,7 @@ import numpy as np
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame, Image
 from fpsboost.media.opening import open_source
+from fpsboost.prepared import PreparedImage
 
 
 class Hidden(NamedTuple):
@@ -33,6 +34,15 @@ class Interval(NamedTuple):
     shown0: Frame
     shown1: Frame
     hidden: tuple[Hidden, ...]
+
+    def prepared(self) -> tuple[PreparedImage, PreparedImage]:
+        """The shown frames as methods take them, each in its place in the clip, nothing remembered of them yet."""
+        places = self.number, self.number + len(self.hidden) + 1
+        first, last = (
+            PreparedImage(each.image, Fraction(place))
+            for each, place in zip((self.shown0, self.shown1), places, strict=True)
+        )
+        return first, last
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import tempfile
 import time
 from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import IO, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -95,11 +94,10 @@ class InterpolatorMaker:
     def _pairs(self, intervals: Iterable[Interval], waiting: list[Interval]) -> Iterator[Pair]:
         last: PreparedImage | None = None
         for interval in intervals:
+            first, image = interval.prepared()
             if last is None:
-                last = PreparedImage(interval.shown0.image, Fraction(interval.number))
+                last = first
                 self.interpolator.compile_for(interval.shown0.image)
-            place = Fraction(interval.number + len(interval.hidden) + 1)
-            image = PreparedImage(interval.shown1.image, place)
             waiting.append(interval)
             yield self.interpolator.pair(last, image, interval.shown1.time - interval.shown0.time)
             last = image

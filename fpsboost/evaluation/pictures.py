@@ -19,7 +19,6 @@ from fpsboost.frame import Image, has_alpha
 from fpsboost.interpolator import Pair
 from fpsboost.motion.field import at_points
 from fpsboost.motion.opencv import Still
-from fpsboost.prepared import PreparedImage
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.fuse import Fuse
 
@@ -250,7 +249,7 @@ def _moves(maker: Maker) -> bool:
 
 def _pair(maker: Maker, interval: Interval) -> Pair:
     assert isinstance(maker, InterpolatorMaker)
-    return maker.interpolator.pair(PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image))
+    return maker.interpolator.pair(*interval.prepared())
 
 
 def _doubts(

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from fpsboost.evaluation.hiding import Interval
 from fpsboost.method_table import methods
 from fpsboost.motion.field import MotionField
-from fpsboost.prepared import PreparedImage
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.fuse import Fuse
 
@@ -47,7 +46,7 @@ def find_regions(interval: Interval) -> Iterator[Regions]:
     interval : Interval
     """
     interpolator = methods["nlm"]
-    pair = interpolator.pair(PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image))
+    pair = interpolator.pair(*interval.prepared())
     times = [float(hidden.t) for hidden in interval.hidden]
     field01, field10 = pair.fields
     assert isinstance(interpolator.synthesizer, Fuse)

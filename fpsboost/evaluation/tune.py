@@ -23,10 +23,9 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import configure, find_method
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.exhaustive import choose_search_radius, expected_motion
-from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
 
-RADII = (1, 2, 3, 5, 7, 9)
+RADII = (1, 2, 3, 5, 7, 10, 14)
 WINDOWS = ("box", "gaussian")
 WIDTHS = (0.05, 0.09, 0.15, 0.25, 0.4)
 SHARES = (0.25, 0.5, 0.75, 1.0, 1.5)
@@ -139,7 +138,7 @@ def choose_frames(
     motions: list[tuple[float, int]] = []
     likenesses: list[float] = []
     for interval in hiding.intervals(path, input_fps):
-        image0, image1 = PreparedImage(interval.shown0.image), PreparedImage(interval.shown1.image)
+        image0, image1 = interval.prepared()
         motion = expected_motion(colour_components(image0.pixels), colour_components(image1.pixels))
         middle = interval.hidden[len(interval.hidden) // 2].number
         motions.append((motion, middle))
