@@ -82,8 +82,10 @@ def compare(
     for path, option in ((report, "--report"), (json, "--json")):
         check_new(path, option)
     rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
+    given = {"--vectors": vectors, "--depth": depth}
+    rendered = tuple(word for option, path in given.items() if path is not None for word in (option, path))
     with Progressing(quiet=quiet) as progress:
-        comparison = run(input, makers, hiding, progress, skipped=skipped, input_fps=rate)
+        comparison = run(input, makers, hiding, progress, skipped=skipped, input_fps=rate, rendered=rendered)
     for each in tables(comparison):
         console.print(each)
     for line in remarks(comparison):

@@ -129,6 +129,8 @@ def test_page_says_how_to_repeat_it(text: str, comparison: Comparison) -> None:
     hiding = Hiding(skip=2, first=1, last=9)
     assert f"fpsboost compare {comparison.clip} -m dis,blend,nearest,minterpolate --report DIR" in text
     assert "--skip 2 --range 1:9 --input-fps 24 --report" in command(replace(comparison, hiding=hiding), 24)
+    rendered = replace(comparison, rendered=("--vectors", "my passes"))
+    assert command(rendered, None).endswith("--vectors 'my passes' --report DIR")
 
 
 def test_existing_folder_is_refused(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path) -> None:

@@ -89,6 +89,8 @@ class Comparison:
         Methods that could not be run, and why.
     made_with : dict of str to str
         Versions and machine.
+    rendered : tuple of str
+        The options that named a renderer's vectors, as words of the command line.
     """
 
     clip: str
@@ -100,6 +102,7 @@ class Comparison:
     methods: list[MethodResult]
     skipped: dict[str, str]
     made_with: dict[str, str] = field(default_factory=dict)
+    rendered: tuple[str, ...] = ()
 
     def counted(self, method: MethodResult) -> list[FrameResult]:
         """The frames of a method that count: all, if every one lies across a cut."""
@@ -187,6 +190,7 @@ def compare(
     *,
     skipped: Mapping[str, str] | None = None,
     input_fps: Fraction | None = None,
+    rendered: tuple[str, ...] = (),
 ) -> Comparison:
     """Score methods on the hidden frames of a clip.
 
@@ -203,6 +207,8 @@ def compare(
         Methods that were asked for and cannot be run, and why.
     input_fps : Fraction, optional
         Frames per second of images.
+    rendered : tuple of str
+        See `Comparison`.
 
     Returns
     -------
@@ -234,6 +240,7 @@ def compare(
         results,
         dict(skipped or {}),
         _made_with(),
+        rendered,
     )
 
 

@@ -375,7 +375,7 @@ def command(comparison: Comparison, input_fps: Fraction | None) -> str:
         words += ["--range", f"{hiding.first}:{'' if hiding.last is None else hiding.last}"]
     if input_fps is not None:
         words += ["--input-fps", str(input_fps)]
-    return shlex.join([*words, "--report", "DIR"])
+    return shlex.join([*words, *comparison.rendered, "--report", "DIR"])
 
 
 def _text_of(environment: Environment, file: str) -> Markup:
