@@ -21,6 +21,7 @@ from video_truth import packets_of, spoil_packets, write_clip
 
 import fpsboost
 from fpsboost import cli
+from fpsboost.cli_compare import choose
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.timing import parse_number, parse_rate
@@ -522,7 +523,10 @@ def test_examples_parse(line):
         return
     _, bound, *_ = cli.app.parse_args(tokens, exit_on_error=False, print_error=False)
     given = bound.arguments
-    assert given.get("method", "nlm") in (vector_methods if "vectors" in given else methods)
+    if "methods" in given:
+        choose(given["methods"], None)
+    else:
+        assert given.get("method", "nlm") in (vector_methods if "vectors" in given else methods)
     if given.get("factor"):
         parse_number(given["factor"], "--factor")
     for option in ("fps", "input_fps"):
