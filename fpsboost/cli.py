@@ -24,7 +24,7 @@ from fpsboost.errors import FpsboostError, OptionError
 
 if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo
-    from fpsboost.interpolator import Interpolator
+    from fpsboost.interpolator import AtCuts, Interpolator
     from fpsboost.pipeline import Summary
 
 EXAMPLES = """
@@ -79,7 +79,7 @@ def convert(
     block_size: Annotated[int | None, Parameter(group=motion)] = None,
     search_range: Annotated[int | None, Parameter(group=motion)] = None,
     pattern: Annotated[Literal["full", "three-step", "diamond"] | None, Parameter(group=motion)] = None,
-    at_cuts: Annotated[Literal["repeat", "blend"], Parameter(group=cuts)] = "repeat",
+    at_cuts: Annotated[Literal["repeat", "blend", "extrapolate"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
     codec: Annotated[str | None, Parameter(group=video)] = None,
@@ -132,7 +132,7 @@ def convert(
     pattern
         Where the method block looks for a block.
     at_cuts
-        Across a scene cut, repeat the nearer frame or mix both.
+        Across a scene cut, repeat the nearer frame, mix both, or move each on along its own motion.
     cut_threshold
         Likeness below which a pair is a cut, 0 to 1; else 0.48.
     no_cuts
@@ -215,7 +215,7 @@ app.command(
 
 
 def with_cut_options(
-    interpolator: Interpolator, at_cuts: Literal["repeat", "blend"], threshold: float | None, no_cuts: bool
+    interpolator: Interpolator, at_cuts: AtCuts, threshold: float | None, no_cuts: bool
 ) -> Interpolator:
     """The interpolator with the cut options of the command line.
 

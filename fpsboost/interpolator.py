@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -25,8 +26,14 @@ from fpsboost.synthesis import Synthesizer, Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.overlay import find_overlay, keep_overlay
 from fpsboost.synthesis.scene_assisted import SceneAssisted
+from fpsboost.synthesis.warp import Extrapolate
 
-AtCuts = Literal["repeat", "blend"]
+AtCuts = Literal["repeat", "blend", "extrapolate"]
+
+
+AT_CUTS: Mapping[AtCuts, Synthesizer] = MappingProxyType(
+    {"repeat": Nearest(), "blend": Blend(), "extrapolate": Extrapolate()}
+)
 
 
 class InBetween(NamedTuple):
@@ -118,8 +125,8 @@ class Interpolator:
         Makes the image at each time.
     cuts : CutDetector or None
         Finds scene cuts; None takes every pair for one scene.
-    at_cuts : {'repeat', 'blend'}
-        Across a cut, repeat the nearer frame or mix the two.
+    at_cuts : {'repeat', 'blend', 'extrapolate'}
+        Across a cut, repeat the nearer frame, mix the two, or let each go on along the motion that it has.
     curved : bool
         Follow curved paths where the pairs before and after are known, straight ones otherwise.
     relight : bool
@@ -215,11 +222,12 @@ class Interpolator:
             yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
 
     def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
-        if pair.is_cut(before, after):
-            mixer: Synthesizer = Blend() if self.at_cuts == "blend" else Nearest()
-            still = Still().estimate(pair.image0, pair.image1)
-            return mixer.synthesize(Transition(pair.image0, pair.image1, *still), times)
+        is_cut = pair.is_cut(before, after)
         before, after = (None if each is None or each.is_cut(pair) else each for each in (before, after))
+        if is_cut:
+            onward = self.at_cuts == "extrapolate"
+            fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)
+            return AT_CUTS[self.at_cuts].synthesize(Transition(pair.image0, pair.image1, *fields), times)
         acceleration = None
         if self.curved:
             acceleration = find_acceleration(*pair.fields, _neighbour(before, pair), _neighbour(after, pair))
@@ -264,6 +272,21 @@ def with_neighbours(pairs: Iterable[Pair]) -> Iterator[tuple[Pair | None, Pair, 
         before, pair = pair, after
     if pair is not None:
         yield before, pair, None
+
+
+def _onward(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
+    """How each frame of a pair goes on at the speed that its own scene has; still where that is not known."""
+    onward, back = Still().estimate(pair.image0, pair.image1)
+    if before is not None:
+        onward = _continued(before.fields[1], float(pair.duration / before.duration))
+    if after is not None:
+        back = _continued(after.fields[0], float(pair.duration / after.duration))
+    return onward, back
+
+
+def _continued(away: MotionField, ratio: float) -> MotionField:
+    """Motion on the other side of a frame, from that on this side."""
+    return MotionField(away.flow * np.float32(-ratio), away.similarity)
 
 
 def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:

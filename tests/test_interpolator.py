@@ -509,6 +509,28 @@ def test_cuts_repeat_the_nearer_frame_or_mix():
     assert np.abs(mixed[0] - (image0 / 2 + image1 / 2)).max() <= 0.5
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_at_cuts_each_scene_can_go_on_by_itself(dtype):
+    """Up to the middle the first scene moves on as it did before, then the second comes as it will go after."""
+    first, second = (affine(60, 80, shift=(6, -4), seed=seed, dtype=dtype) for seed in (1, 2))
+    nlm = replace(methods["nlm"], at_cuts="extrapolate")
+    images = prepared(first.image0, first.image1, second.image0, second.image1)
+    before, pair, after = (nlm.pair(*each) for each in pairwise(images))
+    made = nlm.between(pair, [0.5, 0.75], before, after)
+    assert made.scene_cut
+    inner = slice(12, -12)
+    white = 1 if dtype is np.float32 else 255
+    for image, truth, repeated in zip(
+        made.images, (first.at(1.5), second.at(-0.25)), (first.image1, second.image0), strict=True
+    ):
+        assert image.dtype == dtype
+        off, still = (np.abs(each.astype(float) - truth)[inner, inner].mean() for each in (image, repeated))
+        assert off < min(0.3 * still, 0.01 * white)
+    alone = list(nlm.between(pair, [0.25, 0.75]).images)
+    for image, original in zip(alone, (first.image1, second.image0), strict=True):
+        np.testing.assert_allclose(image, original, atol=1e-6)
+
+
 def test_within_a_scene_nothing_is_cut():
     """A pan is one scene, and without a detector everything is."""
     clip = affine(60, 80, shift=(5, 2))

@@ -1,4 +1,4 @@
-"""The plain warp: both frames fetched along the motion at the target pixel, and mixed."""
+"""The plain warp: frames fetched along the motion at the target pixel; both mixed, or each by itself."""
 
 from __future__ import annotations
 
@@ -30,6 +30,25 @@ class Warp:
             mean = (1 - t) * _fetched(transition.image0.once(_premultiplied), transition.field01.flow, t)
             mean += t * _fetched(transition.image1.once(_premultiplied), transition.field10.flow, 1 - t)
             yield _as_image(mean, transition, t)
+
+
+@dataclass(frozen=True)
+class Extrapolate:
+    """Each frame alone, moved on along its own motion up to the middle: for scene cuts, where no way leads across.
+
+    The transition's fields are how each frame would go on: `field01` where the pixels of frame 0 are going, `field10`
+    where those of frame 1 have come from, reversed in time.
+    """
+
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`; the earlier frame has the middle."""
+        for t in times:
+            image, field, time = (
+                (transition.image0, transition.field01, t)
+                if t <= 0.5
+                else (transition.image1, transition.field10, 1 - t)
+            )
+            yield _as_image(_fetched(image.once(_premultiplied), field.flow, time), transition, float(t > 0.5))
 
 
 def _premultiplied(image: Image) -> NDArray[Any]:
