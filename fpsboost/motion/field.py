@@ -28,8 +28,15 @@ class MotionField:
     alternatives: tuple[NDArray[Any], ...] = ()
 
 
+def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Rows and columns of points `spacing` apart, the first at spacing / 2 and the last within the frame."""
+    height, width = size[:2]
+    y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in (height, width))
+    return y, x
+
+
 def at_points(flow: NDArray[Any], spacing: int) -> NDArray[Any]:
-    """What the pixels at points `spacing` apart have, the first at spacing / 2 and the last within the frame.
+    """What the pixels at points `spacing` apart have; see `point_places`.
 
     Parameters
     ----------
@@ -41,7 +48,30 @@ def at_points(flow: NDArray[Any], spacing: int) -> NDArray[Any]:
     -------
     (rows, columns, 2) or (rows, columns)
     """
-    height, width = flow.shape[:2]
-    y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in (height, width))
-    points: NDArray[Any] = flow[np.ix_(y, x)]
+    points: NDArray[Any] = flow[np.ix_(*point_places(flow.shape, spacing))]
     return points
+
+
+def round_trip(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
+    """How far from where they began vectors end, there and back.
+
+    Parameters
+    ----------
+    vectors : (rows, columns, 2) float32
+        Motion of the pixels in rows `y` and columns `x`.
+    y : (rows,) int
+    x : (columns,) int
+    back : (H, W, 2) float32
+        Motion of the other frame; beyond its edges as at them.
+
+    Returns
+    -------
+    (rows, columns) float32
+        Pixels.
+    """
+    height, width = back.shape[:2]
+    landing_y = np.rint(y[:, np.newaxis] + vectors[..., 1]).astype(np.intp).clip(0, height - 1)
+    landing_x = np.rint(x + vectors[..., 0]).astype(np.intp).clip(0, width - 1)
+    apart = vectors + back[landing_y, landing_x]
+    distance: NDArray[Any] = np.hypot(apart[..., 0], apart[..., 1])
+    return distance

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import CELL
-from fpsboost.motion.field import MotionField
+from fpsboost.motion.field import MotionField, round_trip
 
 EVERY = 16
 """One pixel in so many is looked at, along x and y."""
@@ -96,9 +96,7 @@ def _sampled(there: MotionField, back: MotionField) -> tuple[NDArray[Any], NDArr
     """Vectors of every few pixels, and whether the way back agrees."""
     height, width = there.flow.shape[:2]
     flow = there.flow[::EVERY, ::EVERY]
-    y, x = np.mgrid[0:height:EVERY, 0:width:EVERY]
-    landing_x, landing_y = np.rint(x + flow[..., 0]).astype(int), np.rint(y + flow[..., 1]).astype(int)
+    y, x = np.arange(0, height, EVERY), np.arange(0, width, EVERY)
+    landing_x, landing_y = np.rint(x + flow[..., 0]), np.rint(y[:, np.newaxis] + flow[..., 1])
     inside = (landing_x >= 0) & (landing_x < width) & (landing_y >= 0) & (landing_y < height)
-    returned = back.flow[landing_y.clip(0, height - 1), landing_x.clip(0, width - 1)]
-    apart = np.hypot(*np.moveaxis(flow + returned, 2, 0))
-    return flow, inside & (apart <= CONSISTENT)
+    return flow, inside & (round_trip(flow, y, x, back.flow) <= CONSISTENT)

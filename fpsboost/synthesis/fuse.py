@@ -16,12 +16,15 @@ from fpsboost.kernels.fuse import ROW, SPARE, fuse_candidates, write_pixels
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
-from fpsboost.motion.field import MotionField, at_points
+from fpsboost.motion.field import MotionField, at_points, point_places, round_trip
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.rounding import rounding_offset, value_range
 
 CAPACITY = 48
 """Candidates of one cell, at most."""
+
+ASTRAY = 16
+"""A motion whose way there and back ends so far from where it began has half a vote, pixels."""
 
 
 class Fused(NamedTuple):
@@ -83,7 +86,8 @@ class Fuse:
         acceleration = transition.acceleration
         if acceleration is None:
             acceleration = np.zeros((*cells, 2), np.float32)
-        votes01, votes10 = (self._voters(field) for field in (transition.field01, transition.field10))
+        votes01 = self._voters(transition.field01, transition.field10)
+        votes10 = self._voters(transition.field10, transition.field01)
         for t in times:
             count = np.zeros(cells, np.int32)
             votes, sums = np.zeros((*cells, CAPACITY), np.float32), np.zeros((*cells, CAPACITY, 2), np.float32)
@@ -128,14 +132,20 @@ class Fuse:
             )
             yield Fused(_as_image(mean, transition, t), confidence)
 
-    def _voters(self, field: MotionField) -> list[tuple[NDArray[Any], NDArray[Any]]]:
-        """Every motion of a frame with what each of its points counts: as much as its patches are alike.
+    def _voters(self, field: MotionField, other: MotionField) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+        """Every motion of a frame with what the vote of each of its points counts.
 
-        Of other estimators' motion that is not known, and it counts in full.
+        As much as its patches are alike, where that is known, and the less the farther from its beginning the way there
+        and back ends: what is hidden in the other frame is found again by chance only, and somewhere else.
         """
-        trust = at_points(field.similarity, self.step)
-        in_full = np.ones_like(trust)
-        return [(field.flow, trust), *((flow, in_full) for flow in field.alternatives)]
+        y, x = point_places(field.flow.shape, self.step)
+        flows, returns = (field.flow, *field.alternatives), (other.flow, *other.alternatives)
+        voters = []
+        for flow, back in zip(flows, returns, strict=True):
+            astray = round_trip(at_points(flow, self.step), y, x, back) / np.float32(ASTRAY)
+            voters.append((flow, 1 / (1 + astray * astray)))
+        flow, trust = voters[0]
+        return [(flow, trust * at_points(field.similarity, self.step)), *voters[1:]]
 
 
 def _samples(image: Image) -> NDArray[Any]:
