@@ -163,8 +163,6 @@ MOTION: dict[str, dict[str, Any]] = {
 """Options of the estimator that differ."""
 
 SYNTHESIS: dict[str, dict[str, Any]] = {
-    "votes do not count": {"prior": 0.0},
-    "votes count once": {"prior": 1.0},
     "similarity does not count": {"sharpness": 0.0},
     "the most similar takes all": {"sharpness": 1000.0},
     "candidates from near by": {"around": 9.0},

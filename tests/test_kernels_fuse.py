@@ -42,11 +42,11 @@ def even(vote, dx, dy):
     return [4.0 * vote, 4.0 * vote * dx, 4.0 * vote * dy, *[float(vote)] * 4]
 
 
-def fuse(image0, image1, t, candidates, bend, *, scale, sharpness, prior, enough):
+def fuse(image0, image1, t, candidates, bend, *, scale, sharpness, enough):
     """Call the kernel; the mean as an image, and the confidence."""
     height, width, channels = image0.shape
     mean, confidence = np.full((channels, height, width), np.nan, np.float32), np.full((height, width), np.nan, "f4")
-    numbers = [np.float32(each) for each in (scale, sharpness, prior, enough)]
+    numbers = [np.float32(each) for each in (scale, sharpness, enough)]
     fuse_candidates(
         *samples(image0),
         *samples(image1),
@@ -91,7 +91,7 @@ def test_fusing_equals_its_slow_twin(size, channels, t, largest, most):
     cells = -(-size[0] // CELL), -(-size[1] // CELL)
     bend = random.normal(size=(*cells, 2)).astype(np.float32)
     candidates = random_candidates(random, cells, most, largest)
-    options = {"scale": 4.0, "sharpness": 10.0, "prior": 1.5, "enough": 2.0}
+    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
     mean, confidence = fuse(image0, image1, t, candidates, bend, **options)
     expected_mean, expected_confidence = fused(image0, image1, t, candidates, bend, **options)
     np.testing.assert_allclose(mean, expected_mean, atol=1e-4)
@@ -104,7 +104,7 @@ def test_once_all_pixels_are_similar_enough_the_rest_is_left_out():
     image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
     candidates = np.empty((1, 1), object)
     candidates[0, 0] = [even(2, 4, 0), even(9, 2, 0)]
-    bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0, "prior": 1.0}
+    bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0}
     alone, _ = fuse(image0, image1, 0.5, candidates, bend, **options, enough=0.5)
     np.testing.assert_allclose(alone, fused(image0, image1, 0.5, candidates, bend, **options, enough=0.5)[0], atol=1e-5)
     np.testing.assert_allclose(alone[:, 6:-6], waves(x - 1, y, 1, seed=2)[:, 6:-6], atol=1e-5)
@@ -117,24 +117,22 @@ def test_what_stands_still_is_not_bent():
     image = noise(16, 16, 3, np.float32)
     candidates = np.empty((1, 1), object)
     candidates[0, 0] = [even(5, 0, 0)]
-    mean, confidence = fuse(
-        image, image, 0.5, candidates, np.full((1, 1, 2), 7.3), scale=5, sharpness=30, prior=1.5, enough=0.99
-    )
+    mean, confidence = fuse(image, image, 0.5, candidates, np.full((1, 1, 2), 7.3), scale=5, sharpness=30, enough=0.99)
     np.testing.assert_allclose(mean, image, atol=1e-6)
     np.testing.assert_allclose(confidence, 1, atol=1e-5)
 
 
 def test_more_votes_weigh_more():
-    """Motions that are equally similar have shares by their votes to the power of the prior, no motion a quarter."""
+    """Motions that are equally similar have shares by their votes, no motion a quarter of one."""
     x = np.arange(48)
     image0, image1 = np.zeros((16, 48, 1), np.float32), np.zeros((16, 48, 1), np.float32)
     image0[..., 0] = x / 48
     candidates = np.empty((1, 3), object)
     for column in range(3):
         candidates[0, column] = [even(2, -2, 0), even(4, 2, 0)]
-    options = {"scale": 0.0, "sharpness": 30.0, "prior": 2.0, "enough": 2.0}
+    options = {"scale": 0.0, "sharpness": 30.0, "enough": 2.0}
     mean, _ = fuse(image0, image1, 0.25, candidates, np.zeros((1, 3, 2)), **options)
-    expected = 0.75 * (x - 0.25 * (16 * 2 - 4 * 2) / (16 + 4 + 1 / 16)) / 48
+    expected = 0.75 * (x - 0.25 * (4 * 2 - 2 * 2) / (4 + 2 + 1 / 4)) / 48
     np.testing.assert_allclose(mean[8, 8:-8, 0], expected[8:-8], atol=1e-5)
 
 
@@ -144,7 +142,7 @@ def test_votes_change_from_corner_to_corner():
     image0[..., 0] = np.arange(16) / 48
     candidates = np.empty((1, 1), object)
     candidates[0, 0] = [[200.0, 400.0, 0.0, 100.0, 0.0, 100.0, 0.0], [200.0, -400.0, 0.0, 0.0, 100.0, 0.0, 100.0]]
-    options = {"scale": 0.0, "sharpness": 30.0, "prior": 1.0, "enough": 2.0}
+    options = {"scale": 0.0, "sharpness": 30.0, "enough": 2.0}
     mean, _ = fuse(image0, image1, 0.25, candidates, np.zeros((1, 1, 2)), **options)
     expected, _ = fused(image0, image1, 0.25, candidates, np.zeros((1, 1, 2)), **options)
     np.testing.assert_allclose(mean, expected, atol=1e-5)
@@ -157,7 +155,7 @@ def test_a_lone_voice_is_not_heard():
     y, x = np.mgrid[0:16, 0:16].astype(float)
     image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
     candidates = np.empty((1, 1), object)
-    bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0, "prior": 1.0, "enough": 2.0}
+    bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0, "enough": 2.0}
     means = []
     for votes in (0, 2, 5):
         candidates[0, 0] = [even(99, 4, 0), *([even(votes, 2, 0)] if votes else [])]

@@ -297,7 +297,6 @@ def fused(
     *,
     scale: float,
     sharpness: float,
-    prior: float,
     enough: float,
 ) -> tuple[Array, Array]:
     """The mean over the candidates of each cell, weighed by patch similarity at t, and the mean similarity ** 8.
@@ -318,7 +317,7 @@ def fused(
             heard = [candidate for candidate in by_votes if candidate[0] >= fewest]
             for votes, sum_x, sum_y, *shares in [*heard, [1, 0, 0, 0.25, 0.25, 0.25, 0.25]]:
                 motion = np.array([sum_x, sum_y]) / votes
-                above, below = np.reshape(shares, (2, 2)) ** prior
+                above, below = np.reshape(shares, (2, 2))
                 corner = (
                     np.array([16 * column - 4, 16 * row - 4]) + min(4 * np.abs(motion).sum(), 1) * bend[row, column]
                 )

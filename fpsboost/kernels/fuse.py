@@ -84,7 +84,7 @@ def mark_inside(start, size, marks):
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def fuse_candidates(
     planes0, coefficients0, planes1, coefficients1, height, width, t, count, votes, corners, sums, bend, scale,
-    sharpness, prior, enough, cell, lanes, mean, confidence,
+    sharpness, enough, cell, lanes, mean, confidence,
 ):  # fmt: skip
     """Make the in-between frame.
 
@@ -105,8 +105,6 @@ def fuse_candidates(
         Factor on squared colour differences.
     sharpness : float32
         How fast a candidate's weight falls with its similarity.
-    prior : float32
-        Power of the votes in the weight.
     enough : float32
         Once every pixel of a cell has found this similarity, the candidates with fewer votes are left out.
     mean : (C, height, width) float32 out
@@ -136,7 +134,7 @@ def fuse_candidates(
         for turn in range(count[row, column] + 1):
             # by falling votes; the last candidate is no motion at all, hardly with a vote
             dx, dy = np.float32(0), np.float32(0)
-            favour[:] = UNASKED**prior
+            favour[:] = UNASKED
             if turn < count[row, column]:
                 k = np.argmax(waiting)
                 if waiting[k] < fewest:
@@ -146,9 +144,7 @@ def fuse_candidates(
                     sums[row, column, k, 0] / votes[row, column, k],
                     sums[row, column, k, 1] / votes[row, column, k],
                 )
-                for j in range(2):
-                    for i in range(2):
-                        favour[j, i] = corners[row, column, k, j, i] ** prior
+                favour[:] = corners[row, column, k]
             # what stands still is left alone, whatever its surroundings do
             moves = min(np.float32(4) * (abs(dx) + abs(dy)), one)
             x0 = np.float32(left - PATCH_RADIUS) + moves * bend[row, column, 0] - t * dx

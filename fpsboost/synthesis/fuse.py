@@ -52,8 +52,6 @@ class Fuse:
         v of the similarity at time t, for colours in [0, 1].
     sharpness : float
         How clearly the most similar motion wins: its weight is ``exp(sharpness * similarity)``.
-    prior : float
-        Power of the number of pixels that vote for a motion.
     enough : float
         Similarity at which a cell needs no further candidates.
     """
@@ -63,7 +61,6 @@ class Fuse:
     tolerance: float = 0.5
     width: float = 0.3
     sharpness: float = 25
-    prior: float = 1.5
     enough: float = 0.99
 
     def __post_init__(self) -> None:
@@ -123,7 +120,6 @@ class Fuse:
                 bend,
                 scale,
                 np.float32(self.sharpness),
-                np.float32(self.prior),
                 np.float32(self.enough),
                 CELL,
                 ROW,
