@@ -79,6 +79,7 @@ def convert(
     block_size: Annotated[int | None, Parameter(group=motion)] = None,
     search_range: Annotated[int | None, Parameter(group=motion)] = None,
     pattern: Annotated[Literal["full", "three-step", "diamond"] | None, Parameter(group=motion)] = None,
+    duplicates: Annotated[Literal["interpolate", "keep"], Parameter(group=motion)] = "interpolate",
     at_cuts: Annotated[Literal["repeat", "blend"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
@@ -131,6 +132,8 @@ def convert(
         Largest motion for the method block, pixels each way.
     pattern
         Where the method block looks for a block.
+    duplicates
+        Frames that show the same as the one before, up to a quarter of a second: make them move, or keep them.
     at_cuts
         Across a scene cut, repeat the nearer frame or mix both.
     cut_threshold
@@ -194,6 +197,7 @@ def convert(
             output,
             **schedule_options,
             method=interpolator,
+            duplicates=duplicates,
             encoding=encoding,
             overwrite=overwrite,
             observer=reporter,
@@ -307,6 +311,8 @@ class Reporter:
         """What was done, and every remark."""
         assert self._info is not None, "a summary comes after opening"
         frames = f"{summary.frames_in} -> {summary.frames_out} frames"
+        if summary.duplicates:
+            frames += f", {summary.duplicates} duplicate frame{'s' if summary.duplicates > 1 else ''}"
         if summary.scene_cuts:
             frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
         speed = summary.frames_out / max(summary.seconds, 1e-9)
