@@ -35,6 +35,7 @@ EXAMPLES = """
     fpsboost renders/ doubled/ --factor 2         a folder of images
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
+    fpsboost probe in.mp4                         what a clip is
     fpsboost compare in.mp4 --report page/        which method is best for a clip
 """
 
@@ -214,6 +215,12 @@ app.command(
 app.command(
     "fpsboost.cli_tune:tune",
     help="Try the parameters of the report's method on a few hidden frames, and say which to use.",
+    help_epilogue="",
+)
+
+app.command(
+    "fpsboost.cli_probe:probe",
+    help="Say what a clip is: streams, times, duplicates, cuts, damage, and what a conversion would do.",
     help_epilogue="",
 )
 

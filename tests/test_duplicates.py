@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -18,10 +19,13 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.held import Shown, by_moments
 from fpsboost.media.opening import open_source
-from fpsboost.method_table import methods
+from fpsboost.method_table import find_method, methods, vector_methods
+from fpsboost.motion.vectors import VectorFolder
 from fpsboost.pipeline import Summary, boost, convert
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import DuplicateDetector
+from fpsboost.synthesis.blend import Blend
+from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.timing import ByFactor, ByRate, Schedule
 
 pytestmark = pytest.mark.usefixtures("impatient")
@@ -170,6 +174,16 @@ def test_what_the_clip_ends_with_stays_held():
     frames, summary = run(source)
     assert summary.duplicates == 0
     assert [frame.original for frame in frames[::2]] == [frame.original for frame in source]
+
+
+def test_rendered_motion_needs_every_frame(monkeypatch):
+    """A renderer's vectors lead from each frame to the very next, so there duplicates are not looked for."""
+    vectors = VectorFolder("Vector####.exr")
+    assert all(find_method(name, vectors).needs_every_frame for name in vector_methods)
+    assert not any(method.needs_every_frame for method in methods.values())
+    monkeypatch.setattr(SceneAssisted, "synthesize", lambda self, *arguments: Blend().synthesize(*arguments))
+    rendered = replace(methods["blend"], synthesizer=SceneAssisted(vectors))
+    assert boost(FakeSource(held([2, 2]), RATE), rendered, FakeSink(), ByFactor(Fraction(2))).duplicates == 0
 
 
 def test_nothing_but_a_still():
