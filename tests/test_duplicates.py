@@ -19,8 +19,8 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.held import Shown, by_moments
 from fpsboost.media.opening import open_source
-from fpsboost.method_table import find_method, methods, vector_methods
-from fpsboost.motion.vectors import VectorFolder
+from fpsboost.method_table import methods
+from fpsboost.motion.vectors import RenderedMotion
 from fpsboost.pipeline import Summary, boost, convert
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import DuplicateDetector
@@ -178,11 +178,12 @@ def test_what_the_clip_ends_with_stays_held():
 
 def test_rendered_motion_needs_every_frame(monkeypatch):
     """A renderer's vectors lead from each frame to the very next, so there duplicates are not looked for."""
-    vectors = VectorFolder("Vector####.exr")
-    assert all(find_method(name, vectors).needs_every_frame for name in vector_methods)
+    no_vectors: Any = None
+    rendered = replace(methods["blend"], synthesizer=SceneAssisted(no_vectors))
+    assert rendered.needs_every_frame
+    assert replace(methods["blend"], estimator=RenderedMotion(no_vectors)).needs_every_frame
     assert not any(method.needs_every_frame for method in methods.values())
     monkeypatch.setattr(SceneAssisted, "synthesize", lambda self, *arguments: Blend().synthesize(*arguments))
-    rendered = replace(methods["blend"], synthesizer=SceneAssisted(vectors))
     assert boost(FakeSource(held([2, 2]), RATE), rendered, FakeSink(), ByFactor(Fraction(2))).duplicates == 0
 
 
