@@ -93,9 +93,9 @@ class DuplicateDetector:
     ----------
     noise : float
         Largest difference of a duplicate, in levels of 8 bits. Of the duplicates of two clips found in the wild,
-        the noisiest differed by 4.5 levels, and pairs in motion by 10 and more.
+        the noisiest differed by 5 levels, and pairs in motion by 10 and more.
     share : float
-        Largest difference of a duplicate, as a share of the steps before and after it. Same clips: below 0.15.
+        Largest difference of a duplicate, as a share of the steps before and after it. Same clips: below 0.1.
     smallest_step : float
         Levels by which a picture that moves on differs at least; below it, nobody sees the difference.
     block : int
