@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fpsboost.media.encoding import Encoding
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.pipeline import Summary, boost, convert
-    from fpsboost.scenes import CutDetector
+    from fpsboost.scenes import CutDetector, DuplicateDetector
     from fpsboost.timing import ByFactor, ByRate
 
 __version__ = "0.1.0"
@@ -29,6 +29,7 @@ __all__ = [
     "ByRate",
     "ClipInfo",
     "CutDetector",
+    "DuplicateDetector",
     "Encoding",
     "FpsboostError",
     "Frame",
@@ -50,6 +51,7 @@ _homes = {
     "ByRate": "timing",
     "ClipInfo": "frame",
     "CutDetector": "scenes",
+    "DuplicateDetector": "scenes",
     "Encoding": "media.encoding",
     "FpsboostError": "errors",
     "Frame": "frame",

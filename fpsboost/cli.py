@@ -35,6 +35,7 @@ EXAMPLES = """
     fpsboost renders/ doubled/ --factor 2         a folder of images
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
+    fpsboost probe in.mp4                         what a clip is
     fpsboost compare in.mp4 --report page/        which method is best for a clip
 """
 
@@ -79,6 +80,7 @@ def convert(
     block_size: Annotated[int | None, Parameter(group=motion)] = None,
     search_range: Annotated[int | None, Parameter(group=motion)] = None,
     pattern: Annotated[Literal["full", "three-step", "diamond"] | None, Parameter(group=motion)] = None,
+    duplicates: Annotated[Literal["interpolate", "keep"], Parameter(group=motion)] = "interpolate",
     at_cuts: Annotated[Literal["repeat", "blend", "extrapolate"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
@@ -131,6 +133,8 @@ def convert(
         Largest motion for the method block, pixels each way.
     pattern
         Where the method block looks for a block.
+    duplicates
+        Frames that show the same as the one before, up to a quarter of a second: make them move, or keep them.
     at_cuts
         Across a scene cut, repeat the nearer frame, mix both, or move each on along its own motion.
     cut_threshold
@@ -194,6 +198,7 @@ def convert(
             output,
             **schedule_options,
             method=interpolator,
+            duplicates=duplicates,
             encoding=encoding,
             overwrite=overwrite,
             observer=reporter,
@@ -210,6 +215,12 @@ app.command(
 app.command(
     "fpsboost.cli_tune:tune",
     help="Try the parameters of the report's method on a few hidden frames, and say which to use.",
+    help_epilogue="",
+)
+
+app.command(
+    "fpsboost.cli_probe:probe",
+    help="Say what a clip is: streams, times, duplicates, cuts, damage, and what a conversion would do.",
     help_epilogue="",
 )
 
@@ -307,6 +318,8 @@ class Reporter:
         """What was done, and every remark."""
         assert self._info is not None, "a summary comes after opening"
         frames = f"{summary.frames_in} -> {summary.frames_out} frames"
+        if summary.duplicates:
+            frames += f", {summary.duplicates} duplicate frame{'s' if summary.duplicates > 1 else ''}"
         if summary.scene_cuts:
             frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
         speed = summary.frames_out / max(summary.seconds, 1e-9)

@@ -154,6 +154,11 @@ class Interpolator:
     def __post_init__(self) -> None:
         check_choice("--at-cuts", self.at_cuts, get_args(AtCuts))
 
+    @property
+    def needs_every_frame(self) -> bool:
+        """Whether motion was rendered from each frame to the very next, so that none may be passed over."""
+        return isinstance(self.estimator, RenderedMotion) or isinstance(self.synthesizer, SceneAssisted)
+
     def interpolate(self, image0: Image, image1: Image, times: Sequence[float | Fraction]) -> list[Image]:
         """Make one image for every time.
 

@@ -1,7 +1,8 @@
-"""The one loop: source -> pairs -> interpolator -> sink.
+"""The one loop: source -> held pictures -> pairs -> interpolator -> sink.
 
 Everything is a stream over a few frames, so memory does not grow with length. Source frames that fall on an output time
-go to the sink as they are, decoder's picture and all.
+go to the sink as they are, decoder's picture and all; but those that only show again what was there before give way to
+frames that are made.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ import time
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from itertools import chain
-from typing import NamedTuple, Protocol
+from itertools import chain, pairwise
+from typing import Literal, NamedTuple, Protocol, get_args
 
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.errors import InputError, OptionError, check_choice
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import Encoding
@@ -22,10 +24,13 @@ from fpsboost.media.opening import makes_video, open_sink, open_source
 from fpsboost.method_table import find_method
 from fpsboost.overlap import read_ahead, write_behind
 from fpsboost.prepared import PreparedImage
+from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import ByFactor, ByRate, Schedule, Step
 
 READ_AHEAD = 4
 WRITE_BEHIND = 4
+
+Duplicates = Literal["interpolate", "keep"]
 
 
 @dataclass
@@ -37,9 +42,11 @@ class Summary:
     frames_in, frames_out : int
         Frames read and written.
     frames_made : int
-        Frames written that are in none of the source's places: interpolated, or repeated across a cut.
+        Frames written that are none of the source's: interpolated, or repeated across a cut.
     scene_cuts : int
         Pairs that were not interpolated across.
+    duplicates : int
+        Frames that showed the same as the one before, and were interpolated across.
     seconds : float
         Wall time of the loop, without compiling.
     remarks : list of str
@@ -50,6 +57,7 @@ class Summary:
     frames_out: int = 0
     frames_made: int = 0
     scene_cuts: int = 0
+    duplicates: int = 0
     seconds: float = 0.0
     remarks: list[str] = field(default_factory=list)
 
@@ -91,6 +99,7 @@ def convert(
     fps: Fraction | int | None = None,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
+    duplicates: Duplicates = "interpolate",
     encoding: Encoding | None = None,
     overwrite: bool = False,
     observer: Observer | None = None,
@@ -109,6 +118,10 @@ def convert(
         A name of `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
         Frames per second of input images.
+    duplicates : {'interpolate', 'keep'}
+        Frames that show the same as the one before, as in animation on threes, pulldown and captures that missed some:
+        make the moving picture at their times, or keep them. Stills, and pictures held until a cut, are always kept.
+        Not looked for where a renderer's motion vectors say what moves.
     encoding : Encoding, optional
         How to encode video, and which streams to keep.
     overwrite : bool
@@ -129,6 +142,7 @@ def convert(
     --------
     >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
     """
+    check_choice("--duplicates", duplicates, get_args(Duplicates))
     schedule = make_schedule(factor, fps)
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
@@ -147,7 +161,7 @@ def convert(
         observer = observer or Silent()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:
-            return boost(source, interpolator, sink, schedule, observer)
+            return boost(source, interpolator, sink, schedule, observer, duplicates=duplicates)
 
 
 def boost(
@@ -156,6 +170,8 @@ def boost(
     sink: FrameSink,
     schedule: Schedule,
     observer: Observer | None = None,
+    *,
+    duplicates: Duplicates = "interpolate",
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
 
@@ -169,6 +185,8 @@ def boost(
         Which output times there are.
     observer : Observer, optional
         Told how it goes.
+    duplicates : {'interpolate', 'keep'}
+        See `convert`.
 
     Returns
     -------
@@ -176,9 +194,13 @@ def boost(
 
     Raises
     ------
+    OptionError
+        There is no such way to treat duplicates.
     InputError
         Fewer than two frames, and whatever source and sink raise.
     """
+    check_choice("--duplicates", duplicates, get_args(Duplicates))
+    detector = DuplicateDetector() if duplicates == "interpolate" and not interpolator.needs_every_frame else None
     summary = Summary()
     observer = observer or Silent()
     with read_ahead(source, READ_AHEAD) as arriving, write_behind(sink.write, WRITE_BEHIND) as write:
@@ -188,7 +210,8 @@ def boost(
         observer.ready()
         begin = time.perf_counter()
         frames = arriving if first is None else chain([first], arriving)
-        outputs = _output_frames(frames, source.info, interpolator, schedule, sink.holds_last_frame, summary)
+        clip = _Clip(source.info, schedule, interpolator, summary)
+        outputs = _output_frames(frames, clip, detector, sink.holds_last_frame)
         for frame in _with_durations(outputs):
             write(frame)
             summary.frames_out += 1
@@ -199,76 +222,113 @@ def boost(
 
 
 class _Interval(NamedTuple):
-    """From one source frame to the next."""
+    """From a held picture, nearly always one frame, to the next: the frames, and what falls into each one's time."""
 
-    first: Frame
-    steps: list[Step]
+    held: Held
+    steps: list[list[Step]]
+    end: Fraction
     pair: Pair
 
 
+@dataclass
+class _Clip:
+    """What stays the same throughout the loop, and where it is."""
+
+    info: ClipInfo
+    schedule: Schedule
+    interpolator: Interpolator
+    summary: Summary
+    start: Fraction = Fraction(0)
+    index: int = 0
+    """Number of the next frame to become part of an interval."""
+
+    def shown(self, frames: Iterator[Frame]) -> Iterator[Shown]:
+        """The source's frames with their places, counted."""
+        for frame in frames:
+            if self.summary.frames_in == 0:
+                self.start = frame.time
+            place = self.schedule.place(self.summary.frames_in, self.start, frame.time)
+            self.summary.frames_in += 1
+            yield Shown(frame, PreparedImage(frame.image, place))
+
+    def interval(self, held: Held, following: Held) -> _Interval:
+        """From one held picture to the next; asked for in order."""
+        frames = [*(shown.frame for shown in held), following[0].frame]
+        steps = []
+        for frame, after in pairwise(frames):
+            steps.append(list(self.schedule.steps(self.index, self.start, frame.time, after.time)))
+            self.index += 1
+        end = frames[-1].time
+        return _Interval(
+            held, steps, end, self.interpolator.pair(held[0].image, following[0].image, end - frames[0].time)
+        )
+
+
 def _output_frames(
-    frames: Iterator[Frame],
-    info: ClipInfo,
-    interpolator: Interpolator,
-    schedule: Schedule,
-    holds_last_frame: bool,
-    summary: Summary,
+    frames: Iterator[Frame], clip: _Clip, detector: DuplicateDetector | None, holds_last_frame: bool
 ) -> Generator[Frame, None, Fraction]:
     """Yield the output frames without durations; return when the clip ends.
 
     Runs one pair behind the source: how a pair's motion goes on is seen in the next.
     """
-    previous: Frame | None = None
-    last: PreparedImage | None = None
-    start = Fraction(0)
+    shown = clip.shown(frames)
+    previous: Held | None = None
     before: _Interval | None = None
     interval: _Interval | None = None
-    for frame in frames:
-        if previous is None:
-            start = frame.time
-        image = PreparedImage(frame.image, schedule.place(summary.frames_in, start, frame.time))
-        if previous is not None and last is not None:
-            index = summary.frames_in - 1
-            steps = list(schedule.steps(index, start, previous.time, frame.time))
-            after = _Interval(previous, steps, interpolator.pair(last, image, frame.time - previous.time))
+    for held in one_by_one(shown) if detector is None else by_moments(shown, detector):
+        if previous is not None:
+            after = clip.interval(previous, held)
             if interval is not None:
-                yield from _between(interval, before, after, interpolator, summary)
+                yield from _between(interval, before, after, clip)
                 interval.pair.settle()
             before, interval = interval, after
-        previous, last = frame, image
-        summary.frames_in += 1
+        previous = held
     if interval is not None:
-        yield from _between(interval, before, None, interpolator, summary)
-    if previous is None or summary.frames_in < 2:
-        count = "one frame" if summary.frames_in else "no frame"
-        raise InputError(f"{info.name} holds {count} that can be read, and two are needed to make one in between.")
-    end = previous.time + (previous.duration or 1 / info.rate)
-    for step in schedule.steps(summary.frames_in - 1, start, previous.time, end):
+        yield from _between(interval, before, None, clip)
+    if previous is None or clip.summary.frames_in < 2:
+        count = "one frame" if clip.summary.frames_in else "no frame"
+        raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
+    last = previous[-1].frame
+    end = last.time + (last.duration or 1 / clip.info.rate)
+    for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
         if step.t == 0 or holds_last_frame:
-            summary.frames_made += step.t > 0
-            yield replace(previous, time=step.time)
+            clip.summary.frames_made += step.t > 0
+            yield replace(last, time=step.time)
     return end
 
 
-def _between(
-    interval: _Interval,
-    before: _Interval | None,
-    after: _Interval | None,
-    interpolator: Interpolator,
-    summary: Summary,
-) -> Iterator[Frame]:
-    inner = [step.t for step in interval.steps if step.t > 0]
-    images: Iterator[Image] = iter(())
-    if inner:
-        neighbours = (each and each.pair for each in (before, after))
-        images, scene_cut = interpolator.between(interval.pair, inner, *neighbours)
-        summary.scene_cuts += scene_cut
-    for step in interval.steps:
+def _between(interval: _Interval, before: _Interval | None, after: _Interval | None, clip: _Clip) -> Iterator[Frame]:
+    """The output frames from one held picture to the next."""
+    neighbours = [each and each.pair for each in (before, after)]
+    *repeats, last = zip(interval.held, interval.steps, strict=True)
+    if repeats and interval.pair.is_cut(*neighbours):
+        # nothing leads on from it, so it stays held until the last of its frames ends in the cut
+        for shown, steps in repeats:
+            for step in steps:
+                clip.summary.frames_made += step.t > 0
+                yield replace(shown.frame, time=step.time)
+        shown, steps = last
+    else:
+        shown, steps = interval.held[0], _in_one(interval)
+        clip.summary.duplicates += len(repeats)
+    inner = [step.t for step in steps if step.t > 0]
+    images, scene_cut = clip.interpolator.between(interval.pair, inner, *neighbours) if inner else (iter(()), False)
+    clip.summary.scene_cuts += scene_cut
+    for step in steps:
         if step.t == 0:
-            yield replace(interval.first, time=step.time)
+            yield replace(shown.frame, time=step.time)
         else:
-            summary.frames_made += 1
+            clip.summary.frames_made += 1
             yield Frame(next(images), step.time)
+
+
+def _in_one(interval: _Interval) -> list[Step]:
+    """The steps of all frames of a held picture, each at its place on the way to the next."""
+    if len(interval.held) == 1:
+        return interval.steps[0]
+    begin = interval.held[0].frame.time
+    lasts = interval.end - begin
+    return [Step(step.time, (step.time - begin) / lasts) for steps in interval.steps for step in steps]
 
 
 def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from io import BytesIO
 from typing import Any
@@ -159,6 +160,66 @@ def check_streams(source: VideoSource, encoding: Encoding, encoder: str, contain
                 f"{name} cannot hold the {called} {what} of {source.info.name}; {instead}leave the {what} "
                 f"out with {option}."
             )
+
+
+@dataclass(frozen=True)
+class StreamFacts:
+    """What a stream of a file is.
+
+    Attributes
+    ----------
+    index : int
+        Its number in the file.
+    kind : str
+        ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``.
+    codec : str or None
+        FFmpeg's name of the format.
+    language, title : str or None
+        As tagged.
+    details : str
+        Size, or sampling rate and channels.
+    carries_over : bool
+        Whether an .mp4 made of the first video stream holds it.
+    """
+
+    index: int
+    kind: str
+    codec: str | None
+    language: str | None
+    title: str | None
+    details: str
+    carries_over: bool
+
+
+def list_streams(source: VideoSource) -> list[StreamFacts]:
+    """Everything that the file of a source holds."""
+    with open_video(source.path, source.info.name) as file:
+        return [_facts_of(stream, source.stream_index) for stream in file.streams]
+
+
+def _facts_of(stream: av.stream.Stream, converted: int) -> StreamFacts:
+    context: Any = stream.codec_context
+    kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
+    details = ""
+    if stream.type == "video" and context:
+        details = f"{context.width}x{context.height}"
+    elif stream.type == "audio" and context:
+        details = f"{context.sample_rate} Hz, {context.layout.name}"
+    if kind in ("audio", "subtitle"):
+        carries_over = context is not None and holds("mp4", context.codec.name) and _takes("mp4", stream)
+    elif kind == "cover":
+        carries_over = stream.name in ("png", "mjpeg")
+    else:
+        carries_over = stream.index == converted
+    return StreamFacts(
+        stream.index,
+        kind,
+        context.codec.canonical_name if context else None,
+        stream.metadata.get("language"),
+        stream.metadata.get("title"),
+        details,
+        carries_over,
+    )
 
 
 def _is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:

@@ -1,0 +1,285 @@
+"""What a clip is, and what a conversion with the defaults would do with it, as plain data."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from fpsboost.errors import FpsboostError
+from fpsboost.frame import Frame
+from fpsboost.held import Shown, by_moments
+from fpsboost.interpolator import Pair, with_neighbours
+from fpsboost.media import FrameSource, OutputTiming
+from fpsboost.media.encoding import Encoding
+from fpsboost.media.opening import open_sink, open_source
+from fpsboost.media.other_streams import StreamFacts, list_streams
+from fpsboost.media.video_source import VideoSource, VideoTraits
+from fpsboost.method_table import methods
+from fpsboost.pipeline import count_frames, make_schedule
+from fpsboost.prepared import PreparedImage
+from fpsboost.scenes import DuplicateDetector
+from fpsboost.timing import Schedule
+
+matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
+primaries = {1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020", 12: "smpte432"}
+transfers = {
+    **{1: "bt709", 4: "gamma22", 5: "gamma28", 6: "smpte170m", 7: "smpte240m", 8: "linear", 11: "iec61966-2-4"},
+    **{13: "srgb", 14: "bt2020-10", 15: "bt2020-12", 16: "pq", 18: "hlg"},
+}
+"""FFmpeg's numbers of colour tags by the names people know; what is not in here is shown as its number."""
+
+UNSPECIFIED = 2
+
+
+@dataclass(frozen=True)
+class Look:
+    """How pictures are meant to be shown.
+
+    Attributes
+    ----------
+    pixel_format : str
+        FFmpeg's name.
+    pixel_aspect : str
+        Width of a pixel over its height.
+    rotation : float
+        Degrees clockwise for display.
+    matrix, primaries, transfer : str or None
+        Colour tags, None where they are not said.
+    full_range : bool
+        Black is 0 rather than 16 (in 8 bits).
+    """
+
+    pixel_format: str
+    pixel_aspect: str
+    rotation: float
+    matrix: str | None
+    primaries: str | None
+    transfer: str | None
+    full_range: bool
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """What a conversion with the defaults would do.
+
+    Attributes
+    ----------
+    frames : int
+        Frames written.
+    rate : float
+        Nominal frames per second of the output.
+    refused : str or None
+        Why there would be no conversion to an .mp4.
+    remarks : list of str
+        What it would say is lost.
+    """
+
+    frames: int
+    rate: float
+    refused: str | None
+    remarks: list[str]
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A clip, read once from its first frame to its last.
+
+    Attributes
+    ----------
+    name : str
+        As the user gave it.
+    width, height : int
+        Pixels, as stored.
+    look : Look or None
+        For video.
+    streams : list of StreamFacts
+        For video.
+    rate, exact_rate : float, str
+        Nominal frames per second.
+    varies : bool
+        The intervals between frames differ by more than a clock's rounding.
+    shortest, median, longest : float
+        Those intervals, seconds.
+    start, duration : float
+        Seconds.
+    frames : int
+        Frames that could be read.
+    declared_frames : int or None
+        Frames that the header promises.
+    duplicates : int
+        Frames that show the same as the one before, stills not counted.
+    cuts : list of float
+        Times of the first frames of new scenes.
+    interlaced : int
+        Frames flagged as two fields.
+    remarks : list of str
+        What the source says about damage, and about what is guessed or left out.
+    conversion : Conversion
+    """
+
+    name: str
+    width: int
+    height: int
+    look: Look | None
+    streams: list[StreamFacts]
+    rate: float
+    exact_rate: str
+    varies: bool
+    shortest: float
+    median: float
+    longest: float
+    start: float
+    duration: float
+    frames: int
+    declared_frames: int | None
+    duplicates: int
+    cuts: list[float]
+    interlaced: int
+    remarks: list[str]
+    conversion: Conversion
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything in plain numbers, texts, lists and dictionaries."""
+        return asdict(self)
+
+
+@dataclass
+class _Findings:
+    """What is gathered while frames pass by."""
+
+    times: list[Fraction] = field(default_factory=list)
+    end: Fraction = Fraction(0)
+    interlaced: int = 0
+    duplicates: int = 0
+    moments: list[Fraction] = field(default_factory=list)
+
+    def shown(self, frames: FrameSource) -> Iterator[Shown]:
+        """The frames, noted down."""
+        for frame in frames:
+            self.times.append(frame.time)
+            self.end = frame.time + (frame.duration or 1 / frames.info.rate)
+            self.interlaced += _is_interlaced(frame)
+            yield Shown(frame, PreparedImage(frame.image))
+
+    def pairs(self, frames: FrameSource) -> Iterator[Pair]:
+        """The pairs that a conversion would make frames for."""
+        interpolator = methods["nlm"]
+        last: Shown | None = None
+        for held in by_moments(self.shown(frames), DuplicateDetector()):
+            self.duplicates += len(held) - 1
+            self.moments.append(held[0].frame.time)
+            if last is not None:
+                yield interpolator.pair(last.image, held[0].image)
+            last = held[0]
+
+
+def probe(path: str, input_fps: Fraction | None = None) -> Probe:
+    """Read a clip to its end and say what it is.
+
+    Parameters
+    ----------
+    path : str
+        A video file, a folder of images, or a pattern of images.
+    input_fps : Fraction, optional
+        Frames per second of images; 24 where it is not said.
+
+    Returns
+    -------
+    Probe
+
+    Raises
+    ------
+    OptionError, InputError
+        See `fpsboost.media.opening.open_source`.
+    """
+    schedule = make_schedule(None, None)
+    with open_source(path, input_fps) as source:
+        video = source if isinstance(source, VideoSource) else None
+        look = None if video is None else _look(video.traits)
+        refused, losses = (None, []) if video is None else _try_sink(video, schedule)
+        findings = _Findings()
+        # `moments` runs ahead of the pair that is looked at: the pair's place says which of them it ends with
+        cuts = [
+            findings.moments[place + 1]
+            for place, (before, pair, after) in enumerate(with_neighbours(findings.pairs(source)))
+            if pair.is_cut(before, after)
+        ]
+        info, times = source.info, findings.times
+        frames = count_frames(schedule, replace(info, frame_count=len(times)), holds_last_frame=video is not None)
+        intervals = [later - earlier for earlier, later in pairwise(times)] or [1 / info.rate]
+        median, spread = statistics.median(intervals), max(intervals) - min(intervals)
+        return Probe(
+            name=info.name,
+            width=info.width,
+            height=info.height,
+            look=look,
+            streams=[] if video is None else list_streams(video),
+            rate=float(info.rate),
+            exact_rate=str(info.rate),
+            varies=spread > max(2 * info.time_base, median / 20),
+            shortest=float(min(intervals)),
+            median=float(median),
+            longest=float(max(intervals)),
+            start=float(times[0]),
+            duration=float(findings.end - times[0]),
+            frames=len(times),
+            declared_frames=info.frame_count,
+            duplicates=findings.duplicates,
+            cuts=[float(cut) for cut in cuts],
+            interlaced=findings.interlaced,
+            remarks=list(source.remarks),
+            conversion=Conversion(frames or 0, float(schedule.rate(info.rate)), refused, losses),
+        )
+
+
+class _EnoughError(Exception):
+    """Leaves a sink without writing."""
+
+
+def _try_sink(source: VideoSource, schedule: Schedule) -> tuple[str | None, list[str]]:
+    """Why an .mp4 would be refused, and what it would lose: asked of a real one, which is thrown away at once."""
+    info = source.info
+    timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
+    remarks: list[str] = []
+    with TemporaryDirectory() as folder:
+        path = str(Path(folder) / "out.mp4")
+        try:
+            sink = open_sink(
+                path, source=source, timing=timing, encoding=Encoding(), expected_frames=None, overwrite=False
+            )
+            with suppress(_EnoughError), sink:
+                remarks += sink.remarks
+                raise _EnoughError
+        except FpsboostError as error:
+            return str(error).replace(path, "out.mp4"), []
+    return None, [remark.replace(path, "out.mp4") for remark in remarks]
+
+
+def _look(traits: VideoTraits) -> Look:
+    matrix = traits.display_matrix
+    rotation = 0.0 if matrix is None else round(math.degrees(math.atan2(matrix[1], matrix[0])), 1) % 360
+    return Look(
+        pixel_format=traits.pixel_format,
+        pixel_aspect=str(traits.sample_aspect_ratio or 1).replace("/", ":"),
+        rotation=rotation,
+        matrix=_named(matrices, traits.tagged_color_space),
+        primaries=_named(primaries, traits.color_primaries),
+        transfer=_named(transfers, traits.color_transfer),
+        full_range=traits.full_range,
+    )
+
+
+def _named(names: dict[int, str], number: int) -> str | None:
+    return None if number == UNSPECIFIED else names.get(number, str(number))
+
+
+def _is_interlaced(frame: Frame) -> bool:
+    return bool(getattr(frame.original, "interlaced_frame", False))

@@ -1,0 +1,211 @@
+"""What `fpsboost probe` finds out about a clip, as data, on the terminal and as JSON."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from test_duplicates import CADENCES, encode, held, pan
+from video_truth import QUARTER_TURN, png, spoil_packets, write_clip
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.pipeline import convert
+from fpsboost.probing import probe
+
+pytestmark = [
+    pytest.mark.usefixtures("impatient"),
+    pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),
+]
+
+
+def test_a_plain_clip(tmp_path):
+    """Size, times and what a conversion would do, which is what a conversion does."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(12), time_base=Fraction(1001, 24000))
+    found = probe(str(clip))
+    assert (found.width, found.height, found.frames, found.declared_frames) == (64, 48, 12, 12)
+    assert (found.exact_rate, found.varies) == ("24000/1001", False)
+    assert found.shortest == found.median == found.longest == pytest.approx(1001 / 24000)
+    assert (found.start, found.duration) == (0, pytest.approx(12 * 1001 / 24000))
+    assert (found.duplicates, found.cuts, found.interlaced, found.remarks) == (0, [], 0, [])
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest")
+    assert found.conversion.frames == summary.frames_out
+    assert found.conversion.rate == pytest.approx(48000 / 1001)
+    assert (found.conversion.refused, found.conversion.remarks) == (None, summary.remarks)
+
+
+def test_every_stream_is_listed(tmp_path):
+    """Number, kind, codec, language, and whether an .mp4 holds it."""
+    clip = write_clip(
+        tmp_path / "in.mkv",
+        sound="aac",
+        subtitles=[(0, 200, b"Hello")],
+        second_video=True,
+        cover=png(),
+    )
+    found = probe(str(clip))
+    kinds = {stream.kind: stream for stream in found.streams}
+    assert [stream.kind for stream in found.streams].count("video") == 2
+    assert [stream.carries_over for stream in found.streams if stream.kind == "video"] == [True, False]
+    assert (kinds["audio"].codec, kinds["audio"].language) == ("aac", "fra")
+    assert kinds["audio"].details == "48000 Hz, stereo"
+    assert kinds["audio"].carries_over
+    assert kinds["cover"].codec == "png"
+    assert kinds["subtitle"].codec == "subrip"
+    assert any("more than one video stream" in remark for remark in found.remarks)
+
+
+def test_what_is_refused_or_lost_is_said_beforehand(tmp_path):
+    """In the words of the conversion itself, and nothing is left behind by asking."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(4), codec="ffv1", pixel_format="yuv444p12le")
+    found = probe(str(clip))
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest")
+    assert found.conversion.refused is None
+    said = [remark.replace(str(tmp_path / "out.mp4"), "out.mp4") for remark in summary.remarks]
+    assert "less depth" in said[0]
+    assert found.conversion.remarks == said
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mkv", "out.mp4"]
+
+
+def test_how_pictures_are_to_be_shown(tmp_path):
+    """Rotation, pixel shape, colour tags and range."""
+    clip = write_clip(
+        tmp_path / "in.mp4",
+        matrix=QUARTER_TURN,
+        sample_aspect_ratio=Fraction(4, 3),
+        colorspace=1,
+        color_primaries=9,
+        color_trc=16,
+        color_range=2,
+    )
+    look = probe(str(clip)).look
+    assert look is not None
+    assert (look.rotation, look.pixel_aspect, look.full_range) == (90, "4:3", True)
+    assert (look.matrix, look.primaries, look.transfer) == ("bt709", "bt2020", "pq")
+
+
+@pytest.mark.parametrize(("times", "varies"), [((0, 3, 4, 9, 10, 16), True), ((0, 4, 8, 12, 16, 20), False)])
+def test_whether_the_rate_varies(tmp_path, times, varies):
+    """Told from the times of the frames and not from the header."""
+    found = probe(str(write_clip(tmp_path / "in.mp4", times=times, time_base=Fraction(1, 100))))
+    assert found.varies is varies
+    gaps = np.diff(times) / 100
+    assert (found.shortest, found.median, found.longest) == pytest.approx((gaps.min(), np.median(gaps), gaps.max()))
+
+
+def test_milliseconds_are_no_variable_rate(tmp_path):
+    """A container that counts in milliseconds rounds 41.7 to 41 and 42."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(12), time_base=Fraction(1, 24))
+    assert not probe(str(clip)).varies
+
+
+def test_duplicates_and_cuts(tmp_path):
+    """As many as a conversion finds, and when."""
+    frames = held([2, 2, 1, 1, 2], lambda first: pan(1.5 * first, seed=1 if first < 5 else 2))
+    clip = encode(tmp_path / "in.mp4", [frame.image for frame in frames], 10)
+    found = probe(str(clip))
+    assert found.duplicates == 3
+    assert found.cuts == pytest.approx([5 / 24])
+
+
+def test_interlaced_frames_are_counted(tmp_path):
+    """By the flag on each of them."""
+    with av.open(str(tmp_path / "in.mp4"), "w") as output:
+        stream = output.add_stream("libx264", rate=25, width=64, height=64)
+        stream.pix_fmt, stream.options = "yuv420p", {"x264-params": "tff=1"}
+        for index in range(6):
+            image = np.full((64, 64, 3), 30 * index, np.uint8)
+            output.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        output.mux(stream.encode(None))
+    assert probe(str(tmp_path / "in.mp4")).interlaced == 6
+
+
+def test_damage_is_told(tmp_path):
+    """In the source's own words."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(20))
+    spoil_packets(clip, [7])
+    found = probe(str(clip))
+    assert any("damaged" in remark for remark in found.remarks)
+
+
+def test_images(tmp_path, save_images):
+    """A folder and a pattern, with and without a rate."""
+    save_images(tmp_path / "in", count=5)
+    found = probe(str(tmp_path / "in"))
+    assert (found.frames, found.streams, found.look, found.conversion.frames) == (5, [], None, 9)
+    timed = probe(str(tmp_path / "in" / "shot_####.png"), Fraction(12))
+    assert (timed.rate, timed.duration) == (12, pytest.approx(5 / 12))
+
+
+def test_a_single_frame(tmp_path):
+    """Is described, too."""
+    assert probe(str(write_clip(tmp_path / "in.mp4", times=[0]))).frames == 1
+    (tmp_path / "one").mkdir()
+    cv2.imwrite(str(tmp_path / "one" / "a_01.png"), np.zeros((4, 6, 3), np.uint8))
+    assert probe(str(tmp_path / "one")).conversion.frames == 1
+
+
+def test_what_cannot_be_read(tmp_path):
+    """Is an error that names it."""
+    (tmp_path / "in.mp4").write_bytes(b"nothing" * 100)
+    with pytest.raises(InputError, match=r"in\.mp4"):
+        probe(str(tmp_path / "in.mp4"))
+    with pytest.raises(OptionError, match="--input-fps"):
+        probe(str(write_clip(tmp_path / "good.mp4")), Fraction(24))
+
+
+# ----------------------------------------------------------------------------------------------------- the command line
+
+
+def test_the_terminal(fpsboost_, tmp_path):
+    """Names and values, no line longer than 80 characters."""
+    write_clip(tmp_path / "in.mp4", sound="aac", second_video=True, title="A title")
+    result = fpsboost_("probe", "in.mp4")
+    assert (result.code, result.err) == (0, "")
+    lines = result.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    for word in (
+        "in.mp4",
+        "64x48",
+        "h264",
+        "aac",
+        "fra",
+        "25 fps",
+        "constant",
+        "40 / 40 / 40 ms",
+        "20 frames at 50 fps",
+    ):
+        assert word in result.out
+
+
+def test_json(fpsboost_, tmp_path):
+    """Nothing else on standard output, and the same as the library says."""
+    encode(tmp_path / "in.mp4", [frame.image for frame in held(CADENCES["threes"])], 18)
+    result = fpsboost_("probe", "in.mp4", "--json")
+    assert (result.code, result.err) == (0, "")
+    data = json.loads(result.out)
+    assert data == json.loads(json.dumps(probe(str(Path("in.mp4"))).as_json()))
+    assert (data["duplicates"], data["frames"], data["streams"][0]["codec"]) == (10, 16, "h264")
+
+
+def test_an_unreadable_file_is_one_sentence(fpsboost_, tmp_path):
+    """Exit code 1, nothing on standard output."""
+    (tmp_path / "in.mp4").write_bytes(b"nothing" * 100)
+    for arguments in (("in.mp4",), ("none.mp4",), ("in.mp4", "--json")):
+        result = fpsboost_("probe", *arguments)
+        assert (result.code, result.out, len(result.lines)) == (1, "", 1)
+        assert result.err.startswith("fpsboost: ")
+
+
+def test_a_conversion_says_how_many_duplicates(fpsboost_, tmp_path):
+    """In its line, and nothing about them where they are kept or where there are none."""
+    encode(tmp_path / "in.mp4", [frame.image for frame in held(CADENCES["twos"])], 18)
+    said = fpsboost_("in.mp4", "out.mp4", "-m", "blend").err
+    assert "15 -> 30 frames, 7 duplicate frames in" in said
+    assert "duplicate" not in fpsboost_("in.mp4", "kept.mp4", "-m", "blend", "--duplicates", "keep").err
+    refused = fpsboost_("in.mp4", "other.mp4", "--duplicates", "drop")
+    assert refused.code == 2
