@@ -85,6 +85,10 @@ def convert(
     codec: Annotated[str | None, Parameter(group=video)] = None,
     crf: Annotated[int | None, Parameter(group=video)] = None,
     preset: Annotated[str | None, Parameter(group=video)] = None,
+    bitrate: Annotated[str | None, Parameter(group=video)] = None,
+    lossless: Annotated[bool, Parameter(group=video)] = False,
+    pix_fmt: Annotated[str | None, Parameter(group=video)] = None,
+    encoder_option: Annotated[list[str] | None, Parameter(group=video)] = None,
     no_audio: Annotated[bool, Parameter(group=video)] = False,
     no_subtitles: Annotated[bool, Parameter(group=video)] = False,
     overwrite: Annotated[bool, Parameter(group=general, name=["--overwrite", "-y"])] = False,
@@ -143,6 +147,14 @@ def convert(
         Quality, lower is better.
     preset
         Encoder speed, such as slow or veryfast.
+    bitrate
+        Bits per second instead of a quality: 8M, 800k.
+    lossless
+        Decoding gives back exactly what was encoded.
+    pix_fmt
+        FFmpeg's name of the pixel format, such as yuv420p10le; else the input's.
+    encoder_option
+        FFmpeg's own option of the encoder, key=value; may be given several times.
     no_audio
         Leave the sound out.
     no_subtitles
@@ -156,7 +168,7 @@ def convert(
     """
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
-    from fpsboost.media.encoding import Encoding  # noqa: PLC0415
+    from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
@@ -184,9 +196,19 @@ def convert(
         "fps": None if fps is None else parse_rate(fps, "--fps"),
         "input_fps": None if input_fps is None else parse_rate(input_fps, "--input-fps"),
     }
-    if (codec, crf, preset) != (None, None, None) and not makes_video(output):
-        raise OptionError(f"--codec, --crf and --preset are for video, and {output} will be images; leave them out.")
-    encoding = Encoding(codec, crf, preset, audio=not no_audio, subtitles=not no_subtitles)
+    encoding = Encoding(
+        codec,
+        crf,
+        preset,
+        audio=not no_audio,
+        subtitles=not no_subtitles,
+        pixel_format=pix_fmt,
+        bitrate=None if bitrate is None else parse_bitrate(bitrate),
+        lossless=lossless,
+        encoder_options=parse_encoder_options(encoder_option or ()),
+    )
+    if encoding.given and not makes_video(output):
+        raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
     with Reporter(output, quiet=quiet, verbose=verbose) as reporter:
         reporter.say_settings(method, interpolator)
         summary = pipeline.convert(

@@ -24,7 +24,7 @@ from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.frame import PictureType
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.errors import OutputError
+from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image, describe
 from fpsboost.media import OutputTiming
 from fpsboost.media.encoding import (
@@ -32,13 +32,16 @@ from fpsboost.media.encoding import (
     EXACT_CLOCKS,
     VIDEO_SUFFIXES,
     Encoding,
+    check_lossless,
     choose_encoder,
     containers,
     encoders,
+    needs_hardware,
+    pixel_formats,
 )
 from fpsboost.media.other_streams import OtherStreams, check_streams
 from fpsboost.media.video_source import VideoSource, VideoTraits
-from fpsboost.media.ycc import BT709, LIMITED_RANGE, from_bgr, reformatted
+from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, from_bgr, reformatted
 
 
 class VideoSink:
@@ -165,6 +168,8 @@ class VideoSink:
         assert self._output is not None
         traits = self._traits or _traits_of_image(image)
         self._pixel_format = self._choose_pixel_format(traits)
+        if self._encoding.lossless:
+            check_lossless(self._encoder, self._pixel_format)
         self._color_space, self._full_range = traits.color_space, traits.full_range
         self._chroma_location = traits.chroma_location
         stream: av.VideoStream = self._output.add_stream(  # type: ignore[assignment]
@@ -173,13 +178,7 @@ class VideoSink:
         context = stream.codec_context
         stream.time_base = context.time_base = self._timing.time_base
         context.pix_fmt = self._pixel_format
-        context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
-        context.color_range = traits.color_range
-        context.colorspace = traits.tagged_color_space
-        if _is_rgb(traits.pixel_format) and not _is_rgb(self._pixel_format):
-            # RGB has neither matrix nor range, and gets what its size suggests.
-            self._full_range = False
-            context.colorspace, context.color_range = self._color_space, LIMITED_RANGE
+        self._tag_colours(context, traits)
         if traits.sample_aspect_ratio is not None:
             context.sample_aspect_ratio = traits.sample_aspect_ratio
             if traits.sample_aspect_ratio != 1 and not self._keeps_pixel_shape():
@@ -213,6 +212,21 @@ class VideoSink:
         if self._others is not None:
             self._others.copy_cover()
 
+    def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
+        """Say what the numbers mean: as the source does, or as the pixel format demands."""
+        context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
+        context.color_range = traits.color_range
+        context.colorspace = traits.tagged_color_space
+        if _is_rgb(traits.pixel_format) and not _is_rgb(self._pixel_format):
+            # RGB has neither matrix nor range, and gets what its size suggests.
+            self._full_range = False
+            context.colorspace, context.color_range = self._color_space, LIMITED_RANGE
+        elif _is_rgb(self._pixel_format) and not _is_rgb(traits.pixel_format):
+            context.colorspace, context.color_range = RGB, FULL_RANGE
+        elif self._pixel_format.startswith("yuvj"):
+            self._full_range = True
+            context.color_range = FULL_RANGE
+
     def _keeps_pixel_shape(self) -> bool:
         """PyAV does not reach the container's own entry in Matroska, so there the coded stream must hold it."""
         return self._format in EXACT_CLOCKS or self._encoder in ("libx264", "libx265")
@@ -222,21 +236,30 @@ class VideoSink:
             with _quiet_encoder():
                 context.open()
         except av.error.FFmpegError:
+            given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
+            check = f"check --encoder-option {given}, or " if given else ""
+            missing = ", and its device or driver may be missing here" if needs_hardware(self._encoder) else ""
             raise OutputError(
                 f"{self._name} cannot be encoded by {self._encoder} at {self._info.width}x{self._info.height}, "
-                f"{float(self._timing.rate):g} frames per second, {self._pixel_format}; choose another --codec."
+                f"{float(self._timing.rate):g} frames per second, {self._pixel_format}{missing}; {check}choose another "
+                "--codec."
             ) from None
 
     def _choose_pixel_format(self, traits: VideoTraits) -> str:
         """Take the source's format, or the one among the encoder's that loses least; say what is lost."""
-        wanted = traits.pixel_format
-        offered = [item.name for item in av.Codec(self._encoder, "w").video_formats or ()]
+        wanted = self._encoding.pixel_format or traits.pixel_format
+        offered = pixel_formats(av.Codec(self._encoder, "w"))
         if not offered:
             return wanted
         whole_only = any(e.name == self._encoder and e.needs_whole_chroma for e in encoders.values())
         fitting = [name for name in offered if not whole_only or _divides(name, self._info.width, self._info.height)]
         if wanted in fitting:
             return wanted
+        if self._encoding.pixel_format:
+            raise OptionError(
+                f"--pix-fmt {wanted} halves an odd size, which {self._encoder} cannot do for {self._name} at "
+                f"{self._info.width}x{self._info.height}; use yuv444p, or crop to an even size."
+            )
         found, loss = find_best_pix_fmt_of_list(fitting, wanted)
         if found is None:
             raise OutputError(f"{self._name} cannot hold {wanted} with {self._encoder}; choose another --codec.")
@@ -269,7 +292,7 @@ class VideoSink:
         picture = self._picture(frame)
         # The same decoded picture may be written again at another time, so it gets its own labels back. The encoder
         # holds a reference of its own, with the labels of this moment.
-        before = picture.pts, picture.duration, picture.time_base, picture.pict_type
+        before = picture.pts, picture.duration, picture.time_base or time_base, picture.pict_type
         picture.pts, picture.duration, picture.time_base = pts, self._durations[pts], time_base
         picture.pict_type = PictureType.NONE  # else x264 repeats the source's choice of key frames
         try:
@@ -289,7 +312,8 @@ class VideoSink:
         ):
             if original.format.name == self._pixel_format:
                 return original
-            if not original.format.is_rgb and not _is_rgb(self._pixel_format):
+            same_range = self._traits.full_range == self._full_range
+            if same_range and not original.format.is_rgb and not _is_rgb(self._pixel_format):
                 return reformatted(original, self._reformatter, self._pixel_format, self._full_range)
         if frame.image.shape[2] == 4 and not self._alpha_dropped:
             self._alpha_dropped = True

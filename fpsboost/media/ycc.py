@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame import Image
 
-SMPTE170M, BT709 = 6, 1  # AVColorSpace
+SMPTE170M, BT709, RGB = 6, 1, 0  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
 
 luma_weights = {
