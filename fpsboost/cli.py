@@ -20,7 +20,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.text import Text
 
 from fpsboost import __version__
-from fpsboost.errors import FpsboostError, OptionError
+from fpsboost.errors import FpsboostError, OptionError, ReaderGoneError
 
 if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo
@@ -35,11 +35,15 @@ EXAMPLES = """
     fpsboost renders/ doubled/ --factor 2         a folder of images
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
+    ffmpeg -i in.avi -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
     fpsboost compare in.mp4 --report page/        which method is best for a clip
 """
 
 COMPILE_HINT_AFTER = 1.0
 """Seconds of silence before the first frame after which a person is told why."""
+
+PIPE = "pipe:"
+"""What a lone dash is called from here on, which the parser would take for an option without a name."""
 
 rate = Group("How many frames", sort_key=1)
 motion = Group("How they are made", sort_key=2)
@@ -100,7 +104,7 @@ def convert(
     Parameters
     ----------
     input
-        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png; or - for YUV4MPEG2 from a pipe.
     output
         The same. Video: mp4, m4v, mov, mkv or webm.
     factor
@@ -209,7 +213,7 @@ def convert(
     )
     if encoding.given and not makes_video(output):
         raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
-    with Reporter(output, quiet=quiet, verbose=verbose) as reporter:
+    with Reporter("standard output" if output == PIPE else output, quiet=quiet, verbose=verbose) as reporter:
         reporter.say_settings(method, interpolator)
         summary = pipeline.convert(
             input,
@@ -332,6 +336,8 @@ class Reporter:
         if summary.scene_cuts:
             frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
         speed = summary.frames_out / max(summary.seconds, 1e-9)
+        if self._verbose and summary.details:
+            self._say(summary.details)
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s)")
         for remark in summary.remarks:
             self._say(f"Note: {remark}")
@@ -358,11 +364,14 @@ def main() -> None:
     signal.signal(signal.SIGTERM, stop)
     errors = Console(stderr=True, highlight=False, soft_wrap=True)
     verbose = "--verbose" in sys.argv
+    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]]
     try:
-        app(exit_on_error=False, print_error=False, result_action="return_value")
+        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except KeyboardInterrupt:
-        errors.print("Stopped; nothing was written.")
+        errors.print("Stopped." if PIPE in tokens else "Stopped; nothing was written.")
         sys.exit(130)
+    except ReaderGoneError:  # as other filters, without a word
+        sys.exit(1)
     except CycloptsError as error:
         errors.print(f"[red]fpsboost:[/] {escape(str(error))} See fpsboost --help.")
         sys.exit(2)

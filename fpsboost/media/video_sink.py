@@ -40,8 +40,9 @@ from fpsboost.media.encoding import (
     pixel_formats,
 )
 from fpsboost.media.other_streams import OtherStreams, check_streams
+from fpsboost.media.pipe import PipeSource
 from fpsboost.media.video_source import VideoSource, VideoTraits
-from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, from_bgr, reformatted
+from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture
 
 
 class VideoSink:
@@ -57,8 +58,8 @@ class VideoSink:
         Rate and clock.
     encoding : Encoding
         How to encode, and what to carry over.
-    source : VideoSource or None
-        The file to carry sound, subtitles, titles, colour and orientation over from.
+    source : VideoSource, PipeSource or None
+        What to carry colour and pixel shape over from; of a file also sound, subtitles, titles and orientation.
     overwrite : bool
         Replace an existing file.
 
@@ -78,7 +79,7 @@ class VideoSink:
         info: ClipInfo,
         timing: OutputTiming,
         encoding: Encoding,
-        source: VideoSource | None,
+        source: VideoSource | PipeSource | None,
         *,
         overwrite: bool,
     ) -> None:
@@ -89,7 +90,8 @@ class VideoSink:
         if suffix not in containers:
             raise OutputError(f"{self._name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
         self._format = containers[suffix]
-        _check_target(self._path, self._name, source, overwrite)
+        file = source if isinstance(source, VideoSource) else None
+        _check_target(self._path, self._name, file, overwrite)
         self._encoder, self._options = choose_encoder(encoding, self._format, self._name)
         if self._format not in EXACT_CLOCKS and 1 / timing.rate < CLOCK_OF_MATROSKA:
             raise OutputError(
@@ -97,9 +99,9 @@ class VideoSink:
                 "write an .mp4 or .mov instead."
             )
         self._remarks: list[str] = []
-        self._source, self._traits = source, source.traits if source is not None else None
-        if source is not None:
-            check_streams(source, encoding, self._encoder, self._format, self._name)
+        self._source, self._traits = file, source.traits if source is not None else None
+        if file is not None:
+            check_streams(file, encoding, self._encoder, self._format, self._name)
         self._temporary: Path | None = None
         self._output: av.container.OutputContainer | None = None
         self._video: av.VideoStream | None = None
@@ -115,6 +117,12 @@ class VideoSink:
     @property
     def remarks(self) -> list[str]:
         return [*self._remarks, *(self._others.remarks if self._others else [])]
+
+    @property
+    def details(self) -> str:
+        """Encoder, pixel format and options."""
+        options = " ".join(f"{name}={value}" for name, value in self._options.items())
+        return "" if self._video is None else f"{self._name}: {self._encoder}, {self._pixel_format}, {options}"
 
     def __enter__(self) -> Self:
         try:
@@ -186,7 +194,8 @@ class VideoSink:
                     f"{self._name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which "
                     f"{self._encoder} cannot say in this container; write an .mp4 or .mov to keep it."
                 )
-        if traits.tagged_chroma_location and traits.chroma_location != "left":  # the default, which need not be said
+        is_default = traits.chroma_location == "left" and self._encoder in ("libx264", "libx265")  # need not be said
+        if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
         if self._encoder == "libx265" and self._format in EXACT_CLOCKS:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players take
@@ -303,28 +312,17 @@ class VideoSink:
 
     def _picture(self, frame: Frame) -> av.VideoFrame:
         """Return the frame as the encoder wants it, from the decoder's own picture where there is one."""
-        original = frame.original
-        size = (self._info.width, self._info.height)
-        if (
-            self._traits is not None
-            and isinstance(original, av.VideoFrame)
-            and (original.width, original.height) == size
-        ):
-            if original.format.name == self._pixel_format:
-                return original
-            same_range = self._traits.full_range == self._full_range
-            if same_range and not original.format.is_rgb and not _is_rgb(self._pixel_format):
-                return reformatted(original, self._reformatter, self._pixel_format, self._full_range)
         if frame.image.shape[2] == 4 and not self._alpha_dropped:
             self._alpha_dropped = True
             self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")
-        return from_bgr(
-            frame.image,
+        return as_picture(
+            frame,
             self._pixel_format,
             self._color_space,
             self._full_range,
             chroma_location=self._chroma_location,
             reformatter=self._reformatter,
+            keeps_original=self._traits is not None,
         )
 
     def _mux(self, packets: list[av.Packet[Any]]) -> None:
