@@ -20,7 +20,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.text import Text
 
 from fpsboost import __version__
-from fpsboost.errors import FpsboostError, OptionError
+from fpsboost.errors import FpsboostError, OptionError, ReaderGoneError
 
 if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo
@@ -36,11 +36,15 @@ EXAMPLES = """
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
     fpsboost probe in.mp4                         what a clip is
+    ffmpeg -i in.avi -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
     fpsboost compare in.mp4 --report page/        which method is best for a clip
 """
 
 COMPILE_HINT_AFTER = 1.0
 """Seconds of silence before the first frame after which a person is told why."""
+
+PIPE = "pipe:"
+"""What a lone dash is called from here on, which the parser would take for an option without a name."""
 
 rate = Group("How many frames", sort_key=1)
 motion = Group("How they are made", sort_key=2)
@@ -87,6 +91,10 @@ def convert(
     codec: Annotated[str | None, Parameter(group=video)] = None,
     crf: Annotated[int | None, Parameter(group=video)] = None,
     preset: Annotated[str | None, Parameter(group=video)] = None,
+    bitrate: Annotated[str | None, Parameter(group=video)] = None,
+    lossless: Annotated[bool, Parameter(group=video)] = False,
+    pix_fmt: Annotated[str | None, Parameter(group=video)] = None,
+    encoder_option: Annotated[list[str] | None, Parameter(group=video)] = None,
     no_audio: Annotated[bool, Parameter(group=video)] = False,
     no_subtitles: Annotated[bool, Parameter(group=video)] = False,
     overwrite: Annotated[bool, Parameter(group=general, name=["--overwrite", "-y"])] = False,
@@ -98,7 +106,7 @@ def convert(
     Parameters
     ----------
     input
-        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png; or - for YUV4MPEG2 from a pipe.
     output
         The same. Video: mp4, m4v, mov, mkv or webm.
     factor
@@ -147,6 +155,14 @@ def convert(
         Quality, lower is better.
     preset
         Encoder speed, such as slow or veryfast.
+    bitrate
+        Bits per second instead of a quality: 8M, 800k.
+    lossless
+        Decoding gives back exactly what was encoded.
+    pix_fmt
+        FFmpeg's name of the pixel format, such as yuv420p10le; else the input's.
+    encoder_option
+        FFmpeg's own option of the encoder, key=value; may be given several times.
     no_audio
         Leave the sound out.
     no_subtitles
@@ -160,7 +176,7 @@ def convert(
     """
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
-    from fpsboost.media.encoding import Encoding  # noqa: PLC0415
+    from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
@@ -188,10 +204,20 @@ def convert(
         "fps": None if fps is None else parse_rate(fps, "--fps"),
         "input_fps": None if input_fps is None else parse_rate(input_fps, "--input-fps"),
     }
-    if (codec, crf, preset) != (None, None, None) and not makes_video(output):
-        raise OptionError(f"--codec, --crf and --preset are for video, and {output} will be images; leave them out.")
-    encoding = Encoding(codec, crf, preset, audio=not no_audio, subtitles=not no_subtitles)
-    with Reporter(output, quiet=quiet, verbose=verbose) as reporter:
+    encoding = Encoding(
+        codec,
+        crf,
+        preset,
+        audio=not no_audio,
+        subtitles=not no_subtitles,
+        pixel_format=pix_fmt,
+        bitrate=None if bitrate is None else parse_bitrate(bitrate),
+        lossless=lossless,
+        encoder_options=parse_encoder_options(encoder_option or ()),
+    )
+    if encoding.given and not makes_video(output):
+        raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
+    with Reporter("standard output" if output == PIPE else output, quiet=quiet, verbose=verbose) as reporter:
         reporter.say_settings(method, interpolator)
         summary = pipeline.convert(
             input,
@@ -323,6 +349,8 @@ class Reporter:
         if summary.scene_cuts:
             frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
         speed = summary.frames_out / max(summary.seconds, 1e-9)
+        if self._verbose and summary.details:
+            self._say(summary.details)
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s)")
         for remark in summary.remarks:
             self._say(f"Note: {remark}")
@@ -349,11 +377,14 @@ def main() -> None:
     signal.signal(signal.SIGTERM, stop)
     errors = Console(stderr=True, highlight=False, soft_wrap=True)
     verbose = "--verbose" in sys.argv
+    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]]
     try:
-        app(exit_on_error=False, print_error=False, result_action="return_value")
+        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except KeyboardInterrupt:
-        errors.print("Stopped; nothing was written.")
+        errors.print("Stopped." if PIPE in tokens else "Stopped; nothing was written.")
         sys.exit(130)
+    except ReaderGoneError:  # as other filters, without a word
+        sys.exit(1)
     except CycloptsError as error:
         errors.print(f"[red]fpsboost:[/] {escape(str(error))} See fpsboost --help.")
         sys.exit(2)

@@ -6,6 +6,7 @@
     ├── OptionError     a value that can never work: factor 0, an unknown method
     ├── InputError      the source cannot be read, or holds too little
     └── OutputError     the target exists, cannot be written, or cannot hold the streams
+        └── ReaderGoneError  the program that reads standard output has closed it
 
 Every message is one sentence that names the file or the option and says what to do. The library raises;
 only the command line prints and chooses an exit code (2 for `OptionError`, 1 for the others).
@@ -32,6 +33,10 @@ class InputError(FpsboostError):
 
 class OutputError(FpsboostError):
     """The target exists already, cannot be written, or cannot hold what it should."""
+
+
+class ReaderGoneError(OutputError):
+    """The program at the other end of a pipe has read enough; nobody need be told."""
 
 
 def check_choice(option: str, value: str, choices: Collection[str]) -> None:

@@ -18,14 +18,20 @@ PATIENCE = 0.1
 """Seconds between two looks at whether the other side has stopped."""
 
 
+def nothing() -> None:
+    """Do nothing."""
+
+
 @contextmanager
-def read_ahead(items: Iterable[T], depth: int) -> Generator[Iterator[T]]:
+def read_ahead(items: Iterable[T], depth: int, give_up: Callable[[], None] = nothing) -> Generator[Iterator[T]]:
     """Run an iterable in a thread, up to `depth` items ahead of the caller.
 
     Parameters
     ----------
     items : iterable
     depth : int
+    give_up : callable
+        Called when the block is left by an exception, so that an iterable that waits for another program stops.
 
     Yields
     ------
@@ -67,19 +73,26 @@ def read_ahead(items: Iterable[T], depth: int) -> Generator[Iterator[T]]:
     thread.start()
     try:
         yield received()
+    except BaseException:
+        give_up()
+        raise
     finally:
         stopped.set()
         thread.join()
 
 
 @contextmanager
-def write_behind(write: Callable[[T], None], depth: int) -> Generator[Callable[[T], None]]:
+def write_behind(
+    write: Callable[[T], None], depth: int, give_up: Callable[[], None] = nothing
+) -> Generator[Callable[[T], None]]:
     """Call a function in a thread, up to `depth` items behind the caller.
 
     Parameters
     ----------
     write : callable
     depth : int
+    give_up : callable
+        Called when the block is left by an exception, so that a `write` that waits for another program stops.
 
     Yields
     ------
@@ -120,6 +133,9 @@ def write_behind(write: Callable[[T], None], depth: int) -> Generator[Callable[[
         yield send
         closed.set()
         thread.join()
+    except BaseException:
+        give_up()
+        raise
     finally:
         stopped.set()
         thread.join()

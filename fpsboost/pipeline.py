@@ -8,7 +8,7 @@ frames that are made.
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import chain, pairwise
@@ -18,11 +18,11 @@ from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair
-from fpsboost.media import FrameSink, FrameSource, OutputTiming
+from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_sink, open_source
 from fpsboost.method_table import find_method
-from fpsboost.overlap import read_ahead, write_behind
+from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import ByFactor, ByRate, Schedule, Step
@@ -51,6 +51,8 @@ class Summary:
         Wall time of the loop, without compiling.
     remarks : list of str
         Sentences about everything that was lost or guessed.
+    details : str
+        How the target was written, for someone who wants to know; empty where there was no choice.
     """
 
     frames_in: int = 0
@@ -60,6 +62,7 @@ class Summary:
     duplicates: int = 0
     seconds: float = 0.0
     remarks: list[str] = field(default_factory=list)
+    details: str = ""
 
 
 class Observer(Protocol):
@@ -109,7 +112,8 @@ def convert(
     Parameters
     ----------
     input, output : str
-        Each a video file, a folder of images, or a pattern of images (``shot_%04d.png``, ``shot_####.png``).
+        Each a video file, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``), or ``-`` for
+        YUV4MPEG2 from standard input or to standard output.
     factor : Fraction or int, optional
         Output frames per source frame; 2 where neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
@@ -203,7 +207,10 @@ def boost(
     detector = DuplicateDetector() if duplicates == "interpolate" and not interpolator.needs_every_frame else None
     summary = Summary()
     observer = observer or Silent()
-    with read_ahead(source, READ_AHEAD) as arriving, write_behind(sink.write, WRITE_BEHIND) as write:
+    with (
+        read_ahead(source, READ_AHEAD, _give_up(source)) as arriving,
+        write_behind(sink.write, WRITE_BEHIND, _give_up(sink)) as write,
+    ):
         first = next(arriving, None)
         if first is not None:
             interpolator.compile_for(first.image)
@@ -218,7 +225,13 @@ def boost(
             summary.seconds = time.perf_counter() - begin
             observer.wrote(summary)
     summary.remarks += [*source.remarks, *sink.remarks]
+    summary.details = getattr(sink, "details", "")
     return summary
+
+
+def _give_up(end: FrameSource | FrameSink) -> Callable[[], None]:
+    """How to stop a source or sink that waits for another program."""
+    return end.give_up if isinstance(end, Waiting) else nothing
 
 
 class _Interval(NamedTuple):

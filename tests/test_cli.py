@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import COLOUR_VARIABLES, Result
-from video_truth import packets_of, spoil_packets, write_clip
+from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 
 import fpsboost
 from fpsboost import cli
@@ -200,6 +200,15 @@ def test_video_options_reach_the_encoder(fpsboost_, tmp_path):
     assert len(packets_of(tmp_path / "out.webm", "video")) == 8
 
 
+def test_more_video_options_reach_the_encoder(fpsboost_, clip, tmp_path):
+    """Pixel format, losslessness, and options of the encoder's own, which may be several."""
+    options = ("--pix-fmt", "yuv444p", "--lossless", "--encoder-option", "g=4", "--encoder-option", "bf=0")
+    assert fpsboost_("in.mp4", "out.mp4", *options, *CHEAP).code == 0
+    pictures = pictures_of(tmp_path / "out.mp4")
+    assert {picture.format.name for picture in pictures} == {"yuv444p"}
+    assert [k for k, picture in enumerate(pictures) if picture.key_frame] == [0, 4, 8]
+
+
 def test_overwriting(fpsboost_, clip, tmp_path):
     """An existing file is replaced when that is asked for, with the long and the short option."""
     for option in ("--overwrite", "-y"):
@@ -244,6 +253,10 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "codec for images": ("in.mp4 frames --codec h264", "--codec"),
     "crf for images": ("in.mp4 frames --crf 20", "--crf"),
     "preset for images": ("in.mp4 frames --preset slow", "--preset"),
+    "bitrate for images": ("in.mp4 frames --bitrate 8M", "--bitrate"),
+    "lossless for images": ("in.mp4 frames --lossless", "--lossless"),
+    "pixel format for images": ("in.mp4 frames --pix-fmt yuv444p", "--pix-fmt"),
+    "encoder option for images": ("in.mp4 frames --encoder-option g=3", "--encoder-option"),
     "unknown ending": ("in.mp4 out.xyz", "out.xyz"),
     "a single image as output": ("in.mp4 out.png", "out.png"),
     "unknown method": ("in.mp4 out.mp4 --method magic", "magic"),
@@ -272,6 +285,13 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "bad crf": ("in.mp4 out.mp4 --crf 99", "--crf"),
     "bad preset": ("in.mp4 out.mp4 --preset turbo", "--preset"),
     "bad codec": ("in.mp4 out.mp4 --codec magic", "--codec"),
+    "bad bitrate": ("in.mp4 out.mp4 --bitrate fast", "--bitrate"),
+    "bitrate and crf": ("in.mp4 out.mp4 --bitrate 8M --crf 20", "--bitrate"),
+    "lossless and crf": ("in.mp4 out.mp4 --lossless --crf 20", "--lossless"),
+    "lossless and bitrate": ("in.mp4 out.mp4 --lossless --bitrate 8M", "--lossless"),
+    "bad pixel format": ("in.mp4 out.mp4 --pix-fmt magic", "--pix-fmt"),
+    "unknown encoder option": ("in.mp4 out.mp4 --encoder-option magic=1", "magic"),
+    "encoder option without a value": ("in.mp4 out.mp4 --encoder-option tune", "tune"),
     "codec in the wrong place": ("in.mp4 out.webm --codec h264", "--codec"),
     "cut options": ("in.mp4 out.mp4 --no-cuts --cut-threshold 0.4", "--no-cuts"),
     "cut threshold": ("in.mp4 out.mp4 --method blend --cut-threshold 3", "--cut-threshold"),

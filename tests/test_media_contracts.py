@@ -12,13 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from video_truth import packets_of, scene, write_clip
+from video_truth import packets_of, scene, write_clip, write_stream
 
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import open_sink, open_source
+from fpsboost.media.pipe import INPUT_NAME, PipeSource
 
 RATE = Fraction(24)
 COUNT = 6
@@ -55,6 +56,8 @@ sources: dict[str, Callable[..., tuple[Path, type]]] = {
         save(folder, "shot_{:04d}.tif", COUNT, np.uint16) and folder / "shot_####.tif",
         np.uint16,
     ),
+    "pipe": lambda folder, _: (write_stream(folder / "in.y4m", COUNT), np.uint8),
+    "deep pipe": lambda folder, _: (write_stream(folder / "in.y4m", COUNT, "420p10"), np.uint16),
     "exr folder": lambda folder, save: (
         save(folder, "shot_{:04d}.exr", COUNT, np.float32) and folder,
         np.float32,
@@ -73,6 +76,8 @@ def clip(request, tmp_path, save_images) -> tuple[str, Path, type]:
 
 
 def opened(path: Path, kind: str) -> FrameSource:
+    if kind.endswith("pipe"):
+        return PipeSource(path.open("rb"))
     return open_source(str(path), RATE if kind in is_images else None)
 
 
@@ -107,10 +112,10 @@ def test_info_tells_the_truth(clip):
         before = source.info
         frames = list(source)
         assert source.info == before
-    assert before.name == str(path)
+    assert before.name == (INPUT_NAME if kind.endswith("pipe") else str(path))
     assert (before.height, before.width) == frames[0].image.shape[:2]
     assert before.frame_count in (COUNT, None)
-    assert before.frame_count == COUNT or kind in ("mkv", "webm")
+    assert before.frame_count == COUNT or kind in ("mkv", "webm", "pipe", "deep pipe")
     if kind != "uneven":
         total = frames[-1].time + frames[-1].duration - frames[0].time
         assert abs(total - COUNT / before.rate) <= before.time_base

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from video_truth import QUARTER_TURN, packets_of, pictures_of, png, samples_of, 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import OutputTiming
-from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding, parse_bitrate, parse_encoder_options
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 from fpsboost.media.ycc import from_bgr
@@ -326,6 +327,15 @@ def test_a_full_disk_is_explained(tmp_path):
         (Encoding(preset="turbo"), "out.mp4", "--preset turbo is unknown to h264; use one of ultrafast"),
         (Encoding(preset="medium", codec="av1"), "out.mp4", "--preset medium is unknown to av1"),
         (Encoding(codec="ffv1", crf=3), "out.mkv", "--crf means nothing to ffv1"),
+        (Encoding(codec="ffv1", bitrate=10**6), "out.mkv", "--bitrate means nothing to ffv1, which is lossless"),
+        (Encoding(codec="mpeg4", lossless=True), "out.mp4", "--lossless is nothing that mpeg4 can do; use h264, hevc"),
+        (
+            Encoding(pixel_format="rgb24"),
+            "out.mp4",
+            "--pix-fmt rgb24 is nothing that libx264 takes; use one of yuv",
+        ),
+        (Encoding(pixel_format="magic", codec="rawvideo"), "out.mkv", "--pix-fmt magic is no pixel format"),
+        (Encoding(encoder_options=(("magic", "1"),)), "out.mp4", "--encoder-option magic is unknown to libx264"),
     ],
 )
 def test_options_that_cannot_work(tmp_path, encoding, name, sentence):
@@ -352,6 +362,138 @@ def test_codecs(tmp_path, encoding, name, found, capfd):
         assert file.streams.video[0].codec_context.codec.canonical_name == found
     assert len(pictures_of(tmp_path / name)) == 6
     assert capfd.readouterr() == ("", "")
+
+
+LOSSLESS_CASES = [
+    *((codec, pixel_format) for codec in ("h264", "hevc", "ffv1") for pixel_format in ("yuv420p", "yuv420p10le")),
+    ("vp9", "yuv420p"),
+    ("av1", "yuv420p"),
+]
+
+
+@pytest.mark.parametrize(("codec", "pixel_format"), LOSSLESS_CASES)
+def test_lossless_is_lossless(tmp_path, codec, pixel_format):
+    """Every sample of every original frame comes back as it was."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(4), pixel_format=pixel_format)
+    assert double(clip, tmp_path / "out.mkv", Encoding(codec=codec, lossless=True)) == []
+    before, after = pictures_of(clip), pictures_of(tmp_path / "out.mkv")
+    for k, picture in enumerate(after):
+        assert picture.format.name == pixel_format
+        pairs = zip(samples_of(picture), samples_of(before[k // 2]), strict=True)
+        assert all(np.array_equal(a, b) for a, b in pairs)
+
+
+def test_lossless_where_it_is_not(tmp_path):
+    """An encoder that is exact in 8 bits only does not pretend to be so in 10."""
+    clip = write_clip(tmp_path / "in.mp4", pixel_format="yuv420p10le")
+    with pytest.raises(OptionError, match=r"--lossless is true up to 8 bits .* choose --codec hevc or ffv1"):
+        double(clip, tmp_path / "out.mkv", Encoding(codec="av1", lossless=True))
+    assert only(tmp_path, "in.mp4")
+
+
+@pytest.mark.parametrize(
+    ("pixel_format", "codec", "suffix"),
+    [
+        ("yuv444p", None, ".mp4"),
+        ("yuvj420p", None, ".mp4"),
+        ("yuv420p10le", "hevc", ".mp4"),
+        ("yuv422p16le", "ffv1", ".mkv"),
+        ("gbrp", "hevc", ".mp4"),
+        ("bgr24", "libx264rgb", ".mkv"),
+    ],
+)
+def test_pixel_formats(tmp_path, pixel_format, codec, suffix):
+    """The format that was asked for is what comes out, nothing is remarked about it, and colours stay."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(4))
+    encoding = Encoding(codec=codec, pixel_format=pixel_format, lossless=True)
+    assert double(clip, tmp_path / f"out{suffix}", encoding) == []
+    with VideoSource(clip) as before, VideoSource(tmp_path / f"out{suffix}") as after:
+        assert after.traits.pixel_format == {"bgr24": "gbrp"}.get(pixel_format, pixel_format)
+        a, b = next(iter(before)).image, next(iter(after)).image
+    scale = 257 if b.dtype == np.uint16 else 1
+    assert np.abs(a.astype(float) - b / scale).mean() < 2.5
+
+
+def test_a_pixel_format_that_halves_an_odd_size(tmp_path):
+    """It is refused where it was asked for, instead of being replaced."""
+    with pytest.raises(OptionError, match=r"--pix-fmt yuv420p halves an odd size"):
+        write_images(tmp_path / "out.mp4", [scene(0, 47, 63)], Encoding(pixel_format="yuv420p"))
+    assert only(tmp_path)
+
+
+@pytest.mark.parametrize(("codec", "suffix"), [("h264", ".mp4"), ("hevc", ".mkv"), ("vp9", ".webm"), ("av1", ".mkv")])
+def test_bitrates(tmp_path, codec, suffix):
+    """More bits per second make a larger file, with every encoder that has a name."""
+    noise = list(np.random.default_rng(0).integers(0, 256, (12, 128, 128, 3), dtype=np.uint8))
+    preset = {"h264": "ultrafast", "hevc": "ultrafast", "vp9": "8", "av1": "12"}[codec]
+    sizes = []
+    for bitrate in (100_000, 4_000_000):
+        target = tmp_path / f"{bitrate}{suffix}"
+        write_images(target, noise, Encoding(codec, preset=preset, bitrate=bitrate))
+        sizes.append(target.stat().st_size)
+    assert sizes[0] < sizes[1]
+
+
+def test_options_of_the_encoder(tmp_path):
+    """They reach it, also those that all encoders have, and win over what is set otherwise."""
+    images = [scene(k, 64, 64) for k in range(12)]
+    options = (("g", "3"), ("bf", "0"), ("x264-params", "scenecut=0"), ("crf", "40"))
+    write_images(tmp_path / "out.mp4", images, Encoding(encoder_options=options))
+    write_images(tmp_path / "better.mp4", images, Encoding(encoder_options=options[:3]))
+    assert [picture.key_frame for picture in pictures_of(tmp_path / "out.mp4")] == [True, False, False] * 4
+    assert (tmp_path / "out.mp4").stat().st_size < (tmp_path / "better.mp4").stat().st_size
+
+
+def test_an_option_with_a_bad_value_is_named(tmp_path):
+    """An encoder that does not open because of an option says which were given, and nothing is written."""
+    encoding = Encoding(encoder_options=(("aq-mode", "banana"),))
+    with pytest.raises(OutputError, match="check --encoder-option aq-mode=banana, or choose another --codec"):
+        write_images(tmp_path / "out.mp4", [scene(0)], encoding)
+    assert only(tmp_path)
+
+
+@pytest.mark.parametrize("codec", ["h264_nvenc", "hevc_nvenc", "h264_qsv", "h264_amf", "h264_v4l2m2m"])
+def test_hardware_that_is_missing(tmp_path, codec):
+    """Where its device is there it encodes; else one sentence says what may be missing, and nothing is written."""
+    if codec not in av.codecs_available:
+        pytest.skip(f"this FFmpeg has no {codec}")
+    try:
+        write_images(tmp_path / "out.mp4", [scene(k, 256, 256) for k in range(3)], Encoding(codec=codec))
+    except OutputError as error:
+        assert re.fullmatch(  # noqa: PT017
+            rf".*out\.mp4 cannot be encoded by {codec} .* its device or driver may be missing here; .* --codec\.",
+            str(error),
+        )
+        assert only(tmp_path)
+
+
+def test_bitrates_as_people_write_them():
+    """Suffixes for thousands and millions, and a refusal that shows how."""
+    assert [parse_bitrate(text) for text in ("8M", "1.5m", "800k", "64000")] == [8_000_000, 1_500_000, 800_000, 64_000]
+    for text in ("", "fast", "8G", "-1M", "1e6", "8 M", "٨M"):
+        with pytest.raises(OptionError, match=r"--bitrate .* write it like 8M"):
+            parse_bitrate(text)
+
+
+def test_encoder_options_as_people_write_them():
+    """A name, an equals sign and anything behind it."""
+    assert parse_encoder_options(["a=b", "x264-params=k=1:l=2"]) == (("a", "b"), ("x264-params", "k=1:l=2"))
+    for text in ("a", "=b", "a=", ""):
+        with pytest.raises(OptionError, match="key=value"):
+            parse_encoder_options([text])
+
+
+def test_contradictions_are_told():
+    """Two aims at once, a rate out of range and one option twice are mistakes."""
+    for fields, sentence in (
+        ({"crf": 20, "bitrate": 10**6}, "--crf and --bitrate contradict"),
+        ({"crf": 20, "lossless": True}, "--lossless and --crf contradict"),
+        ({"bitrate": 10**6, "lossless": True}, "--lossless and --bitrate contradict"),
+        ({"bitrate": 10}, "--bitrate must be 1k to 2000M"),
+        ({"encoder_options": (("g", "1"), ("g", "2"))}, "--encoder-option g is given twice"),
+    ):
+        with pytest.raises(OptionError, match=sentence):
+            Encoding(**fields)
 
 
 def test_default_codecs(tmp_path):

@@ -11,6 +11,9 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.media.pipe import chroma_locations, formats
+from fpsboost.media.ycc import SMPTE170M, from_bgr, plane_arrays
+
 QUARTER_TURN = (0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
 LOSSLESS = {"preset": "ultrafast", "crf": "0"}
 
@@ -129,6 +132,26 @@ def packets_of(path: Path, kind: str, number: int = 0) -> list[tuple[Fraction, b
         return [
             (packet.pts * Fraction(packet.time_base), bytes(packet)) for packet in file.demux(stream) if packet.size
         ]
+
+
+def stream_of(
+    count: int, name: str = "420jpeg", *, size: tuple[int, int] = (48, 64), rate: str = "25:1", more: str = ""
+) -> bytes:
+    """A YUV4MPEG2 stream of scenes; `more` are further words of its header."""
+    height, width = size
+    full = "COLORRANGE=FULL" in more
+    chunks = [f"YUV4MPEG2 W{width} H{height} F{rate} Ip A1:1 C{name}{more}\n".encode()]
+    for k in range(count):
+        location = chroma_locations.get(name, "left")
+        picture = from_bgr(scene(k, height, width), formats[name], SMPTE170M, full, chroma_location=location)
+        chunks += [b"FRAME\n", *(plane.tobytes() for plane in plane_arrays(picture))]
+    return b"".join(chunks)
+
+
+def write_stream(path: Path, count: int, name: str = "420jpeg") -> Path:
+    """Write a YUV4MPEG2 stream of scenes to a file."""
+    path.write_bytes(stream_of(count, name))
+    return path
 
 
 def pictures_of(path: Path) -> list[av.VideoFrame]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame, Image
-from fpsboost.media.opening import open_source
+from fpsboost.media.opening import PIPES, open_source
 from fpsboost.prepared import PreparedImage
 
 
@@ -94,6 +94,8 @@ class Hiding:
         shown: tuple[int, Frame] | None = None
         waiting: list[Frame] = []
         found = False
+        if path in PIPES:
+            raise InputError("Standard input can be read only once, and every method needs it; name a file.")
         with open_source(path, input_fps, for_images=True) as source:
             for number, frame in islice(enumerate(source), self.first, self.last):
                 _check_numbers(frame.image, number, path)

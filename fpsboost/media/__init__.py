@@ -1,7 +1,8 @@
 """Where frames come from and go to.
 
 Two contracts, `FrameSource` and `FrameSink`. `fpsboost.media.opening` picks an implementation by looking at a path,
-which names a video file, a folder of images, or a pattern of images (``shot_%04d.png``, ``shot_####.png``).
+which names a video file, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``), or a pipe
+(``-``).
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 from fpsboost.frame import ClipInfo, Frame
 
@@ -43,7 +44,7 @@ class FrameSource(Protocol):
 
 
 class FrameSink(Protocol):
-    """Contract: a target that appears whole or not at all.
+    """Contract: a target that appears whole or not at all; only what goes into a pipe cannot be taken back.
 
     Frames are written in order, each with its time and duration set. A sink is a context manager: leaving it normally
     finishes the output and gives it its final name; leaving it by an exception removes every trace. What stood under
@@ -65,6 +66,15 @@ class FrameSink(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
+
+
+@runtime_checkable
+class Waiting(Protocol):
+    """Contract: a source or sink that waits for another program, perhaps forever."""
+
+    def give_up(self) -> None:
+        """Stop waiting: a call in another thread ends with an exception."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from io import BytesIO
 
 import av
-from av.codec.codec import UnknownCodecError
+from av.codec.codec import Capabilities, UnknownCodecError
+from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError
 
@@ -19,6 +21,7 @@ VIDEO_SUFFIXES = tuple(containers)
 """Suffixes of the video files that can be written."""
 
 CLOCK_OF_MATROSKA = Fraction(1, 1000)
+LOWEST_BITRATE, HIGHEST_BITRATE = 1000, 2_000_000_000
 EXACT_CLOCKS = ("mp4", "mov")
 """Containers that count in the ticks asked for; the others count milliseconds."""
 
@@ -41,10 +44,18 @@ class Encoder:
     fixed_options: tuple[tuple[str, str], ...] = ()
     needs_whole_chroma: bool = False
     """An odd width or height cannot be halved for chroma."""
+    lossless: tuple[tuple[str, str], ...] = ()
+    """Options with which decoding gives back what was encoded."""
+    lossless_bits: int = 16
+    """Up to how many bits a sample that is true."""
 
 
 encoders = {
-    "h264": Encoder("libx264", 18, 51, "medium", x26x_presets, "preset", needs_whole_chroma=True),
+    "h264": Encoder(
+        *("libx264", 18, 51, "medium", x26x_presets, "preset"),
+        needs_whole_chroma=True,
+        lossless=(("qp", "0"),),  # and not crf 0, which loses a little beyond 8 bits
+    ),
     # x265 prints on its own, past FFmpeg's log.
     "hevc": Encoder(
         "libx265",
@@ -55,13 +66,19 @@ encoders = {
         "preset",
         (("x265-params", "log-level=none"),),
         needs_whole_chroma=True,
+        lossless=(("x265-params", "lossless=1"),),
     ),
     "vp9": Encoder(
         *("libvpx-vp9", 30, 63, "4"),
         *(tuple(map(str, range(9))), "cpu-used"),
         (("b", "0"), ("row-mt", "1"), ("deadline", "good")),
+        lossless=(("lossless", "1"),),
     ),
-    "av1": Encoder("libsvtav1", 30, 63, "8", tuple(map(str, range(14))), "preset"),
+    "av1": Encoder(
+        *("libsvtav1", 30, 63, "8", tuple(map(str, range(14))), "preset"),
+        lossless=(("svtav1-params", "lossless=1"),),
+        lossless_bits=8,  # deeper samples come back off by one at some presets
+    ),
 }
 """Encoders by the name people use for the format."""
 
@@ -80,6 +97,19 @@ class Encoding:
         Speed: ``ultrafast`` ... ``placebo`` for h264 and hevc, a number for vp9 (0-8) and av1 (0-13, larger is faster).
     audio, subtitles : bool
         Copy the source's sound and subtitles.
+    pixel_format : str, optional
+        FFmpeg's name, ``yuv420p10le``; by default the source's, or the encoder's that loses least.
+    bitrate : int, optional
+        Bits per second to aim at, instead of a quality.
+    lossless : bool
+        Decoding gives back exactly what was encoded.
+    encoder_options : tuple of (str, str)
+        FFmpeg's own options of the encoder; they win over everything above.
+
+    Raises
+    ------
+    OptionError
+        Two of them contradict each other, or a value can never work.
     """
 
     codec: str | None = None
@@ -87,6 +117,76 @@ class Encoding:
     preset: str | None = None
     audio: bool = True
     subtitles: bool = True
+    pixel_format: str | None = None
+    bitrate: int | None = None
+    lossless: bool = False
+    encoder_options: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.crf is not None and self.bitrate is not None:
+            raise OptionError("--crf and --bitrate contradict each other; give one of them.")
+        if self.lossless and (self.crf, self.bitrate) != (None, None):
+            other = "--crf" if self.bitrate is None else "--bitrate"
+            raise OptionError(f"--lossless and {other} contradict each other; give one of them.")
+        if self.bitrate is not None and not LOWEST_BITRATE <= self.bitrate <= HIGHEST_BITRATE:
+            raise OptionError(f"--bitrate must be 1k to 2000M, not {self.bitrate}.")
+        names = [name for name, _ in self.encoder_options]
+        for name in names:
+            if names.count(name) > 1:
+                raise OptionError(f"--encoder-option {name} is given twice; give it once.")
+
+    @property
+    def given(self) -> list[str]:
+        """The options on how to encode that were given, as the command line calls them."""
+        values = {
+            "--codec": self.codec,
+            "--crf": self.crf,
+            "--preset": self.preset,
+            "--bitrate": self.bitrate,
+            "--lossless": self.lossless or None,
+            "--pix-fmt": self.pixel_format,
+            "--encoder-option": self.encoder_options or None,
+        }
+        return [option for option, value in values.items() if value is not None]
+
+
+def parse_bitrate(text: str) -> int:
+    """Read bits per second as people write them.
+
+    Raises
+    ------
+    OptionError
+        Not a number, or another suffix than k and M.
+
+    Examples
+    --------
+    >>> parse_bitrate("8M"), parse_bitrate("1.5M"), parse_bitrate("800k")
+    (8000000, 1500000, 800000)
+    """
+    found = re.fullmatch(r"([0-9]{1,12}(?:\.[0-9]{1,12})?)([kKmM]?)", text.strip())
+    if found is None:
+        raise OptionError(f"--bitrate {text!r} is no number of bits per second; write it like 8M, 1.5M or 800k.")
+    return round(Fraction(found[1]) * {"": 1, "k": 1000, "m": 1_000_000}[found[2].lower()])
+
+
+def parse_encoder_options(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Split options of the form ``key=value``.
+
+    Raises
+    ------
+    OptionError
+        One has no name or no value.
+
+    Examples
+    --------
+    >>> parse_encoder_options(["tune=film", "x264-params=keyint=48:min-keyint=1"])
+    (('tune', 'film'), ('x264-params', 'keyint=48:min-keyint=1'))
+    """
+    pairs = [text.partition("=") for text in texts]
+    for text, (name, _, value) in zip(texts, pairs, strict=True):
+        if not name.strip() or not value:
+            raise OptionError(f"--encoder-option {text!r} is not of the form key=value; write it like tune=film.")
+    return tuple((name.strip(), value) for name, _, value in pairs)
 
 
 def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, dict[str, str]]:
@@ -100,7 +200,8 @@ def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, 
     Raises
     ------
     OptionError
-        Unknown codec, not allowed in this container, or a quality or preset that it does not know.
+        Unknown codec, not allowed in this container, or a quality, preset, pixel format or option that it
+        does not know.
     """
     asked = encoding.codec or ("vp9" if container == "webm" else "h264")
     known = encoders.get(asked.lower()) or next((e for e in encoders.values() if e.name == asked), None)
@@ -118,20 +219,33 @@ def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, 
         others = suffixes_holding([encoder])
         instead = f", or write {' or '.join(others)}" if others else ""
         raise OptionError(f"--codec {asked} cannot go into {name}; use {' or '.join(fitting)}{instead}.")
-    if known is None:
-        return encoder, _options_of_other(codec, encoding)
+    _check_pixel_format(codec, encoding.pixel_format)
+    options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
+    _check_encoder_options(codec, encoding.encoder_options)
+    return encoder, _joined(options, encoding.encoder_options)
+
+
+def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[str, str]:
+    """Options for an encoder of the table."""
     crf = known.crf if encoding.crf is None else encoding.crf
     if not 0 <= crf <= known.largest_crf:
         raise OptionError(f"--crf must be 0 to {known.largest_crf} for {asked}, not {crf}.")
     preset = encoding.preset or known.preset
     if preset not in known.presets:
         raise OptionError(f"--preset {preset} is unknown to {asked}; use one of {', '.join(known.presets)}.")
-    return encoder, {"crf": str(crf), known.preset_option: preset, **dict(known.fixed_options)}
+    options = {known.preset_option: preset, **dict(known.fixed_options)}
+    if encoding.lossless:
+        return _joined(options, known.lossless)
+    if encoding.bitrate is not None:
+        return {**options, "b": str(encoding.bitrate)}
+    # an encoder that is told a quality does not look at these two
+    says_another_aim = encoding.crf is None and {"b", "qp"} & dict(encoding.encoder_options).keys()
+    return options if says_another_aim else {**options, "crf": str(crf)}
 
 
 def _options_of_other(codec: av.Codec, encoding: Encoding) -> dict[str, str]:
     """Options for an encoder without an entry in the table, if it knows them."""
-    known = {option.name for option in codec.create("video").supported_options.private}
+    known = private_options(codec)
     options = {}
     for option, value in (("crf", encoding.crf), ("preset", encoding.preset)):
         if value is None:
@@ -139,7 +253,83 @@ def _options_of_other(codec: av.Codec, encoding: Encoding) -> dict[str, str]:
         if option not in known:
             raise OptionError(f"--{option} means nothing to {codec.name}; leave it out.")
         options[option] = str(value)
+    if encoding.bitrate is not None:
+        if not codec.lossy:
+            raise OptionError(f"--bitrate means nothing to {codec.name}, which is lossless; leave it out.")
+        options["b"] = str(encoding.bitrate)
+    if encoding.lossless:
+        options.update(_lossless_options_of_other(codec, known))
     return options
+
+
+def _lossless_options_of_other(codec: av.Codec, known: Collection[str]) -> dict[str, str]:
+    if codec.lossless and not codec.lossy:
+        return {}
+    if "lossless" in known:
+        return {"lossless": "1"}
+    if codec.name.startswith("libx264"):
+        return {"qp": "0"}
+    if codec.name.endswith("_nvenc"):
+        return {"tune": "lossless"}
+    raise OptionError(f"--lossless is nothing that {codec.name} can do; use {', '.join(encoders)} or ffv1.")
+
+
+def check_lossless(encoder: str, pixel_format: str) -> None:
+    """Raise `OptionError` where an encoder that can be lossless is not so for this pixel format."""
+    known = next((each for each in encoders.values() if each.name == encoder), None)
+    if known is not None and av.VideoFormat(pixel_format).components[0].bits > known.lossless_bits:
+        raise OptionError(
+            f"--lossless is true up to {known.lossless_bits} bits with {encoder}, and {pixel_format} has more; choose "
+            "--codec hevc or ffv1."
+        )
+
+
+def _joined(options: dict[str, str], more: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Options with more of them; a list of parameters (``x265-params``) grows instead of being replaced."""
+    result = dict(options)
+    for name, value in more:
+        grows = name.endswith("-params") and name in result
+        result[name] = f"{result[name]}:{value}" if grows else value
+    return result
+
+
+def private_options(codec: av.Codec) -> set[str]:
+    """Names of the options that only this encoder has."""
+    return {option.name for option in codec.create("video").supported_options.private}
+
+
+def _check_encoder_options(codec: av.Codec, options: Sequence[tuple[str, str]]) -> None:
+    generic = OptionFlags.ENCODING_PARAM | OptionFlags.VIDEO_PARAM
+    common = {o.name for o in codec.create("video").supported_options.generic if o.flags & generic == generic}
+    known = private_options(codec) | common
+    for name, _ in options:
+        if name not in known:
+            raise OptionError(
+                f"--encoder-option {name} is unknown to {codec.name}; look it up with ffmpeg -h encoder={codec.name}."
+            )
+
+
+def pixel_formats(codec: av.Codec) -> list[str]:
+    """Pixel formats that an encoder takes from memory; none where it does not say."""
+    return [item.name for item in codec.video_formats or () if item.components]  # those of a GPU have no components
+
+
+def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
+    """Raise `OptionError` unless the encoder takes the format."""
+    if asked is None:
+        return
+    taken = pixel_formats(codec)
+    if taken and asked not in taken:
+        raise OptionError(f"--pix-fmt {asked} is nothing that {codec.name} takes; use one of {', '.join(taken)}.")
+    try:
+        av.VideoFormat(asked)
+    except ValueError:
+        raise OptionError(f"--pix-fmt {asked} is no pixel format of FFmpeg; use one such as yuv420p.") from None
+
+
+def needs_hardware(encoder: str) -> bool:
+    """Whether an encoder works only where a device and its driver are there."""
+    return bool(av.Codec(encoder, "w").capabilities & (Capabilities.hardware | Capabilities.hybrid))
 
 
 def holds(container: str, codec: str) -> bool:

@@ -11,11 +11,15 @@ from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.images import ImageSink, ImageSource
 from fpsboost.media.numbering import is_pattern
+from fpsboost.media.pipe import PipeSink, PipeSource
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""
+
+PIPES = ("-", "pipe:")
+"""What stands for standard input or output."""
 
 SLOWEST, FASTEST = Fraction(1, 1000), Fraction(100_000)
 
@@ -28,7 +32,7 @@ def open_source(
     Parameters
     ----------
     path : str
-        A video file, a folder of images, or a pattern of images.
+        A video file, a folder of images, a pattern of images, or ``-`` for YUV4MPEG2 from standard input.
     input_fps : Fraction, optional
         Frames per second of images.
     needs_rate : bool
@@ -51,6 +55,10 @@ def open_source(
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
     if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
+    if path in PIPES:
+        if input_fps is not None:
+            raise OptionError("--input-fps is for images; standard input is a video and has its own frame rate.")
+        return PipeSource(for_images=for_images)
     if Path(path).is_dir() or is_pattern(path):
         if input_fps is None and needs_rate:
             raise OptionError(
@@ -67,7 +75,7 @@ def open_source(
 
 
 def makes_video(path: str) -> bool:
-    """Whether an output path names a video file rather than images.
+    """Whether an output path names a video file or a pipe rather than images.
 
     Raises
     ------
@@ -76,6 +84,8 @@ def makes_video(path: str) -> bool:
     """
     if not path:
         raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
+    if path in PIPES:
+        return True
     if is_pattern(path) or Path(path).is_dir():
         return False
     suffix = Path(path).suffix.lower()
@@ -104,7 +114,7 @@ def open_sink(
     Parameters
     ----------
     path : str
-        A video file, a folder, or a pattern of images.
+        A video file, a folder, a pattern of images, or ``-`` for YUV4MPEG2 to standard output.
     source : FrameSource
         The clip it is made from, whose size, naming, colour and other streams carry over.
     timing : OutputTiming
@@ -127,8 +137,10 @@ def open_sink(
     OutputError
         It exists, or cannot be written, or cannot hold the source's streams.
     """
+    video = source if isinstance(source, VideoSource | PipeSource) else None
+    if path in PIPES:
+        return PipeSink(source.info, timing, encoding, video)
     if makes_video(path):
-        video = source if isinstance(source, VideoSource) else None
         return VideoSink(path, source.info, timing, encoding, video, overwrite=overwrite)
     images = source if isinstance(source, ImageSource) else None
     return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite)

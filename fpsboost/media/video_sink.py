@@ -24,7 +24,7 @@ from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.frame import PictureType
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.errors import OutputError
+from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image, describe
 from fpsboost.media import OutputTiming
 from fpsboost.media.encoding import (
@@ -32,13 +32,17 @@ from fpsboost.media.encoding import (
     EXACT_CLOCKS,
     VIDEO_SUFFIXES,
     Encoding,
+    check_lossless,
     choose_encoder,
     containers,
     encoders,
+    needs_hardware,
+    pixel_formats,
 )
 from fpsboost.media.other_streams import OtherStreams, check_streams
+from fpsboost.media.pipe import PipeSource
 from fpsboost.media.video_source import VideoSource, VideoTraits
-from fpsboost.media.ycc import BT709, LIMITED_RANGE, from_bgr, reformatted
+from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture
 
 
 class VideoSink:
@@ -54,8 +58,8 @@ class VideoSink:
         Rate and clock.
     encoding : Encoding
         How to encode, and what to carry over.
-    source : VideoSource or None
-        The file to carry sound, subtitles, titles, colour and orientation over from.
+    source : VideoSource, PipeSource or None
+        What to carry colour and pixel shape over from; of a file also sound, subtitles, titles and orientation.
     overwrite : bool
         Replace an existing file.
 
@@ -75,7 +79,7 @@ class VideoSink:
         info: ClipInfo,
         timing: OutputTiming,
         encoding: Encoding,
-        source: VideoSource | None,
+        source: VideoSource | PipeSource | None,
         *,
         overwrite: bool,
     ) -> None:
@@ -86,7 +90,8 @@ class VideoSink:
         if suffix not in containers:
             raise OutputError(f"{self._name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
         self._format = containers[suffix]
-        _check_target(self._path, self._name, source, overwrite)
+        file = source if isinstance(source, VideoSource) else None
+        _check_target(self._path, self._name, file, overwrite)
         self._encoder, self._options = choose_encoder(encoding, self._format, self._name)
         if self._format not in EXACT_CLOCKS and 1 / timing.rate < CLOCK_OF_MATROSKA:
             raise OutputError(
@@ -94,9 +99,9 @@ class VideoSink:
                 "write an .mp4 or .mov instead."
             )
         self._remarks: list[str] = []
-        self._source, self._traits = source, source.traits if source is not None else None
-        if source is not None:
-            check_streams(source, encoding, self._encoder, self._format, self._name)
+        self._source, self._traits = file, source.traits if source is not None else None
+        if file is not None:
+            check_streams(file, encoding, self._encoder, self._format, self._name)
         self._temporary: Path | None = None
         self._output: av.container.OutputContainer | None = None
         self._video: av.VideoStream | None = None
@@ -112,6 +117,12 @@ class VideoSink:
     @property
     def remarks(self) -> list[str]:
         return [*self._remarks, *(self._others.remarks if self._others else [])]
+
+    @property
+    def details(self) -> str:
+        """Encoder, pixel format and options."""
+        options = " ".join(f"{name}={value}" for name, value in self._options.items())
+        return "" if self._video is None else f"{self._name}: {self._encoder}, {self._pixel_format}, {options}"
 
     def __enter__(self) -> Self:
         try:
@@ -165,6 +176,8 @@ class VideoSink:
         assert self._output is not None
         traits = self._traits or _traits_of_image(image)
         self._pixel_format = self._choose_pixel_format(traits)
+        if self._encoding.lossless:
+            check_lossless(self._encoder, self._pixel_format)
         self._color_space, self._full_range = traits.color_space, traits.full_range
         self._chroma_location = traits.chroma_location
         stream: av.VideoStream = self._output.add_stream(  # type: ignore[assignment]
@@ -173,13 +186,7 @@ class VideoSink:
         context = stream.codec_context
         stream.time_base = context.time_base = self._timing.time_base
         context.pix_fmt = self._pixel_format
-        context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
-        context.color_range = traits.color_range
-        context.colorspace = traits.tagged_color_space
-        if _is_rgb(traits.pixel_format) and not _is_rgb(self._pixel_format):
-            # RGB has neither matrix nor range, and gets what its size suggests.
-            self._full_range = False
-            context.colorspace, context.color_range = self._color_space, LIMITED_RANGE
+        self._tag_colours(context, traits)
         if traits.sample_aspect_ratio is not None:
             context.sample_aspect_ratio = traits.sample_aspect_ratio
             if traits.sample_aspect_ratio != 1 and not self._keeps_pixel_shape():
@@ -187,7 +194,8 @@ class VideoSink:
                     f"{self._name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which "
                     f"{self._encoder} cannot say in this container; write an .mp4 or .mov to keep it."
                 )
-        if traits.tagged_chroma_location and traits.chroma_location != "left":  # the default, which need not be said
+        is_default = traits.chroma_location == "left" and self._encoder in ("libx264", "libx265")  # need not be said
+        if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
         if self._encoder == "libx265" and self._format in EXACT_CLOCKS:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players take
@@ -213,6 +221,21 @@ class VideoSink:
         if self._others is not None:
             self._others.copy_cover()
 
+    def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
+        """Say what the numbers mean: as the source does, or as the pixel format demands."""
+        context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
+        context.color_range = traits.color_range
+        context.colorspace = traits.tagged_color_space
+        if _is_rgb(traits.pixel_format) and not _is_rgb(self._pixel_format):
+            # RGB has neither matrix nor range, and gets what its size suggests.
+            self._full_range = False
+            context.colorspace, context.color_range = self._color_space, LIMITED_RANGE
+        elif _is_rgb(self._pixel_format) and not _is_rgb(traits.pixel_format):
+            context.colorspace, context.color_range = RGB, FULL_RANGE
+        elif self._pixel_format.startswith("yuvj"):
+            self._full_range = True
+            context.color_range = FULL_RANGE
+
     def _keeps_pixel_shape(self) -> bool:
         """PyAV does not reach the container's own entry in Matroska, so there the coded stream must hold it."""
         return self._format in EXACT_CLOCKS or self._encoder in ("libx264", "libx265")
@@ -222,21 +245,30 @@ class VideoSink:
             with _quiet_encoder():
                 context.open()
         except av.error.FFmpegError:
+            given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
+            check = f"check --encoder-option {given}, or " if given else ""
+            missing = ", and its device or driver may be missing here" if needs_hardware(self._encoder) else ""
             raise OutputError(
                 f"{self._name} cannot be encoded by {self._encoder} at {self._info.width}x{self._info.height}, "
-                f"{float(self._timing.rate):g} frames per second, {self._pixel_format}; choose another --codec."
+                f"{float(self._timing.rate):g} frames per second, {self._pixel_format}{missing}; {check}choose another "
+                "--codec."
             ) from None
 
     def _choose_pixel_format(self, traits: VideoTraits) -> str:
         """Take the source's format, or the one among the encoder's that loses least; say what is lost."""
-        wanted = traits.pixel_format
-        offered = [item.name for item in av.Codec(self._encoder, "w").video_formats or ()]
+        wanted = self._encoding.pixel_format or traits.pixel_format
+        offered = pixel_formats(av.Codec(self._encoder, "w"))
         if not offered:
             return wanted
         whole_only = any(e.name == self._encoder and e.needs_whole_chroma for e in encoders.values())
         fitting = [name for name in offered if not whole_only or _divides(name, self._info.width, self._info.height)]
         if wanted in fitting:
             return wanted
+        if self._encoding.pixel_format:
+            raise OptionError(
+                f"--pix-fmt {wanted} halves an odd size, which {self._encoder} cannot do for {self._name} at "
+                f"{self._info.width}x{self._info.height}; use yuv444p, or crop to an even size."
+            )
         found, loss = find_best_pix_fmt_of_list(fitting, wanted)
         if found is None:
             raise OutputError(f"{self._name} cannot hold {wanted} with {self._encoder}; choose another --codec.")
@@ -269,7 +301,7 @@ class VideoSink:
         picture = self._picture(frame)
         # The same decoded picture may be written again at another time, so it gets its own labels back. The encoder
         # holds a reference of its own, with the labels of this moment.
-        before = picture.pts, picture.duration, picture.time_base, picture.pict_type
+        before = picture.pts, picture.duration, picture.time_base or time_base, picture.pict_type
         picture.pts, picture.duration, picture.time_base = pts, self._durations[pts], time_base
         picture.pict_type = PictureType.NONE  # else x264 repeats the source's choice of key frames
         try:
@@ -280,27 +312,17 @@ class VideoSink:
 
     def _picture(self, frame: Frame) -> av.VideoFrame:
         """Return the frame as the encoder wants it, from the decoder's own picture where there is one."""
-        original = frame.original
-        size = (self._info.width, self._info.height)
-        if (
-            self._traits is not None
-            and isinstance(original, av.VideoFrame)
-            and (original.width, original.height) == size
-        ):
-            if original.format.name == self._pixel_format:
-                return original
-            if not original.format.is_rgb and not _is_rgb(self._pixel_format):
-                return reformatted(original, self._reformatter, self._pixel_format, self._full_range)
         if frame.image.shape[2] == 4 and not self._alpha_dropped:
             self._alpha_dropped = True
             self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")
-        return from_bgr(
-            frame.image,
+        return as_picture(
+            frame,
             self._pixel_format,
             self._color_space,
             self._full_range,
             chroma_location=self._chroma_location,
             reformatter=self._reformatter,
+            keeps_original=self._traits is not None,
         )
 
     def _mux(self, packets: list[av.Packet[Any]]) -> None:

@@ -7,7 +7,7 @@ packet.
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -107,7 +107,7 @@ class VideoSource:
         self._reformatter = VideoReformatter()
         self._remarks = _left_out(self._container, self._stream, self._name)
         if not rate_is_known:
-            self._remarks.append(f"{self._name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed.")
+            self._remarks.append(assumed_rate_remark(self._name))
         self._undecodable = self._damaged = self._misplaced = self._untimed = self._unreadable = 0
         self._furthest = Fraction(0)
         self._ahead: list[av.VideoFrame] = []
@@ -135,6 +135,12 @@ class VideoSource:
     def stream_index(self) -> int:
         """Number of the converted stream in its file."""
         return self._stream.index
+
+    @property
+    def companions(self) -> list[str]:
+        """What the file holds beside its pictures: ``sound``, ``subtitles``, both or neither."""
+        streams = self._container.streams
+        return ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
 
     @property
     def remarks(self) -> list[str]:
@@ -204,15 +210,10 @@ class VideoSource:
         traits = self.traits
         if is_on_its_side(traits.display_matrix):
             self._info = replace(self._info, width=self._info.height, height=self._info.width)
-        kinds = [kind for kind in ("audio", "subtitles") if getattr(self._container.streams, kind)]
-        if kinds:
-            words = " and ".join({"audio": "sound", "subtitles": "subtitles"}[kind] for kind in kinds)
-            self._remarks.append(f"{self._name} has {words}, which images cannot hold; left out.")
+        if self.companions:
+            self._remarks.append(lost_companions_remark(self._name, self.companions, "images"))
         if traits.sample_aspect_ratio not in (None, 1):
-            self._remarks.append(
-                f"{self._name} has pixels of the shape {traits.sample_aspect_ratio}, which images cannot say; "
-                "they come out unscaled."
-            )
+            self._remarks.append(lost_shape_remark(self._name, traits.sample_aspect_ratio))
 
     def _in_order(self) -> Iterator[av.VideoFrame]:
         while self._ahead:
@@ -303,10 +304,7 @@ class VideoSource:
         matrix = sides.get("DISPLAYMATRIX")
         interlaced = picture.interlaced_frame
         if interlaced:
-            self._remarks.append(
-                f"{self._name} is interlaced and its fields were taken as whole pictures; deinterlace it first for "
-                "smooth motion."
-            )
+            self._remarks.append(interlaced_remark(self._name))
         if any(component.is_alpha for component in picture.format.components):
             self._remarks.append(f"{self._name} has an alpha channel, which was left out.")
         aspect = _fraction(self._stream.sample_aspect_ratio)
@@ -393,6 +391,26 @@ def open_video(path: Path, name: str) -> av.container.InputContainer:
         container.close()
         raise InputError(f"{name} is a text file; name a video file.")
     return container
+
+
+def assumed_rate_remark(name: str) -> str:
+    """What to say of a clip that does not tell its rate."""
+    return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed."
+
+
+def interlaced_remark(name: str) -> str:
+    """What to say of a clip with two fields in one picture."""
+    return f"{name} is interlaced and its fields were taken as whole pictures; deinterlace it first for smooth motion."
+
+
+def lost_companions_remark(name: str, companions: Sequence[str], target: str) -> str:
+    """What to say of sound and subtitles that do not fit into a kind of target."""
+    return f"{name} has {' and '.join(companions)}, which {target} cannot hold; left out."
+
+
+def lost_shape_remark(name: str, aspect: Fraction | None) -> str:
+    """What to say of pixels that are not square, where images are written."""
+    return f"{name} has pixels of the shape {aspect}, which images cannot say; they come out unscaled."
 
 
 def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:

@@ -16,9 +16,9 @@ import numpy as np
 from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image
+from fpsboost.frame import Frame, Image
 
-SMPTE170M, BT709 = 6, 1  # AVColorSpace
+SMPTE170M, BT709, RGB, UNSPECIFIED = 6, 1, 0, 2  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
 
 luma_weights = {
@@ -125,7 +125,40 @@ def from_bgr(
     codes = np.minimum(cv2.transform(image, matrix), 2**bits - 1)  # a pure colour of full range is one half above
     for channel, plane in enumerate(plane_arrays(planar)):
         plane[:] = codes[..., channel]
-    return reformatted(_with_chroma_location(planar, chroma_location), scaler, pixel_format, full_range)
+    return reformatted(with_chroma_location(planar, chroma_location), scaler, pixel_format, full_range)
+
+
+def as_picture(
+    frame: Frame,
+    pixel_format: str,
+    color_space: int,
+    full_range: bool,
+    *,
+    chroma_location: str,
+    reformatter: VideoReformatter,
+    keeps_original: bool,
+) -> av.VideoFrame:
+    """Return a frame as a picture of a pixel format, from the decoder's own picture where there is one.
+
+    Parameters
+    ----------
+    frame : Frame
+    pixel_format, color_space, full_range, chroma_location, reformatter
+        See `from_bgr`.
+    keeps_original : bool
+        Whether the target says of its pictures what the source says of them.
+    """
+    original = frame.original
+    height, width = frame.image.shape[:2]
+    if keeps_original and isinstance(original, av.VideoFrame) and (original.width, original.height) == (width, height):
+        if original.format.name == pixel_format:
+            return original
+        has_rgb = original.format.is_rgb or av.VideoFormat(pixel_format).is_rgb
+        if not has_rgb and is_full_range(original) == full_range:
+            return reformatted(original, reformatter, pixel_format, full_range)
+    return from_bgr(
+        frame.image, pixel_format, color_space, full_range, chroma_location=chroma_location, reformatter=reformatter
+    )
 
 
 def _as_bgr(image: Image) -> Image:
@@ -137,7 +170,7 @@ def _as_bgr(image: Image) -> Image:
     return np.ascontiguousarray(image[..., :3])
 
 
-def _with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame:
+def with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame:
     """Label a picture with its chroma location, which PyAV can do only through a filter; no pixel is copied."""
     graph = av.filter.Graph()
     entry = graph.add_buffer(
@@ -235,10 +268,15 @@ def color_space_of(picture: av.VideoFrame) -> int:
     """
     tag = int(picture.colorspace)
     if picture.format.is_rgb or tag in (0, 2, 3):
-        return BT709 if picture.height >= 720 else SMPTE170M
+        return assumed_color_space(picture.height)
     if tag not in luma_weights:
         raise ValueError(f"colour matrix {tag}")
     return tag
+
+
+def assumed_color_space(height: int) -> int:
+    """What an untagged video of this many rows means."""
+    return BT709 if height >= 720 else SMPTE170M
 
 
 def is_full_range(picture: av.VideoFrame) -> bool:

@@ -1,0 +1,647 @@
+"""Pipes: the text of a stream, its planes to the bit, colours as from a file, and the manners of a filter."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from fractions import Fraction
+from io import BytesIO
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, stream_of, write_clip, write_stream
+
+import fpsboost
+from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.media import OutputTiming, Waiting
+from fpsboost.media.encoding import Encoding
+from fpsboost.media.opening import makes_video, open_source
+from fpsboost.media.pipe import LONGEST_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
+from fpsboost.media.video_source import VideoSource
+
+NAMES = tuple(formats)
+UNKNOWN_TO_FFMPEG = ("mono14",)
+ODD = (47, 63)
+NEAREST = ("--method", "nearest", "--no-cuts")
+
+pytestmark = pytest.mark.usefixtures("impatient")
+
+ratios = st.builds(Fraction, st.integers(1, 2**31 - 1), st.integers(1, 2**31 - 1))
+rates = ratios.filter(lambda rate: rate <= 100_000)
+sides = st.integers(1, 16000)
+headers = st.builds(
+    Header,
+    width=sides,
+    height=sides,
+    rate=st.none() | rates,
+    format=st.sampled_from(NAMES),
+    full_range=st.sampled_from([None, True, False]),
+    aspect=st.none() | ratios,
+)
+
+
+def environment() -> dict[str, str]:
+    """This process's, in which fpsboost can be imported from anywhere."""
+    return {**os.environ, "PYTHONPATH": str(Path(fpsboost.__file__).parents[1])}
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "fpsboost", *map(str, arguments)]
+
+
+def run(folder: Path, data: bytes, *arguments: object) -> subprocess.CompletedProcess[bytes]:
+    """Run the command line in a process of its own, between two pipes."""
+    return subprocess.run(
+        command(*arguments), input=data, cwd=folder, env=environment(), capture_output=True, timeout=100, check=False
+    )
+
+
+def sentences(done: subprocess.CompletedProcess[bytes]) -> list[str]:
+    return done.stderr.decode().splitlines()
+
+
+def frames_in(data: bytes) -> tuple[bytes, list[bytes]]:
+    """The first line of a stream and its frames' samples."""
+    line, rest = data.split(b"\n", 1)
+    size = parse_header(line + b"\n", "x").frame_bytes + len(b"FRAME\n")
+    assert len(rest) % size == 0
+    chunks = [rest[start : start + size] for start in range(0, len(rest), size)]
+    assert all(chunk.startswith(b"FRAME\n") for chunk in chunks)
+    return line, [chunk.removeprefix(b"FRAME\n") for chunk in chunks]
+
+
+def copy(data: bytes, *, strip: bool = False, encoding: Encoding | None = None) -> tuple[bytes, PipeSink]:
+    """Send every frame of a stream through a source and a sink; with `strip` as an image only."""
+    target = BytesIO()
+    with PipeSource(BytesIO(data)) as source:
+        timing = OutputTiming(source.info.rate, source.info.time_base)
+        with PipeSink(source.info, timing, encoding or Encoding(), source, target) as sink:
+            for frame in source:
+                sink.write(Frame(frame.image, frame.time, frame.duration, None if strip else frame.original))
+    return target.getvalue(), sink
+
+
+def write_frames(images: list[np.ndarray], encoding: Encoding | None = None) -> tuple[bytes, PipeSink]:
+    """Write images as a stream of 24 frames per second that has no source."""
+    height, width = images[0].shape[:2] if images else (48, 64)
+    info = ClipInfo("images", height, width, Fraction(24), Fraction(1, 24), len(images))
+    target = BytesIO()
+    timing = OutputTiming(Fraction(24), Fraction(1, 24))
+    with PipeSink(info, timing, encoding or Encoding(), None, target) as sink:
+        for index, image in enumerate(images):
+            sink.write(Frame(image, Fraction(index, 24)))
+    return target.getvalue(), sink
+
+
+# ------------------------------------------------------------------------------------------------------ the first line
+
+
+@given(headers)
+def test_headers_come_back(header):
+    """What is written is what is read, for every format, rate and shape."""
+    if 8 * (header.width + 128) * (header.height + 128) < 2**31:
+        assert parse_header(header.line(), "x") == header
+    assert len(header.line()) < LONGEST_LINE
+
+
+@given(st.binary(max_size=80))
+def test_any_line_is_read_or_refused(tail):
+    """Whatever stands in the first line, it is a header or an InputError, never a crash."""
+    line = b"YUV4MPEG2 W64 H48 F25:1 " + tail.replace(b"\n", b" ") + b"\n"
+    try:
+        header = parse_header(line, "x")
+    except InputError as error:
+        assert str(error).startswith("x ")  # noqa: PT017
+    else:
+        assert header.format in formats
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("W64 H48 F30000:1001", Header(64, 48, Fraction(30000, 1001))),
+        ("W64 H48", Header(64, 48, None)),
+        ("H48 W64 F0:0 A0:0 I?", Header(64, 48, None)),
+        ("W64 H48 F25:1 It A4:3 C422", Header(64, 48, Fraction(25), "422", None, Fraction(4, 3), interlaced=True)),
+        ("W64 H48 F25:1 Ib C444p12 XCOLORRANGE=FULL", Header(64, 48, Fraction(25), "444p12", True, interlaced=True)),
+        ("W64  H48 F25:1 Cmono16 XYSCSS=400 XCOLORRANGE=LIMITED", Header(64, 48, Fraction(25), "mono16", False)),
+        ("W64 H48 F25:1 XYSCSS=420MPEG2", Header(64, 48, Fraction(25), "420mpeg2")),
+        ("W64 H48 F25:1 C420paldv XYSCSS=420PALDV XSOMETHING Zelse", Header(64, 48, Fraction(25), "420paldv")),
+    ],
+)
+def test_headers_as_programs_write_them(words, expected):
+    """Words in any order, unknown ones among them, and silence about what need not be said."""
+    assert parse_header(f"YUV4MPEG2 {words}\n".encode(), "x") == expected
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (b"", "standard input is empty; pipe a YUV4MPEG2 stream"),
+        (b"\n", "is no YUV4MPEG2 stream"),
+        (b"YUV4MPEG2 W64 H48", "is no YUV4MPEG2 stream"),
+        (b"YUV4MPEG3 W64 H48\n", "is no YUV4MPEG2 stream"),
+        (b"\x00\x00\x00\x20ftypisom" * 500, "is no YUV4MPEG2 stream"),
+        (b"YUV4MPEG2 W64 H48 X" + b"a" * 2000 + b"\n", "is no YUV4MPEG2 stream"),
+        (b"YUV4MPEG2 H48 F25:1\n", "a width and a height of 1 to 32768, not ''"),
+        (b"YUV4MPEG2 W0 H48 F25:1\n", "not '0'"),
+        (b"YUV4MPEG2 W-64 H48 F25:1\n", "not '-64'"),
+        (b"YUV4MPEG2 W64 H32769 F25:1\n", "not '32769'"),
+        (b"YUV4MPEG2 W64 H99999999999 F25:1\n", "not '99999999999'"),
+        (b"YUV4MPEG2 W32768 H32768 F25:1\n", "more than FFmpeg holds in one picture"),
+        (b"YUV4MPEG2 W64 H48 F25\n", "the ratio '25'"),
+        (b"YUV4MPEG2 W64 H48 F25:x\n", "the ratio '25:x'"),
+        (b"YUV4MPEG2 W64 H48 F9999999999:1\n", "the ratio '9999999999:1'"),
+        (b"YUV4MPEG2 W64 H48 F200000:1\n", "200000 frames per second"),
+        (b"YUV4MPEG2 W64 H48 F25:1 A1\n", "the ratio '1'"),
+        (b"YUV4MPEG2 W64 H48 F25:1 C444alpha\n", "pixel format '444alpha', which cannot be read; use 420jpeg"),
+        (b"YUV4MPEG2 W64 H48 F25:1 C420p11\n", "pixel format '420p11'"),
+    ],
+)
+def test_streams_that_are_none(data, sentence):
+    """Each is refused with its sentence before any frame is read."""
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        PipeSource(BytesIO(data))
+
+
+# --------------------------------------------------------------------------------------------------------------- frames
+
+
+@pytest.mark.parametrize("size", [(48, 64), ODD], ids=["even", "odd"])
+@pytest.mark.parametrize("name", NAMES)
+def test_planes_pass_bit_by_bit(name, size):
+    """Every format comes out as it went in, header and all."""
+    data = stream_of(3, name, size=size, rate="30000:1001", more=" XCOLORRANGE=LIMITED")
+    out, sink = copy(data)
+    assert frames_in(out)[1] == frames_in(data)[1]
+    header = parse_header(out.split(b"\n")[0] + b"\n", "x")
+    assert (header.pixel_format, header.rate, header.full_range) == (formats[name], Fraction(30000, 1001), False)
+    assert header.format == {"420": "420jpeg"}.get(name, name)
+    assert sink.remarks == []
+
+
+@pytest.mark.parametrize("more", ["", " XCOLORRANGE=FULL", " XCOLORRANGE=LIMITED"], ids=["untagged", "full", "limited"])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in UNKNOWN_TO_FFMPEG])
+def test_colours_are_those_of_a_file(tmp_path, name, more):
+    """FFmpeg opens the same bytes as a file: the same images, times and meaning of the pictures."""
+    (tmp_path / "in.y4m").write_bytes(stream_of(2, name, more=more))
+    with VideoSource(tmp_path / "in.y4m") as file, PipeSource((tmp_path / "in.y4m").open("rb")) as pipe:
+        for ours, theirs in zip(pipe, file, strict=True):
+            assert (ours.time, ours.duration) == (theirs.time, theirs.duration)
+            assert ours.image.dtype == theirs.image.dtype
+            assert np.array_equal(ours.image, theirs.image)
+        for field in ("pixel_format", "color_space", "full_range", "chroma_location", "sample_aspect_ratio"):
+            assert getattr(pipe.traits, field) == getattr(file.traits, field), field
+        assert (pipe.info.rate, pipe.info.width, pipe.info.height) == (file.info.rate, 64, 48)
+
+
+@pytest.mark.parametrize("more", [" XCOLORRANGE=FULL", " XCOLORRANGE=LIMITED"], ids=["full", "limited"])
+@pytest.mark.parametrize("name", NAMES)
+def test_made_frames_look_like_originals(name, more):
+    """A frame that goes through BGR differs by no more than rounding, and not on average."""
+    data = stream_of(2, name, more=more)
+    out, _ = copy(data, strip=True)
+    assert more.encode() in out.split(b"\n")[0]
+    bits = av.VideoFormat(formats[name]).components[0].bits
+    dtype = np.dtype("<u2" if bits > 8 else "u1")
+    for before, after in zip(frames_in(data)[1], frames_in(out)[1], strict=True):
+        difference = np.frombuffer(after, dtype).astype(float) - np.frombuffer(before, dtype)
+        assert abs(difference.mean()) < 0.2 * 2 ** (bits - 8)
+        assert np.abs(difference).max() <= 3 * 2 ** (bits - 8)
+
+
+def test_large_pictures_are_bt709():
+    """From 720 rows on an untagged stream means BT.709, as an untagged file does."""
+    for height, expected in ((718, 6), (720, 1)):
+        with PipeSource(BytesIO(stream_of(1, size=(height, 16)))) as source:
+            assert source.traits.color_space == expected
+
+
+def test_interlaced_streams_are_told():
+    """With the words of the video source."""
+    data = stream_of(2).replace(b" Ip ", b" It ", 1)
+    with PipeSource(BytesIO(data)) as source:
+        assert source.traits.interlaced
+        assert [frame.time for frame in source] == [0, Fraction(1, 25)]
+    assert source.remarks[0].startswith("standard input is interlaced and its fields were taken as whole pictures")
+
+
+def test_a_missing_rate_is_told():
+    """25 frames per second are assumed, as for a file."""
+    data = stream_of(2, rate="0:0")
+    with PipeSource(BytesIO(data)) as source:
+        assert source.info.rate == 25
+    assert source.remarks == ["standard input does not say its frame rate; 25 frames per second assumed."]
+
+
+@pytest.mark.parametrize("missing", [1, 4000, 4607, 4609, 4613])
+def test_a_truncated_stream(missing):
+    """The whole frames are there, and one remark says that the last one was not."""
+    data = stream_of(3)
+    with PipeSource(BytesIO(data[:-missing])) as source:
+        assert len(list(source)) == 2
+    assert source.remarks == [
+        "standard input ended within a frame, which was left out; the 2 before it were converted."
+    ]
+
+
+def test_something_between_the_frames():
+    """What is no frame is an error that says how far it went; words behind FRAME are none."""
+    data = stream_of(3)
+    size = 64 * 48 * 3 // 2
+    second = data.index(b"\n") + 1 + 6 + size
+    for junk in (b"JUNK!\n", b"FRAMES\n", b"FRAME " + b"a" * 2000 + b"\n"):
+        with (
+            PipeSource(BytesIO(data[:second] + junk + data[second:])) as source,
+            pytest.raises(InputError, match="something else than a frame after 1 frames"),
+        ):
+            list(source)
+    with PipeSource(BytesIO(data.replace(b"FRAME\n", b"FRAME Ip\n"))) as source:
+        assert len(list(source)) == 3
+
+
+def test_a_source_is_read_once():
+    """A second iteration is refused with a sentence."""
+    with PipeSource(BytesIO(stream_of(2))) as source:
+        list(source)
+        with pytest.raises(InputError, match="only once"):
+            iter(source)
+
+
+def test_images_become_444():
+    """Images keep all their colour: 4:4:4 of their own depth, or gray; float becomes 16 bit; alpha is told."""
+    colour = scene(0)
+    for image, name, more in (
+        (colour, "444", "XCOLORRANGE=LIMITED"),
+        (colour.astype(np.uint16) * 257, "444p16", "XCOLORRANGE=LIMITED"),
+        (colour.astype(np.float32) / 255, "444p16", "XCOLORRANGE=LIMITED"),
+        (colour[..., :1], "mono", "XCOLORRANGE=FULL"),
+        (colour[..., :1].astype(np.uint16) * 257, "mono16", "XCOLORRANGE=FULL"),
+        (np.dstack([colour, colour[..., :1]]), "444", "XCOLORRANGE=LIMITED"),
+    ):
+        out, sink = write_frames([np.ascontiguousarray(image)] * 2)
+        line = f"YUV4MPEG2 W64 H48 F24:1 Ip A0:0 C{name} {more}"
+        assert out.startswith(line.encode() + b"\n")
+        assert sink.details == f"standard output: {line}"
+        assert len(sink.remarks) == (image.shape[2] == 4)
+        with PipeSource(BytesIO(out)) as source:
+            seen = next(iter(source)).image
+        truth = np.repeat(colour[..., :1], 3, axis=2) if image.shape[2] == 1 else colour
+        assert np.abs(seen / np.iinfo(seen.dtype).max * 255 - truth).mean() < 1
+
+
+def test_pixel_format_of_a_stream():
+    """What is asked for is written; what the stream cannot hold is refused with what it can."""
+    out, _ = copy(stream_of(2), encoding=Encoding(pixel_format="yuv422p10le"))
+    assert b" C422p10 " in out.split(b"\n")[0] + b" "
+    with pytest.raises(OptionError, match="--pix-fmt rgb24 is nothing that YUV4MPEG2 holds; use one of yuv420p"):
+        write_frames([scene(0)], Encoding(pixel_format="rgb24"))
+
+
+@pytest.mark.parametrize(
+    "encoding",
+    [Encoding(codec="h264"), Encoding(crf=3, preset="slow"), Encoding(lossless=True), Encoding(bitrate=10**6)],
+)
+def test_a_stream_has_no_encoder(encoding):
+    """Options of encoders are refused by name."""
+    with pytest.raises(OptionError, match=rf"takes no {' or '.join(encoding.given)}; leave that out"):
+        write_frames([scene(0)], encoding)
+
+
+@pytest.mark.parametrize(
+    ("pixel_format", "codec", "name", "says"),
+    [
+        ("yuvj420p", "libx264", "C420mpeg2 XCOLORRANGE=FULL", ()),
+        ("nv12", "libx264", "C420mpeg2", ()),
+        ("yuv422p10le", "libx264", "C422p10", ()),
+        ("gray", "ffv1", "Cmono", ()),
+        ("bgr0", "ffv1", "C444 XCOLORRANGE=LIMITED", ()),
+        ("yuv440p", "ffv1", "C444", ()),
+    ],
+)
+def test_pixel_formats_of_files(tmp_path, pixel_format, codec, name, says):
+    """A format of the stream's stays, another one becomes the nearest that loses nothing."""
+    options = {"preset": "ultrafast", "crf": "0"} if codec == "libx264" else {}
+    clip = write_clip(
+        tmp_path / "in.mkv", times=range(3), pixel_format=pixel_format, codec=codec, options=options,
+        color_range=2 if pixel_format == "yuvj420p" else 0,
+    )  # fmt: skip
+    target = BytesIO()
+    timing = OutputTiming(Fraction(25), Fraction(1, 25))
+    with VideoSource(clip) as source, PipeSink(source.info, timing, Encoding(), source, target) as sink:
+        for frame in source:
+            sink.write(frame)
+    line, frames = frames_in(target.getvalue())
+    assert name in line.decode()
+    assert sink.remarks == list(says)
+    if pixel_format in ("yuvj420p", "yuv422p10le", "gray"):
+        truth = [b"".join(plane.tobytes() for plane in samples_of(picture)) for picture in pictures_of(clip)]
+        assert frames == truth
+
+
+def test_what_a_stream_cannot_say_is_said(tmp_path):
+    """Rotation, a matrix of its own and HDR colours are lost with one remark, sound and subtitles with another."""
+    clip = write_clip(
+        tmp_path / "in.mkv", times=range(3), matrix=QUARTER_TURN, sound="aac", subtitles=[(0, 50, b"one")],
+        colorspace=9, color_primaries=9, color_trc=16,
+    )  # fmt: skip
+    with VideoSource(clip) as source:
+        timing = OutputTiming(Fraction(25), Fraction(1, 25))
+        with PipeSink(source.info, timing, Encoding(), source, BytesIO()) as sink:
+            for frame in source:
+                sink.write(frame)
+        assert sink.remarks == [
+            f"{clip} has sound and subtitles, which YUV4MPEG2 cannot hold; left out.",
+            f"standard output cannot say the colour matrix and colour primaries and transfer function and rotation of "
+            f"{clip}; say it again behind the pipe.",
+        ]
+        silent = PipeSink(source.info, timing, Encoding(audio=False, subtitles=False), source, BytesIO())
+        assert silent.remarks == []
+
+
+def test_uneven_times_are_told(tmp_path):
+    """A stream has one rate; frames that do not keep it are told once, and --fps is the way out."""
+    clip = write_clip(tmp_path / "in.mp4", times=[0, 3, 4, 9, 10, 16], end=20, time_base=Fraction(1, 100))
+    done = run(tmp_path, b"", clip, "-", *NEAREST)
+    assert done.returncode == 0
+    assert [line for line in sentences(done) if "equally long" in line and "--fps" in line] == sentences(done)[1:]
+    done = run(tmp_path, b"", clip, "-", "--fps", "50", *NEAREST)
+    assert len(sentences(done)) == 1
+
+
+def test_frames_that_do_not_fit():
+    """A frame of another size, and no frame at all, are OutputErrors."""
+    with pytest.raises(OutputError, match="cannot take a frame of 64x64"):
+        write_frames([scene(0), scene(0, 64, 64)])
+    with pytest.raises(OutputError, match="there were no frames"):
+        write_frames([])
+
+
+def test_format_names():
+    """Every pixel format has a name, and the chroma location of 8-bit 4:2:0 chooses among three."""
+    for name, pixel_format in formats.items():
+        assert formats[format_name(pixel_format, "left")] == pixel_format, name
+    found = [format_name("yuv420p", location) for location in ("center", "left", "topleft", "bottom")]
+    assert found == ["420jpeg", "420mpeg2", "420paldv", "420jpeg"]
+
+
+def test_paths_that_are_pipes():
+    """A dash is a video on either side; a rate of images makes no sense with it."""
+    assert makes_video("-")
+    assert not makes_video("./-")
+    with pytest.raises(OptionError, match="--input-fps is for images"):
+        open_source("-", Fraction(24))
+
+
+def test_pipes_can_be_told_to_give_up():
+    """Both ends keep the contract that lets a stopped run end."""
+    with PipeSource(BytesIO(stream_of(2))) as source:
+        assert isinstance(source, Waiting)
+        assert isinstance(PipeSink(source.info, OutputTiming(Fraction(25), Fraction(1, 25)), Encoding(), source,
+                                   BytesIO()), Waiting)  # fmt: skip
+
+
+def test_a_closed_stream_is_told_apart():
+    """A reader that has gone is an error of its own, since nobody need hear of it."""
+
+    class Closed(BytesIO):
+        def write(self, data: object) -> int:
+            raise BrokenPipeError
+
+    info = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
+    sink = PipeSink(info, OutputTiming(Fraction(25), Fraction(1, 25)), Encoding(), None, Closed())
+    with pytest.raises(ReaderGoneError):
+        sink.write(Frame(scene(0), Fraction(0)))
+
+
+# ------------------------------------------------------------------------------------------------------ whole processes
+
+
+def test_from_pipe_to_pipe(tmp_path):
+    """Twice the frames at twice the rate, originals to the bit, one line on stderr, only the stream on stdout."""
+    data = stream_of(5, "420p10", rate="24000:1001")
+    done = run(tmp_path, data, "-", "-", *NEAREST)
+    assert done.returncode == 0
+    line, frames = frames_in(done.stdout)
+    assert line == b"YUV4MPEG2 W64 H48 F48000:1001 Ip A1:1 C420p10"
+    assert len(frames) == 10
+    assert frames[::2] == frames_in(data)[1]
+    assert len(sentences(done)) == 1
+    assert re.fullmatch(r"standard output: 5 -> 10 frames in .*", sentences(done)[0])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("name", "codec"), [("420mpeg2", "ffv1"), ("444p10", "ffv1"), ("422", "ffv1")])
+def test_frames_in_between_are_those_of_a_file(tmp_path, name, codec):
+    """The same clip as a lossless file makes the same frames, within rounding."""
+    data = stream_of(4, name)
+    assert run(tmp_path, data, "-", "in.mkv", "--factor", "1", "--codec", codec, *NEAREST).returncode == 0
+    options = ("--method", "blend", "--no-cuts")
+    assert run(tmp_path, b"", "in.mkv", "out.mkv", "--codec", codec, *options).returncode == 0
+    done = run(tmp_path, data, "-", "-", *options)
+    dtype = np.dtype("<u2" if "p1" in name else "u1")
+    _, frames = frames_in(done.stdout)
+    truth = pictures_of(tmp_path / "out.mkv")
+    assert len(frames) == len(truth) == 8
+    for index, (ours, picture) in enumerate(zip(frames, truth, strict=True)):
+        theirs = np.concatenate([plane.ravel() for plane in samples_of(picture)])
+        difference = np.abs(np.frombuffer(ours, dtype).astype(int) - theirs)
+        assert difference.max() <= index % 2
+
+
+def test_from_pipe_to_file(tmp_path):
+    """Rate, pixel shape, range and every sample of the originals reach a lossless file."""
+    data = stream_of(4, "420mpeg2", rate="30000:1001", more=" XCOLORRANGE=FULL").replace(b"A1:1", b"A4:3", 1)
+    done = run(tmp_path, data, "-", "out.mp4", "--lossless", *NEAREST)
+    assert (done.returncode, done.stdout) == (0, b"")
+    with VideoSource(tmp_path / "out.mp4") as source:
+        assert source.info.rate == Fraction(60000, 1001)
+        assert (source.traits.sample_aspect_ratio, source.traits.full_range) == (Fraction(4, 3), True)
+        assert source.traits.chroma_location == "left"
+    planes = [b"".join(p.tobytes() for p in samples_of(picture)) for picture in pictures_of(tmp_path / "out.mp4")]
+    assert planes[::2] == frames_in(data)[1]
+
+
+def test_from_pipe_to_images(tmp_path):
+    """A stream becomes images, and its pixel shape is told as lost."""
+    done = run(tmp_path, stream_of(4, "444").replace(b"A1:1", b"A4:3", 1), "-", "frames", *NEAREST)
+    assert done.returncode == 0
+    assert len(list((tmp_path / "frames").iterdir())) == 7
+    assert "which images cannot say" in sentences(done)[1]
+
+
+def test_from_file_to_pipe(tmp_path):
+    """The decoder's planes, and one note about the sound, which --no-audio silences."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(4), sound="aac")
+    done = run(tmp_path, b"", "in.mp4", "-", *NEAREST)
+    truth = [b"".join(plane.tobytes() for plane in samples_of(picture)) for picture in pictures_of(clip)]
+    assert frames_in(done.stdout)[1][::2] == truth
+    assert sentences(done)[1:] == ["Note: in.mp4 has sound, which YUV4MPEG2 cannot hold; left out."]
+    assert len(sentences(run(tmp_path, b"", "in.mp4", "-", "--no-audio", *NEAREST))) == 1
+
+
+def test_verbose_says_the_first_line(tmp_path):
+    """Which format was chosen stands on stderr, not in the stream."""
+    done = run(tmp_path, stream_of(3, "422"), "-", "-", "--verbose", *NEAREST)
+    assert "standard output: YUV4MPEG2 W64 H48 F50:1 Ip A1:1 C422" in sentences(done)
+    assert len(frames_in(done.stdout)[1]) == 6
+
+
+def test_a_truncated_stream_is_converted_with_a_note(tmp_path):
+    """The whole frames come out, and one note tells about the rest."""
+    done = run(tmp_path, stream_of(4)[:-100], "-", "-", *NEAREST)
+    assert done.returncode == 0
+    assert len(frames_in(done.stdout)[1]) == 6
+    assert sentences(done)[1].startswith("Note: standard input ended within a frame")
+
+
+@pytest.mark.parametrize(
+    ("data", "arguments", "code", "word"),
+    [
+        (b"", ("-", "-"), 1, "standard input is empty"),
+        (b"junk\n", ("-", "out.mp4"), 1, "YUV4MPEG2"),
+        (stream_of(1), ("-", "-"), 1, "one frame"),
+        (stream_of(2)[:5000] + b"x" * 9000, ("-", "out.mp4"), 1, "something else than a frame"),
+        (stream_of(2), ("-", "-", "--crf", "20"), 2, "--crf"),
+        (stream_of(2), ("-", "-", "--pix-fmt", "magic"), 2, "--pix-fmt"),
+        (stream_of(2), ("-", "out.mp4", "--input-fps", "24"), 2, "--input-fps"),
+        (stream_of(2), ("compare", "-"), 1, "Standard input can be read only once"),
+    ],
+)
+def test_refusals(tmp_path, data, arguments, code, word):
+    """One sentence, its exit code, and no file."""
+    method = () if arguments[0] == "compare" else NEAREST
+    done = run(tmp_path, data, *arguments, *method)
+    assert done.returncode == code
+    assert len(sentences(done)) == 1, done.stderr
+    assert re.fullmatch(r"fpsboost: [^\x00-\x1f]+\.", sentences(done)[0])
+    assert word in sentences(done)[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such terminals")
+def test_terminals_are_refused(tmp_path):
+    """A person who forgot the pipe is told, on either side."""
+    controller, terminal = os.openpty()
+    write_stream(tmp_path / "in.y4m", 3)
+    try:
+        for arguments, ends in ((("in.y4m", "-"), {"stdout": terminal}), (("-", "out.mp4"), {"stdin": terminal})):
+            done = subprocess.run(
+                command(*arguments, *NEAREST), cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, timeout=100,
+                check=False, **ends,
+            )  # fmt: skip
+            assert done.returncode == 1
+            assert re.fullmatch(rb"fpsboost: standard \w+ is a terminal[^\n]*\n", done.stderr)
+    finally:
+        os.close(controller)
+        os.close(terminal)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes end in another way on Windows")
+def test_a_closed_pipe_ends_quietly(tmp_path):
+    """A reader that has enough ends the run without a word, and not as a success."""
+    source = subprocess.Popen(
+        command("-", "-", "--factor", "50", *NEAREST), cwd=tmp_path, env=environment(), stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    with source:
+        assert source.stdin is not None
+        assert source.stdout is not None
+        assert source.stderr is not None
+        source.stdin.write(stream_of(6, "444p16"))
+        source.stdin.close()
+        source.stdout.read(100)
+        source.stdout.close()
+        assert source.stderr.read() == b""
+        assert source.wait(60) == 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
+@pytest.mark.parametrize("waits_for", ["header", "frames", "reader"])
+def test_a_stopped_run_does_not_wait(tmp_path, waits_for):
+    """Asked to end while the program at either end of the pipe sleeps, it ends at once and says so."""
+    process = subprocess.Popen(
+        command("-", "-", "--factor", "50" if waits_for == "reader" else "2", *NEAREST), cwd=tmp_path,
+        env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    with process:
+        try:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            assert process.stderr is not None
+            if waits_for == "header":
+                # a word of an unfinished first line, so that the pipe is open and nothing more comes
+                process.stdin.write(b"YUV4MPEG2 W64")
+                process.stdin.flush()
+                wait_for_reading(process)
+            else:
+                process.stdin.write(stream_of(4, "444p16"))
+                process.stdin.flush()
+                assert process.stdout.read(50).startswith(b"YUV4MPEG2")
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(30) == 130
+            assert process.stderr.read() == b"Stopped.\n"
+        finally:
+            process.kill()
+
+
+def wait_for_reading(process: subprocess.Popen[bytes]) -> None:
+    """Return when a process has read what was piped into it."""
+    fcntl = pytest.importorskip("fcntl")
+    termios = pytest.importorskip("termios")
+    waiting = bytearray(4)
+    while process.poll() is None:
+        fcntl.ioctl(process.stdin, termios.FIONREAD, waiting)
+        if not any(waiting):
+            return
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes are asked in another way on Windows")
+def test_frames_come_out_as_they_are_made(tmp_path):
+    """The first frames are there while the input is still open."""
+    process = subprocess.Popen(
+        command("-", "-", *NEAREST), cwd=tmp_path, env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+    with process:
+        try:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            data = stream_of(5)
+            process.stdin.write(data)
+            process.stdin.flush()
+            assert process.stdout.readline().startswith(b"YUV4MPEG2 W64 H48 F50:1")
+            first = process.stdout.read(6 + 64 * 48 * 3 // 2)
+            assert first == b"FRAME\n" + frames_in(data)[1][0]
+            process.stdin.close()
+            assert len(process.stdout.read()) == 9 * len(first)
+            assert process.wait(60) == 0
+        finally:
+            process.kill()
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the ffmpeg program")
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv444p12le", "gray16le"])
+def test_between_two_ffmpegs(tmp_path, pixel_format):
+    """FFmpeg writes what we read and reads what we write."""
+    make = ["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "testsrc2=size=70x50:rate=30000/1001:duration=0.2"]
+    made = subprocess.run(
+        [*make, "-pix_fmt", pixel_format, "-strict", "-1", "-f", "yuv4mpegpipe", "-"], capture_output=True, check=True
+    )
+    done = run(tmp_path, made.stdout, "-", "-", *NEAREST)
+    assert frames_in(done.stdout)[1][::2] == frames_in(made.stdout)[1]
+    store = ["ffmpeg", "-v", "error", "-i", "-", "-c:v", "ffv1", str(tmp_path / "out.mkv")]
+    subprocess.run(store, input=done.stdout, check=True)
+    pictures = pictures_of(tmp_path / "out.mkv")
+    assert len(pictures) == 12
+    planes = [b"".join(plane.tobytes() for plane in samples_of(picture)) for picture in pictures]
+    assert planes == frames_in(done.stdout)[1]
