@@ -40,7 +40,7 @@ EXAMPLES = """
     fpsboost compare in.mp4 --report page/        which method is best for a clip
 """
 
-COMPILE_HINT_AFTER = 1.0
+COMPILE_HINT_AFTER = 2.5
 """Seconds of silence before the first frame after which a person is told why."""
 
 PIPE = "pipe:"
