@@ -520,7 +520,7 @@ def test_a_truncated_stream_is_converted_with_a_note(tmp_path):
         (b"", ("-", "-"), 1, "standard input is empty"),
         (b"junk\n", ("-", "out.mp4"), 1, "YUV4MPEG2"),
         (stream_of(1), ("-", "-"), 1, "one frame"),
-        (stream_of(2)[:5000] + b"x" * 9000, ("-", "out.mp4"), 1, "where frame 2 should begin"),
+        (stream_of(2)[:5000] + b"x" * 9000, ("-", "out.mp4"), 1, "where frame 3 should begin"),
         (stream_of(2), ("-", "-", "--crf", "20"), 2, "--crf"),
         (stream_of(2), ("-", "-", "--pix-fmt", "magic"), 2, "--pix-fmt"),
         (stream_of(2), ("-", "out.mp4", "--input-fps", "24"), 2, "--input-fps"),
