@@ -1,6 +1,7 @@
 """The command line: parse, build objects, call the library, show progress, choose the exit code.
 
-Exit codes: 0 done, 1 failed, 2 wrong usage, 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 failed (without a word if the reader of standard output has gone), 2 wrong usage, 130 stopped by
+Ctrl-C.
 """
 
 from __future__ import annotations

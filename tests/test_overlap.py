@@ -92,6 +92,31 @@ def test_a_reader_that_fails_unseen_does_not_hide_the_bodys_error():
         raise ZeroDivisionError
 
 
+def test_what_waits_for_another_program_is_told_to_give_up():
+    """Leaving by an exception lets a reader and a writer go that would wait forever; leaving normally tells nobody."""
+    told = threading.Event()
+
+    def read_and_fail() -> None:
+        with read_ahead(iter(lambda: told.wait(60), True), 2, told.set):
+            raise OnPurposeError
+
+    def write_and_fail() -> None:
+        with write_behind(lambda _: told.wait(60), 2, told.set) as write:
+            write(0)
+            raise OnPurposeError
+
+    for leave in (read_and_fail, write_and_fail):
+        told.clear()
+        with pytest.raises(OnPurposeError):
+            leave()
+        assert told.is_set()
+    told.clear()
+    with read_ahead(range(3), 2, told.set) as items, write_behind(lambda _: None, 2, told.set) as write:
+        for item in items:
+            write(item)
+    assert not told.is_set()
+
+
 @pytest.mark.parametrize("depth", [1, 4, 1000])
 def test_write_behind_keeps_the_order_and_finishes(depth):
     """When the block is left, everything has been written, in order."""

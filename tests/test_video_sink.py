@@ -328,6 +328,11 @@ def test_a_full_disk_is_explained(tmp_path):
         (Encoding(preset="medium", codec="av1"), "out.mp4", "--preset medium is unknown to av1"),
         (Encoding(codec="ffv1", crf=3), "out.mkv", "--crf means nothing to ffv1"),
         (Encoding(codec="ffv1", bitrate=10**6), "out.mkv", "--bitrate means nothing to ffv1, which is lossless"),
+        (
+            Encoding(codec="av1", lossless=True),
+            "out.mkv",
+            "--lossless is nothing that av1 can do; use h264, hevc, vp9 or",
+        ),
         (Encoding(codec="mpeg4", lossless=True), "out.mp4", "--lossless is nothing that mpeg4 can do; use h264, hevc"),
         (
             Encoding(pixel_format="rgb24"),
@@ -367,7 +372,6 @@ def test_codecs(tmp_path, encoding, name, found, capfd):
 LOSSLESS_CASES = [
     *((codec, pixel_format) for codec in ("h264", "hevc", "ffv1") for pixel_format in ("yuv420p", "yuv420p10le")),
     ("vp9", "yuv420p"),
-    ("av1", "yuv420p"),
 ]
 
 
@@ -381,14 +385,6 @@ def test_lossless_is_lossless(tmp_path, codec, pixel_format):
         assert picture.format.name == pixel_format
         pairs = zip(samples_of(picture), samples_of(before[k // 2]), strict=True)
         assert all(np.array_equal(a, b) for a, b in pairs)
-
-
-def test_lossless_where_it_is_not(tmp_path):
-    """An encoder that is exact in 8 bits only does not pretend to be so in 10."""
-    clip = write_clip(tmp_path / "in.mp4", pixel_format="yuv420p10le")
-    with pytest.raises(OptionError, match=r"--lossless is true up to 8 bits .* choose --codec hevc or ffv1"):
-        double(clip, tmp_path / "out.mkv", Encoding(codec="av1", lossless=True))
-    assert only(tmp_path, "in.mp4")
 
 
 @pytest.mark.parametrize(

@@ -45,9 +45,7 @@ class Encoder:
     needs_whole_chroma: bool = False
     """An odd width or height cannot be halved for chroma."""
     lossless: tuple[tuple[str, str], ...] = ()
-    """Options with which decoding gives back what was encoded."""
-    lossless_bits: int = 16
-    """Up to how many bits a sample that is true."""
+    """Options with which decoding gives back what was encoded; none where nothing does so dependably."""
 
 
 encoders = {
@@ -74,11 +72,8 @@ encoders = {
         (("b", "0"), ("row-mt", "1"), ("deadline", "good")),
         lossless=(("lossless", "1"),),
     ),
-    "av1": Encoder(
-        *("libsvtav1", 30, 63, "8", tuple(map(str, range(14))), "preset"),
-        lossless=(("svtav1-params", "lossless=1"),),
-        lossless_bits=8,  # deeper samples come back off by one at some presets
-    ),
+    # SVT-AV1 has a lossless mode, but 10 bits come back off by one, and what its fast presets write does not decode.
+    "av1": Encoder("libsvtav1", 30, 63, "8", tuple(map(str, range(14))), "preset"),
 }
 """Encoders by the name people use for the format."""
 
@@ -235,6 +230,7 @@ def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[st
         raise OptionError(f"--preset {preset} is unknown to {asked}; use one of {', '.join(known.presets)}.")
     options = {known.preset_option: preset, **dict(known.fixed_options)}
     if encoding.lossless:
+        _check_lossless(asked, bool(known.lossless))
         return _joined(options, known.lossless)
     if encoding.bitrate is not None:
         return {**options, "b": str(encoding.bitrate)}
@@ -269,19 +265,16 @@ def _lossless_options_of_other(codec: av.Codec, known: Collection[str]) -> dict[
         return {"lossless": "1"}
     if codec.name.startswith("libx264"):
         return {"qp": "0"}
-    if codec.name.endswith("_nvenc"):
-        return {"tune": "lossless"}
-    raise OptionError(f"--lossless is nothing that {codec.name} can do; use {', '.join(encoders)} or ffv1.")
+    is_nvenc = codec.name.endswith("_nvenc")
+    _check_lossless(codec.name, is_nvenc)
+    return {"tune": "lossless"}
 
 
-def check_lossless(encoder: str, pixel_format: str) -> None:
-    """Raise `OptionError` where an encoder that can be lossless is not so for this pixel format."""
-    known = next((each for each in encoders.values() if each.name == encoder), None)
-    if known is not None and av.VideoFormat(pixel_format).components[0].bits > known.lossless_bits:
-        raise OptionError(
-            f"--lossless is true up to {known.lossless_bits} bits with {encoder}, and {pixel_format} has more; choose "
-            "--codec hevc or ffv1."
-        )
+def _check_lossless(asked: str, can: bool) -> None:
+    """Raise `OptionError` for an encoder that cannot be lossless."""
+    if not can:
+        able = [friendly for friendly, each in encoders.items() if each.lossless]
+        raise OptionError(f"--lossless is nothing that {asked} can do; use {', '.join(able)} or ffv1.")
 
 
 def _joined(options: dict[str, str], more: Sequence[tuple[str, str]]) -> dict[str, str]:

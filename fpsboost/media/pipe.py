@@ -289,11 +289,11 @@ class PipeSource:
             return False
         is_cut = not line.endswith(b"\n") and len(line) < LONGEST_LINE
         if not is_cut and not re.fullmatch(rb"FRAME( [^\n]*)?\n", line):
-            raise InputError(f"{INPUT_NAME} holds something else than a frame after {count} frames; check its writer.")
-        if is_cut or not _fill(self._stream, samples):
-            self._remarks.append(
-                f"{INPUT_NAME} ended within a frame, which was left out; the {count} before it were converted."
+            raise InputError(
+                f"{INPUT_NAME} holds something else where frame {count + 1} should begin; check its writer."
             )
+        if is_cut or not _fill(self._stream, samples):
+            self._remarks.append(f"{INPUT_NAME} ended within frame {count + 1}, which was left out.")
             return False
         return True
 

@@ -32,7 +32,6 @@ from fpsboost.media.encoding import (
     EXACT_CLOCKS,
     VIDEO_SUFFIXES,
     Encoding,
-    check_lossless,
     choose_encoder,
     containers,
     encoders,
@@ -176,8 +175,6 @@ class VideoSink:
         assert self._output is not None
         traits = self._traits or _traits_of_image(image)
         self._pixel_format = self._choose_pixel_format(traits)
-        if self._encoding.lossless:
-            check_lossless(self._encoder, self._pixel_format)
         self._color_space, self._full_range = traits.color_space, traits.full_range
         self._chroma_location = traits.chroma_location
         stream: av.VideoStream = self._output.add_stream(  # type: ignore[assignment]
