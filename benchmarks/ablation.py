@@ -94,7 +94,7 @@ class Looking:
 
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
-        with patch.object(nlm, "LOOKS", self.looks):
+        with patch.object(nlm, "ENOUGH", nlm.ENOUGH[: self.looks]):
             return self.inner.estimate(image0, image1)
 
 

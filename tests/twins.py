@@ -313,7 +313,7 @@ def fused(
             total, weights, similarities = np.zeros((16, 16, channels)), np.zeros((16, 16)), np.zeros((16, 16))
             best = np.zeros((16, 16))
             by_votes = sorted(candidates[row, column], key=lambda candidate: -candidate[0])
-            fewest = 0.03 * sum(candidate[0] for candidate in by_votes)
+            fewest = 0.02 * sum(candidate[0] for candidate in by_votes)
             heard = [candidate for candidate in by_votes if candidate[0] >= fewest]
             for votes, sum_x, sum_y, *shares in [*heard, [1, 0, 0, 0.25, 0.25, 0.25, 0.25]]:
                 motion = np.array([sum_x, sum_y]) / votes

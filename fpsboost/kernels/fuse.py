@@ -25,7 +25,7 @@ ROW = (REGION + LANES - 1) // LANES * LANES
 SPARE = ROW - REGION + LANES
 """Columns that planes need beyond the right margin."""
 
-HEARD = np.float32(0.03)
+HEARD = np.float32(0.02)
 """Share of all votes below which a candidate is not tried: about what two or three points have that agree."""
 
 UNASKED = np.float32(0.25)

@@ -49,9 +49,6 @@ COARSE_STEP = 4
 DENSE_STEP = 2
 """The same where a second look is taken first: small things need points that lie well inside of them, pixels."""
 
-LOOKS = 2
-"""Levels that get a second look, the coarsest with points first."""
-
 DAMPING = np.float32(0.1)
 """Of the least-squares step: holds it back where there is hardly any gradient."""
 
@@ -67,8 +64,8 @@ STEPS = 2
 SMALL_RADIUS = 2
 """r of the patch that looks for small things."""
 
-ENOUGH = np.float32(0.5)
-"""Similarity of a small patch that explains what is seen."""
+ENOUGH = np.float32(0.5), np.float32(0.4)
+"""Similarity of a small patch that explains what is seen, for each level that gets a second look, coarsest first."""
 
 BETTER = np.float32(0.2)
 """What another motion must add to it."""
@@ -133,12 +130,14 @@ class CoarseToFine:
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
             proposals = [points.flow for points in found]
             looks = len(levels0) - 2 - level
-            if 1 <= looks <= LOOKS:
+            if 1 <= looks <= len(ENOUGH):
                 coarser = levels0[level + 1], levels1[level + 1]
                 if looks == 1:
                     found = [_denser(points, coarser[0].pixels.shape) for points in found]
                     spacing = 2 * DENSE_STEP
-                proposals = self._second_look(*coarser, [points.flow for points in found], spacing // 2)
+                proposals = self._second_look(
+                    *coarser, [points.flow for points in found], spacing // 2, ENOUGH[looks - 1]
+                )
             found = self._search(
                 levels0[level], levels1[level], found, proposals, spacing, step, reach=int(level == len(levels0) - 2)
             )
@@ -215,7 +214,12 @@ class CoarseToFine:
         return found
 
     def _second_look(
-        self, image0: PreparedImage, image1: PreparedImage, flows: list[NDArray[Any]], step: int
+        self,
+        image0: PreparedImage,
+        image1: PreparedImage,
+        flows: list[NDArray[Any]],
+        step: int,
+        enough: np.float32,
     ) -> list[NDArray[Any]]:
         """Motion of small things, too, where that of their surroundings does not explain what is seen."""
         size, padding, limit = image0.pixels.shape[:2], PADDING + self.patch_radius, self._limit(image0.pixels)
@@ -227,7 +231,7 @@ class CoarseToFine:
         around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # least of the neighbours'
         for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
             search_unexplained(
-                *pair, padding, *size, step, limit, SMALL_RADIUS, LANES, here, there, ENOUGH, BETTER, flow
+                *pair, padding, *size, step, limit, SMALL_RADIUS, LANES, here, there, enough, BETTER, flow
             )
         self._refine(image0, image1, looked, flows, step)
         return looked
