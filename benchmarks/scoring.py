@@ -147,6 +147,7 @@ def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterato
     prepared = pairwise(map(PreparedImage, frames))  # one of each frame, for both of its pairs
     for before, pair, after in with_neighbours(starmap(interpolator.pair, prepared)):
         yield from interpolator.between(pair, [0.5], before, after).images
+        pair.settle()
 
 
 def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False) -> Made:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -93,8 +91,10 @@ def compare(
     if json is not None:
         write_json(Path(json), comparison)
     if report is not None:
+        from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (what draws is slow to import)
+
         with Console(stderr=True, quiet=quiet).status("writing the page"):
-            page = write_page(Path(report), comparison, makers, rate)
+            page = write_report(Path(report), comparison, makers, input_fps=rate)
         console.print(f"Page: {escape(str(page))}", soft_wrap=True)
 
 
@@ -140,23 +140,12 @@ def check_new(path: str | None, option: str) -> None:
         raise OutputError(f"{path} is in no folder that exists; create {Path(path).parent} or change {option}.")
 
 
-def write_page(folder: Path, comparison: Comparison, makers: Mapping[str, Maker], input_fps: Fraction | None) -> Path:
-    """Write the page, and say where it is."""
-    from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (what draws is slow to import)
-
-    return write_report(folder, comparison, makers, input_fps=input_fps)
-
-
 def write_json(path: Path, comparison: Comparison) -> None:
     """Write all figures; the file appears whole or not at all."""
-    text = json.dumps(comparison.as_json(), indent=1)
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    try:
-        unfinished.write_text(text + "\n", encoding="utf-8")
-        unfinished.replace(path)
-    except OSError as error:
-        unfinished.unlink(missing_ok=True)
-        raise OutputError(f"{path} cannot be written ({error.strerror}); choose another place.") from None
+    from fpsboost.evaluation.writing import appearing  # noqa: PLC0415
+
+    with appearing(path) as unfinished:
+        unfinished.write_text(json.dumps(comparison.as_json(), indent=1) + "\n", encoding="utf-8")
 
 
 def tables(comparison: Comparison) -> list[Table]:

@@ -57,12 +57,14 @@ def tune(
     """
     from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
     from fpsboost.evaluation.tune import tune as run  # noqa: PLC0415
-    from fpsboost.evaluation.tuning_chart import draw_tuning  # noqa: PLC0415
+    from fpsboost.evaluation.tuning_chart import check_drawable, draw_tuning  # noqa: PLC0415
     from fpsboost.timing import parse_rate  # noqa: PLC0415
 
     console = Console(highlight=False)
     hiding = Hiding(skip, *parse_range(range))
     check_new(figure, "--figure")
+    if figure is not None:
+        check_drawable(Path(figure))
     rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
     with Progressing(quiet=quiet) as progress:
         tuning = run(input, method, hiding, frames, progress, rate)

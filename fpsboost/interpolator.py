@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
@@ -30,6 +30,8 @@ from fpsboost.synthesis.warp import Extrapolate
 
 AtCuts = Literal["repeat", "blend", "extrapolate"]
 
+
+Item = TypeVar("Item")
 
 AT_CUTS: Mapping[AtCuts, Synthesizer] = MappingProxyType(
     {"repeat": Nearest(), "blend": Blend(), "extrapolate": Extrapolate()}
@@ -266,17 +268,16 @@ class Interpolator:
         return replace(self, estimator=estimator, synthesizer=synthesizer)
 
 
-def with_neighbours(pairs: Iterable[Pair]) -> Iterator[tuple[Pair | None, Pair, Pair | None]]:
-    """Each pair with the one before and the one after, None at the ends; runs one pair behind."""
-    before: Pair | None = None
-    pair: Pair | None = None
-    for after in pairs:
-        if pair is not None:
-            yield before, pair, after
-            pair.settle()
-        before, pair = pair, after
-    if pair is not None:
-        yield before, pair, None
+def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:
+    """Each item, such as a `Pair`, with the one before and the one after, None at the ends; runs one behind."""
+    before: Item | None = None
+    item: Item | None = None
+    for after in items:
+        if item is not None:
+            yield before, item, after
+        before, item = item, after
+    if item is not None:
+        yield before, item, None
 
 
 def _onward(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:

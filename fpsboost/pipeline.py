@@ -8,7 +8,7 @@ frames that are made.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import chain, pairwise
@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple, Protocol, get_args
 from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
-from fpsboost.interpolator import Interpolator, Pair
+from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_sink, open_source
@@ -254,6 +254,8 @@ class _Clip:
     start: Fraction = Fraction(0)
     index: int = 0
     """Number of the next frame to become part of an interval."""
+    last: Held | None = None
+    """What was shown last."""
 
     def shown(self, frames: Iterator[Frame]) -> Iterator[Shown]:
         """The source's frames with their places, counted."""
@@ -263,6 +265,13 @@ class _Clip:
             place = self.schedule.place(self.summary.frames_in, self.start, frame.time)
             self.summary.frames_in += 1
             yield Shown(frame, PreparedImage(frame.image, place))
+
+    def intervals(self, moments: Iterable[Held]) -> Iterator[_Interval]:
+        """From each held picture to the next."""
+        for held in moments:
+            if self.last is not None:
+                yield self.interval(self.last, held)
+            self.last = held
 
     def interval(self, held: Held, following: Held) -> _Interval:
         """From one held picture to the next; asked for in order."""
@@ -285,23 +294,14 @@ def _output_frames(
     Runs one pair behind the source: how a pair's motion goes on is seen in the next.
     """
     shown = clip.shown(frames)
-    previous: Held | None = None
-    before: _Interval | None = None
-    interval: _Interval | None = None
-    for held in one_by_one(shown) if detector is None else by_moments(shown, detector):
-        if previous is not None:
-            after = clip.interval(previous, held)
-            if interval is not None:
-                yield from _between(interval, before, after, clip)
-                interval.pair.settle()
-            before, interval = interval, after
-        previous = held
-    if interval is not None:
-        yield from _between(interval, before, None, clip)
-    if previous is None or clip.summary.frames_in < 2:
+    moments = one_by_one(shown) if detector is None else by_moments(shown, detector)
+    for before, interval, after in with_neighbours(clip.intervals(moments)):
+        yield from _between(interval, before, after, clip)
+        interval.pair.settle()
+    if clip.last is None or clip.summary.frames_in < 2:
         count = "one frame" if clip.summary.frames_in else "no frame"
         raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
-    last = previous[-1].frame
+    last = clip.last[-1].frame
     end = last.time + (last.duration or 1 / clip.info.rate)
     for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
         if step.t == 0 or holds_last_frame:

@@ -70,8 +70,8 @@ class CutDetector:
 
     def find_cuts(self, likenesses: Sequence[float]) -> list[bool]:
         """`is_cut` for each of the pairs of a sequence."""
-        around = [0.0, *likenesses, 0.0]
-        return [self.is_cut(each, *around[k : k + 3 : 2]) for k, each in enumerate(likenesses)]
+        neighbours = ([*likenesses[max(k - 1, 0) : k], *likenesses[k + 1 : k + 2]] for k in range(len(likenesses)))
+        return [self.is_cut(each, *around) for each, around in zip(likenesses, neighbours, strict=True)]
 
     def likeness(self, image0: PreparedImage, image1: PreparedImage) -> float:
         """How much of the frames can be found in each other, 0 to 1: the better of both directions."""

@@ -138,6 +138,7 @@ def test_a_cut_stands_out_from_its_neighbours():
     assert not detector.is_cut(0.6, 0.95, 0.95)
     assert detector.find_cuts([0.9, 0.3, 0.2, 0.9, 0.45, 0.44]) == [False, True, True, False, True, False]
     assert detector.find_cuts([]) == []
+    assert detector.find_cuts([0.3]) == [detector.is_cut(0.3)] == [True]
 
 
 @pytest.mark.parametrize("scene_name", ["glass", "reflective", "texture"])

@@ -8,15 +8,16 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import IO, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
-from fpsboost.evaluation.hiding import Interval
+from fpsboost.evaluation.hiding import Hidden, Interval
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.motion.colour import normalised
@@ -77,29 +78,29 @@ class InterpolatorMaker:
 
     def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         """See `Maker.make`."""
-        waiting: list[Interval] = []
-        for before, pair, after in with_neighbours(self._pairs(intervals, waiting)):
-            interval = waiting.pop(0)
+        for before, (interval, pair), after in with_neighbours(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
-            if not chosen:
-                continue
-            begin, begin_cpu = time.perf_counter(), time.process_time()
-            images = self.interpolator.between(pair, [hidden.t for hidden in chosen], before, after).images
-            for hidden in chosen:
-                image = next(images)
-                seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
-                yield Made(hidden.number, image, seconds, cpu)
-                begin, begin_cpu = time.perf_counter(), time.process_time()
+            if chosen:
+                yield from self._timed(pair, chosen, *(each and each[1] for each in (before, after)))
+            pair.settle()
 
-    def _pairs(self, intervals: Iterable[Interval], waiting: list[Interval]) -> Iterator[Pair]:
+    def _timed(self, pair: Pair, chosen: Sequence[Hidden], before: Pair | None, after: Pair | None) -> Iterator[Made]:
+        begin, begin_cpu = time.perf_counter(), time.process_time()
+        images = self.interpolator.between(pair, [hidden.t for hidden in chosen], before, after).images
+        for hidden in chosen:
+            image = next(images)
+            seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
+            yield Made(hidden.number, image, seconds, cpu)
+            begin, begin_cpu = time.perf_counter(), time.process_time()
+
+    def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
         last: PreparedImage | None = None
         for interval in intervals:
             first, image = interval.prepared()
             if last is None:
                 last = first
                 self.interpolator.compile_for(interval.shown0.image)
-            waiting.append(interval)
-            yield self.interpolator.pair(last, image, interval.shown1.time - interval.shown0.time)
+            yield interval, self.interpolator.pair(last, image, interval.shown1.time - interval.shown0.time)
             last = image
 
     def describe(self) -> str:
@@ -137,22 +138,20 @@ class Minterpolate:
         InputError
             ffmpeg fails, or makes fewer frames than are hidden.
         """
+        arriving = iter(intervals)
+        first = next(arriving, None)
+        if first is None:
+            return
+        shown, factor = first.shown0.image, len(first.hidden) + 1
         places: list[tuple[int, int]] = []
-        shown: Image | None = None
         begin, begin_cpu = time.perf_counter(), _seconds_of_children()
         with tempfile.TemporaryFile() as made, tempfile.TemporaryFile() as complaints:
-            process: subprocess.Popen[bytes] | None = None
-            for index, interval in enumerate(intervals):
-                factor = len(interval.hidden) + 1
-                places += [(hidden.number, index * factor + k) for k, hidden in enumerate(interval.hidden, start=1)]
-                if process is None:
-                    shown = interval.shown0.image
-                    process = self._start(shown, factor, made, complaints)
-                    _feed(process, shown)
-                _feed(process, interval.shown1.image)
-            if process is None or shown is None:
-                return
-            process.communicate()
+            with self._start(shown, factor, made, complaints) as process:  # ends its input and waits, whatever happens
+                _feed(process, shown)
+                for index, interval in enumerate(chain([first], arriving)):
+                    places += [(hidden.number, index * factor + k) for k, hidden in enumerate(interval.hidden, start=1)]
+                    _feed(process, interval.shown1.image)
+                process.communicate()
             seconds, cpu_seconds = time.perf_counter() - begin, _seconds_of_children() - begin_cpu
             if process.returncode:
                 complaints.seek(0)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import shlex
-import shutil
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from fractions import Fraction
@@ -24,6 +23,7 @@ from fpsboost.evaluation.compare import Comparison, MethodResult, make_some, pic
 from fpsboost.evaluation.making import Maker
 from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
 from fpsboost.evaluation.regions import NAMES, OUTSIDES
+from fpsboost.evaluation.writing import appearing
 
 PAGE = "index.html"
 
@@ -121,14 +121,9 @@ def write_report(
     if folder.exists():
         raise OutputError(f"{folder} exists; name a new folder with --report, or remove it first.")
     page = make_page(comparison, makers, input_fps=input_fps)
-    unfinished = folder.with_name(f".{folder.name}.unfinished")
-    try:
+    with appearing(folder) as unfinished:
         unfinished.mkdir(exist_ok=True)  # one of an earlier, stopped attempt is taken over
         (unfinished / PAGE).write_text(page, encoding="utf-8")
-        unfinished.rename(folder)
-    except OSError as error:
-        shutil.rmtree(unfinished, ignore_errors=True)
-        raise OutputError(f"{folder} cannot be written ({error.strerror}); choose another place.") from None
     return folder / PAGE
 
 

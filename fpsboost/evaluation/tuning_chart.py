@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.tune import Trial, Tuning
+from fpsboost.evaluation.writing import appearing
 
 COLOURS = {"box": "#0072b2", "gaussian": "#e69f00", "": "#0072b2"}
 LABELS = {"box": "box", "gaussian": "Gaussian", "": ""}
@@ -30,8 +31,7 @@ def draw_tuning(tuning: Tuning, path: Path) -> None:
     from matplotlib.figure import Figure  # noqa: PLC0415
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
-    if path.suffix.lower() not in FORMATS:
-        raise OutputError(f"{path} cannot be drawn; choose a name that ends in {', '.join(FORMATS)}.")
+    check_drawable(path)
     figure = Figure(figsize=(4 * len(tuning.sweeps), 3.4), layout="constrained")
     for axes, (name, trials) in zip(
         figure.subplots(1, len(tuning.sweeps), squeeze=False)[0], tuning.sweeps.items(), strict=True
@@ -49,13 +49,14 @@ def draw_tuning(tuning: Tuning, path: Path) -> None:
         if len(_curves(name, trials)) > 1:
             axes.legend(frameon=False)
     figure.axes[0].set_ylabel("mean squared error, levels of 255")
-    unfinished = path.with_name(f".unfinished-{path.name}")
-    try:
+    with appearing(path) as unfinished:
         figure.savefig(unfinished, dpi=150)
-        unfinished.replace(path)
-    except OSError as error:
-        unfinished.unlink(missing_ok=True)
-        raise OutputError(f"{path} cannot be written ({error.strerror}); choose another place.") from None
+
+
+def check_drawable(path: Path) -> None:
+    """Raise `OutputError` if the file's ending is none that can be drawn."""
+    if path.suffix.lower() not in FORMATS:
+        raise OutputError(f"{path} cannot be drawn; choose a name that ends in {', '.join(FORMATS)}.")
 
 
 def _curves(name: str, trials: list[Trial]) -> dict[str, list[tuple[float, float]]]:

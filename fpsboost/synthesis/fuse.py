@@ -18,7 +18,7 @@ from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_c
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, at_points, point_places, round_trip
 from fpsboost.synthesis import Transition
-from fpsboost.synthesis.rounding import rounding_offset, value_range
+from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
 
 CAPACITY = 48
 """Candidates of one cell, at most."""
@@ -182,7 +182,6 @@ def _as_image(mean: NDArray[Any], transition: Transition, t: float) -> Image:
     scale = np.float32(1) if is_float else highest
     straight_alpha = has_alpha(image0) and not is_float
     write_pixels(mean, scale, rounding_offset(image0), lowest, highest, straight_alpha, image)
-    if straight_alpha:  # what cannot be seen has a colour all the same
-        unseen = image[..., -1] == 0
-        image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)
+    if straight_alpha:
+        colour_unseen(image, image0, image1, t)
     return image

@@ -1,10 +1,14 @@
-"""How float results become pixels of an image's own type."""
+"""How images become float values to compute with, and results pixels of an image's own type."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from fpsboost.frame import Image
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image, has_alpha
+from fpsboost.motion.colour import normalised
 
 
 def rounding_offset(image: Image) -> np.float32:
@@ -17,3 +21,41 @@ def value_range(image: Image) -> tuple[np.float32, np.float32]:
     if image.dtype == np.float32:
         return np.finfo(np.float32).min, np.finfo(np.float32).max
     return np.float32(0), np.float32(np.iinfo(image.dtype).max)
+
+
+def premultiplied(image: Image) -> NDArray[Any]:
+    """(H, W, C) float32 with the image's own white; colours with straight alpha are multiplied by it."""
+    if image.dtype == np.float32:  # what is no number would spread to its surroundings
+        return normalised(image)
+    values: NDArray[Any] = image.astype(np.float32)
+    if has_alpha(image):
+        values[..., :-1] *= values[..., -1:] / np.float32(np.iinfo(image.dtype).max)
+    return values
+
+
+def as_image(values: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
+    """Float results as an image of the frames' type.
+
+    Parameters
+    ----------
+    values : (H, W, C) float32
+        As `premultiplied` gives them; may be written to.
+    image0, image1 : (H, W, C)
+        The frames.
+    t : float
+        Where the result lies between them.
+    """
+    straight_alpha = has_alpha(image0) and image0.dtype != np.float32
+    lowest, highest = value_range(image0)
+    if straight_alpha:
+        values[..., :-1] *= highest / np.maximum(values[..., -1:], np.float32(1e-6))
+    image: Image = (values + rounding_offset(image0)).clip(lowest, highest).astype(image0.dtype)
+    if straight_alpha:
+        colour_unseen(image, image0, image1, t)
+    return image
+
+
+def colour_unseen(image: Image, image0: Image, image1: Image, t: float) -> None:
+    """What cannot be seen has a colour all the same: that of the frames mixed, in place."""
+    unseen = image[..., -1] == 0
+    image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)

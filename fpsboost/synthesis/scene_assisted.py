@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image, has_alpha
-from fpsboost.motion.colour import normalised
+from fpsboost.frame import Image
 from fpsboost.motion.vectors import VectorFolder, frame_number, not_an_output_frame
 from fpsboost.prepared import PreparedImage
 from fpsboost.synthesis import Transition
-from fpsboost.synthesis.rounding import rounding_offset, value_range
+from fpsboost.synthesis.rounding import as_image, premultiplied
 
 
 class _Neighbour(NamedTuple):
@@ -89,10 +88,10 @@ class SceneAssisted:
                 assert there is not None, "all frames of a folder have depth, or none"
                 seen &= _at_nearest(there, x, y) >= here.depth * np.float32(1 - self.depth_tolerance)
             weights.append(seen * np.float32(neighbour.weight))
-            colours.append(_between_pixels(neighbour.image.once(_associated), x, y))
+            colours.append(_between_pixels(neighbour.image.once(premultiplied), x, y))
         share = _share_of_second(weights[0], weights[1], t)[..., np.newaxis]
         mixed = (1 - share) * colours[0] + share * colours[1]
-        return _as_image(mixed, image0.pixels, image1.pixels, t)
+        return as_image(mixed, image0.pixels, image1.pixels, t)
 
 
 def _places(place0: Fraction | None, place1: Fraction | None, t: float) -> tuple[Fraction, Fraction, int]:
@@ -109,14 +108,6 @@ def _share_of_second(weight0: NDArray[Any], weight1: NDArray[Any], t: float) -> 
     total = weight0 + weight1
     share: NDArray[Any] = np.where(total > 0, weight1 / np.where(total > 0, total, 1), np.float32(t))
     return share
-
-
-def _associated(image: Image) -> NDArray[Any]:
-    """(H, W, C) float32 with 1.0 for white, colours multiplied by alpha; those of float images are already."""
-    values = normalised(image)
-    if has_alpha(image) and image.dtype != np.float32:
-        values[..., :-1] *= values[..., -1:]
-    return values
 
 
 def _at_nearest(plane: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
@@ -140,18 +131,3 @@ def _between_pixels(values: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> N
 
 def _index(places: NDArray[Any], size: int) -> NDArray[Any]:
     return places.clip(0, size - 1).astype(np.intp)
-
-
-def _as_image(mixed: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
-    """Associated colours as an image of the frames' type."""
-    if image0.dtype == np.float32:
-        return np.ascontiguousarray(mixed)
-    _, white = value_range(image0)
-    if has_alpha(image0):
-        alpha = mixed[..., -1:]
-        mixed[..., :-1] /= np.where(alpha > 0, alpha, 1)
-    image: Image = (mixed * white + rounding_offset(image0)).clip(0, white).astype(image0.dtype)
-    if has_alpha(image0):  # what cannot be seen has a colour all the same
-        unseen = image[..., -1] == 0
-        image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)
-    return image

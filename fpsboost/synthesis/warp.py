@@ -10,10 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image, has_alpha
-from fpsboost.motion.colour import normalised
+from fpsboost.frame import Image
 from fpsboost.synthesis import Transition
-from fpsboost.synthesis.rounding import rounding_offset, value_range
+from fpsboost.synthesis.rounding import as_image, premultiplied
 
 
 @dataclass(frozen=True)
@@ -27,9 +26,9 @@ class Warp:
     def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight."""
         for t in times:
-            mean = (1 - t) * _fetched(transition.image0.once(_premultiplied), transition.field01.flow, t)
-            mean += t * _fetched(transition.image1.once(_premultiplied), transition.field10.flow, 1 - t)
-            yield _as_image(mean, transition, t)
+            mean = (1 - t) * _fetched(transition.image0.once(premultiplied), transition.field01.flow, t)
+            mean += t * _fetched(transition.image1.once(premultiplied), transition.field10.flow, 1 - t)
+            yield as_image(mean, transition.image0.pixels, transition.image1.pixels, t)
 
 
 @dataclass(frozen=True)
@@ -48,17 +47,8 @@ class Extrapolate:
                 if t <= 0.5
                 else (transition.image1, transition.field10, 1 - t)
             )
-            yield _as_image(_fetched(image.once(_premultiplied), field.flow, time), transition, float(t > 0.5))
-
-
-def _premultiplied(image: Image) -> NDArray[Any]:
-    """(H, W, C) float32 with the image's own white; colours with straight alpha are multiplied by it."""
-    if image.dtype == np.float32:  # what is no number would spread to its surroundings
-        return normalised(image)
-    values: NDArray[Any] = image.astype(np.float32)
-    if has_alpha(image):
-        values[..., :-1] *= values[..., -1:] / np.float32(np.iinfo(image.dtype).max)
-    return values
+            fetched = _fetched(image.once(premultiplied), field.flow, time)
+            yield as_image(fetched, transition.image0.pixels, transition.image1.pixels, float(t > 0.5))
 
 
 def _fetched(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:
@@ -74,16 +64,3 @@ def _fetched(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]
         borderMode=cv2.BORDER_REPLICATE,
     )
     return fetched.reshape(values.shape)
-
-
-def _as_image(mean: NDArray[Any], transition: Transition, t: float) -> Image:
-    image0, image1 = transition.image0.pixels, transition.image1.pixels
-    straight_alpha = has_alpha(image0) and image0.dtype != np.float32
-    lowest, highest = value_range(image0)
-    if straight_alpha:
-        mean[..., :-1] *= highest / np.maximum(mean[..., -1:], np.float32(1e-6))
-    image: Image = (mean + rounding_offset(image0)).clip(lowest, highest).astype(image0.dtype)
-    if straight_alpha:  # what cannot be seen has a colour all the same
-        unseen = image[..., -1] == 0
-        image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)
-    return image
