@@ -1,0 +1,194 @@
+"""What came through a conversion: two video files read with PyAV alone, past fpsboost's own readers, and compared."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import av.error
+import numpy as np
+
+COMPARED_FRAMES = 40
+"""Frames whose colours are compared: the first ones that both files show at one time."""
+
+
+@dataclass
+class Video:
+    """A video stream as a player meets it.
+
+    Attributes
+    ----------
+    description : str
+        Size, pixel format and rate.
+    times : list of Fraction
+        Of its frames, seconds.
+    end : Fraction
+        When the last one has been shown.
+    shown : list of list of (h, w) float32
+        The first frames: planes as stored, in levels of 8 bits.
+    tags : dict
+        What the pictures mean: range, matrix, primaries, transfer, pixel shape.
+    is_rgb : bool
+        Stored as RGB.
+    turned : float
+        Degrees by which a player turns it.
+    sound : list of list of (Fraction, str)
+        For each track, its packets: time and hash.
+    """
+
+    description: str = ""
+    times: list[Fraction] = field(default_factory=list)
+    end: Fraction = Fraction(0)
+    shown: list[list[np.ndarray]] = field(default_factory=list)
+    tags: dict[str, str] = field(default_factory=dict)
+    is_rgb: bool = False
+    turned: float = 0.0
+    sound: list[list[tuple[Fraction, str]]] = field(default_factory=list)
+
+    @property
+    def duration(self) -> Fraction:
+        """Seconds from the first frame to the end of the last."""
+        return self.end - self.times[0] if self.times else Fraction(0)
+
+
+def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
+    """Read the first video stream that is no attached picture, and all sound.
+
+    Parameters
+    ----------
+    path : Path
+    keep : int
+        Frames to keep.
+    in_rgb : bool
+        Keep them in RGB whatever they are stored as, to compare them with such.
+    """
+    video = Video()
+    with av.open(str(path.absolute()), metadata_errors="replace") as file:
+        stream = next(each for each in file.streams.video if not each.disposition & av.stream.Disposition.attached_pic)
+        tracks: dict[int, list[tuple[Fraction, str]]] = {each.index: [] for each in file.streams.audio}
+        base = Fraction(stream.time_base)
+        stream.thread_type = "AUTO"  # as fpsboost does: what a decoder makes of damage depends on its threads
+        for packet in _packets(file):
+            if packet.stream.index in tracks and packet.size and packet.pts is not None:
+                time = packet.pts * Fraction(packet.time_base)
+                tracks[packet.stream.index].append((time, hashlib.sha256(bytes(packet)).hexdigest()))
+            elif packet.stream.index == stream.index:
+                for frame in _decoded(packet):
+                    _note(video, frame, base, len(video.shown) < keep, in_rgb)
+        rate = stream.average_rate or stream.guessed_rate or 0
+        context = stream.codec_context
+        video.description = f"{context.name} {context.width}x{context.height} {context.pix_fmt}, {float(rate):.6g} fps"
+        video.tags["pixel shape"] = str(stream.sample_aspect_ratio or 1).replace("0/1", "1")
+        if stream.duration is not None and stream.start_time is not None and file.format.name.startswith("mov"):
+            video.end = (stream.start_time + stream.duration) * base
+    video.sound = [tracks[index] for index in sorted(tracks)]
+    return video
+
+
+def _packets(file: av.container.InputContainer) -> Iterator[Any]:
+    """All packets, past damage."""
+    for _ in range(10):
+        try:
+            yield from file.demux()
+            return
+        except av.error.FFmpegError:
+            continue
+
+
+def _decoded(packet: Any) -> list[Any]:
+    try:
+        return list(packet.decode())
+    except av.error.FFmpegError:
+        return []
+
+
+def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -> None:
+    time = frame.pts * Fraction(frame.time_base or base) if frame.pts is not None else video.end
+    if not video.times:
+        video.turned = float(frame.rotation or 0)
+        video.tags |= {
+            "primaries": str(frame.color_primaries),
+            "transfer": str(frame.color_trc),
+        }
+        video.is_rgb = frame.format.is_rgb
+        if not video.is_rgb:  # which has neither
+            is_full = frame.color_range == 2 or frame.format.name.startswith("yuvj")
+            video.tags |= {"matrix": str(frame.colorspace), "range": "full" if is_full else "limited"}
+    video.times.append(time)
+    video.end = time + (frame.duration or 0) * Fraction(frame.time_base or base)
+    if keeps:
+        video.shown.append(_planes(frame.reformat(format="gbrp") if in_rgb or frame.format.is_rgb else frame))
+
+
+def _planes(frame: Any) -> list[np.ndarray]:
+    """Three planes as they are stored, without the reader's idea of how to enlarge colours."""
+    bits = frame.format.components[0].bits
+    kind = np.uint8 if bits == 8 else np.uint16
+    planes = []
+    for plane in frame.planes[:3]:
+        rows = np.frombuffer(bytes(plane), kind).reshape(plane.height, -1)
+        planes.append(rows[:, : plane.width].astype(np.float32) / 2 ** (bits - 8))
+    return planes
+
+
+@dataclass(frozen=True)
+class Colours:
+    """How far colours are off where both files show the same frame.
+
+    Attributes
+    ----------
+    frames : int
+        Frames compared.
+    shift : float
+        The largest difference between means of a plane, levels of 8 bits.
+    psnr : float
+        Of the first plane (luma, or green) in the median frame, dB; infinite where nothing differs.
+    """
+
+    frames: int
+    shift: float
+    psnr: float
+
+
+def compare_colours(before: Video, after: Video) -> Colours | None:
+    """Compare frames shown at one time, counted from each file's first; None where there are none."""
+    if not before.shown or not after.shown or before.shown[0][0].shape != after.shown[0][0].shape:
+        return None
+    steps = np.diff([float(time) for time in after.times[: len(after.shown)]])
+    near = float(np.median(steps)) / 50 if len(steps) else 0.0
+    clock = np.array([float(time - after.times[0]) for time in after.times[: len(after.shown)]])
+    shifts, errors = [], []
+    for time, planes in zip(before.times, before.shown, strict=False):
+        place = int(np.abs(clock - float(time - before.times[0])).argmin())
+        if abs(clock[place] - float(time - before.times[0])) <= near + 0.0011:  # Matroska counts milliseconds
+            others = after.shown[place]
+            shifts.append([one.mean() - other.mean() for one, other in zip(planes, others, strict=True)])
+            errors.append(np.square(planes[0] - others[0]).mean())
+    if not errors:
+        return None
+    error = float(np.median(errors))
+    psnr = float("inf") if error == 0 else 10 * float(np.log10(255**2 / error))
+    return Colours(len(errors), float(np.abs(np.median(shifts, axis=0)).max()), psnr)
+
+
+def compare_sound(before: Video, after: Video) -> str:
+    """Say in a word or two whether every packet of every track came through at its time."""
+    if not before.sound:
+        return "none"
+    if len(before.sound) != len(after.sound):
+        return f"{len(after.sound)} of {len(before.sound)} tracks"
+    for track0, track1 in zip(before.sound, after.sound, strict=True):
+        if [digest for _, digest in track0] != [digest for _, digest in track1]:
+            return f"{len(track1)} packets of {len(track0)}" if len(track0) != len(track1) else "other packets"
+        apart = [
+            abs((time1 - after.times[0]) - (time0 - before.times[0]))
+            for (time0, _), (time1, _) in zip(track0, track1, strict=True)
+        ]
+        if apart and max(apart) > Fraction(2, 1000):
+            return f"{float(max(apart)):.3f} s off"
+    return "identical"

@@ -1,0 +1,160 @@
+"""Does everything come through: ``python benchmarks/originals.py FOLDER``.
+
+Converts every file of a folder, reads source and result with PyAV alone, and prints a row each. A file passes where
+its length, sound, colours and orientation came through, or where one sentence says why it cannot be converted; it fails
+otherwise. What follows ``--`` goes to fpsboost.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from coming_through import COMPARED_FRAMES, Video, compare_colours, compare_sound, read_video
+from rich.markup import escape
+from rich.table import Table
+from scoring import wide_console
+
+PATIENCE = 600
+"""Seconds that a conversion may take; none of them should hang."""
+
+LARGEST_SHIFT = 0.5
+"""Levels of 8 bits by which the mean of a channel may change."""
+
+CONTAINERS = (".mp4", ".mkv")
+"""Tried one after the other: not every kind of sound fits into the first."""
+
+
+@dataclass
+class Row:
+    """What became of one file."""
+
+    name: str
+    source: str = ""
+    result: str = ""
+    duration_difference: float | None = None
+    sound: str = ""
+    colour_shift: float | None = None
+    psnr: float | None = None
+    orientation: str = ""
+    verdict: str = ""
+    passed: bool = False
+    remarks: list[str] = field(default_factory=list)
+
+
+def convert(path: Path, folder: Path, options: list[str]) -> tuple[Path | None, list[str]]:
+    """Convert a file; return the result, if there is one, and what was said."""
+    lines: list[str] = []
+    for suffix in CONTAINERS:
+        target = folder / f"{path.stem}{suffix}"
+        command = [sys.executable, "-m", "fpsboost", str(path), str(target), *options]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            return None, [f"no end within {PATIENCE} s"]
+        lines = done.stderr.strip().splitlines()
+        if done.returncode == 0:
+            return target, lines
+    return None, lines
+
+
+def judge(path: Path, folder: Path, options: list[str]) -> Row:
+    """Convert one file and compare it with what came out."""
+    row = Row(path.name)
+    target, lines = convert(path, folder, options)
+    if target is None:
+        row.passed = len(lines) == 1 and lines[0].startswith("fpsboost: ")
+        row.verdict = lines[-1].removeprefix("fpsboost: ") if lines else "failed without a word"
+        return row
+    row.remarks = [line.removeprefix("Note: ") for line in lines if line.startswith("Note: ")]
+    before = read_video(path, COMPARED_FRAMES)
+    after = read_video(target, 3 * COMPARED_FRAMES, in_rgb=before.is_rgb)
+    row.source = f"{before.description}, {len(before.times)} frames"
+    row.result = f"{after.description}, {len(after.times)} frames"
+    row.duration_difference = float(after.duration - before.duration)
+    row.sound = compare_sound(before, after)
+    row.orientation = "same" if after.turned == before.turned else f"{before.turned:g} -> {after.turned:g} degrees"
+    colours = compare_colours(before, after)
+    if colours is not None:
+        row.colour_shift, row.psnr = colours.shift, colours.psnr
+    faults = find_faults(row, before, after)
+    row.passed = not faults
+    row.verdict = "; ".join(faults) or "pass"
+    return row
+
+
+def find_faults(row: Row, before: Video, after: Video) -> list[str]:
+    """What did not come through and was not said."""
+    faults = []
+    interval = after.duration / max(len(after.times), 1)
+    if abs(row.duration_difference or 0) > max(interval, 0.002):
+        faults.append("length")
+    if row.sound not in ("none", "identical"):
+        faults.append("sound")
+    if row.colour_shift is not None and row.colour_shift > LARGEST_SHIFT:
+        faults.append("colour")
+    changed = [name for name, tag in before.tags.items() if after.tags.get(name) != tag]
+    faults += [f"{name} {before.tags[name]} -> {after.tags.get(name)}" for name in changed]
+    if row.orientation != "same":
+        faults.append("orientation")
+    return faults
+
+
+def table(rows: list[Row]) -> Table:
+    """A row a file."""
+    result = Table(box=None, pad_edge=False, header_style="dim")
+    for name in ("file", "in", "out", "length, s", "sound", "colour", "PSNR", "turned", "verdict"):
+        result.add_column(name, overflow="fold")
+    for row in rows:
+        figures = (
+            "" if row.duration_difference is None else f"{row.duration_difference:+.4f}",
+            row.sound,
+            "" if row.colour_shift is None else f"{row.colour_shift:.2f}",
+            "" if row.psnr is None else f"{row.psnr:.1f}",
+        )
+        cells = (row.name, row.source, row.result, *figures, row.orientation)
+        colour = "green" if row.passed else "red"
+        result.add_row(*map(escape, cells), f"[{colour}]{escape(row.verdict)}[/]")
+    return result
+
+
+def main() -> None:
+    """Run the command line."""
+    own, options = sys.argv[1:], []
+    if "--" in own:
+        place = own.index("--")
+        own, options = own[:place], own[place + 1 :]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="videos; other files are tried too")
+    parser.add_argument("--only", default="", help="names that contain this")
+    parser.add_argument("--keep", type=Path, help="an empty folder for the results")
+    parser.add_argument("--json", type=Path, help="write the rows here")
+    arguments = parser.parse_args(own)
+    paths = sorted(each for each in arguments.folder.iterdir() if each.is_file() and each.suffix.lower() != ".md")
+    console = wide_console()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = arguments.keep or Path(scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        rows = []
+        for path in paths:
+            if arguments.only in path.name:
+                with console.status(escape(path.name)):
+                    rows.append(judge(path, folder, options))
+    console.print(table(rows))
+    for row in rows:
+        for remark in row.remarks:
+            console.print(f"[dim]{escape(remark)}[/]")
+    if arguments.json:
+        arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
+    failed = [row.name for row in rows if not row.passed]
+    console.print(f"{len(rows) - len(failed)} of {len(rows)} pass" + (f"; not {', '.join(failed)}" if failed else ""))
+    sys.exit(bool(failed))
+
+
+if __name__ == "__main__":
+    main()
