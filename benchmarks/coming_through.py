@@ -76,7 +76,7 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
         for packet in _packets(file):
             if packet.stream.index in tracks and packet.size and packet.pts is not None:
                 time = packet.pts * Fraction(packet.time_base)
-                tracks[packet.stream.index].append((time, hashlib.sha256(bytes(packet)).hexdigest()))
+                tracks[packet.stream.index].append((time, hashlib.sha256(_payload(packet)).hexdigest()))
             elif packet.stream.index == stream.index:
                 for frame in _decoded(packet):
                     _note(video, frame, base, len(video.shown) < keep, in_rgb)
@@ -88,6 +88,14 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
             video.end = (stream.start_time + stream.duration) * base
     video.sound = [tracks[index] for index in sorted(tracks)]
     return video
+
+
+def _payload(packet: Any) -> bytes:
+    """A packet without the header that AAC has in transport streams and nowhere else."""
+    data = bytes(packet)
+    if packet.stream.codec_context.name != "aac" or data[0] != 0xFF or data[1] & 0xF0 != 0xF0:
+        return data
+    return data[7 if data[1] & 1 else 9 :]
 
 
 def _packets(file: av.container.InputContainer) -> Iterator[Any]:
@@ -119,8 +127,9 @@ def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -
         if not video.is_rgb:  # which has neither
             is_full = frame.color_range == 2 or frame.format.name.startswith("yuvj")
             video.tags |= {"matrix": str(frame.colorspace), "range": "full" if is_full else "limited"}
+    lasted = time - video.times[-1] if video.times else Fraction(0)
     video.times.append(time)
-    video.end = time + (frame.duration or 0) * Fraction(frame.time_base or base)
+    video.end = time + (frame.duration * Fraction(frame.time_base or base) if frame.duration else lasted)
     if keeps:
         video.shown.append(_planes(frame.reformat(format="gbrp") if in_rgb or frame.format.is_rgb else frame))
 
@@ -167,7 +176,7 @@ def compare_colours(before: Video, after: Video) -> Colours | None:
         place = int(np.abs(clock - float(time - before.times[0])).argmin())
         if abs(clock[place] - float(time - before.times[0])) <= near + 0.0011:  # Matroska counts milliseconds
             others = after.shown[place]
-            shifts.append([one.mean() - other.mean() for one, other in zip(planes, others, strict=True)])
+            shifts.append([one.mean() - other.mean() for one, other in zip(planes, others, strict=False)])
             errors.append(np.square(planes[0] - others[0]).mean())
     if not errors:
         return None

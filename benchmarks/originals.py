@@ -51,7 +51,7 @@ def convert(path: Path, folder: Path, options: list[str]) -> tuple[Path | None, 
     """Convert a file; return the result, if there is one, and what was said."""
     lines: list[str] = []
     for suffix in CONTAINERS:
-        target = folder / f"{path.stem}{suffix}"
+        target = folder / f"{path.name}{suffix}"  # two files may differ in their endings alone
         command = [sys.executable, "-m", "fpsboost", str(path), str(target), *options]
         try:
             done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)

@@ -182,6 +182,14 @@ def test_sound_is_copied_bit_by_bit(tmp_path, sound, suffix):
     assert packets_of(tmp_path / f"out{suffix}", "audio") == packets_of(clip, "audio")
 
 
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_sound_of_a_transport_stream_fits_elsewhere(tmp_path, suffix):
+    """AAC loses the header that it has only in transport streams, and nothing else."""
+    clip = write_clip(tmp_path / "in.ts", sound="aac")
+    double(clip, out := tmp_path / f"out{suffix}", FAST)
+    assert [data for _, data in packets_of(out, "audio")] == [data[7:] for _, data in packets_of(clip, "audio")]
+
+
 def test_subtitles_are_copied(tmp_path):
     """Lines keep their words and times, or are left out when that is asked for."""
     lines = [(0, 100, b"one"), (120, 80, b"two"), (300, 90, b"three")]

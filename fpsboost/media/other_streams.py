@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from io import BytesIO
+from itertools import islice
 from typing import Any
 
 import av
@@ -16,6 +18,9 @@ import av.error
 from fpsboost.errors import OutputError
 from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
 from fpsboost.media.video_source import VideoSource, is_cover_art, open_video
+
+SOON = 200
+"""Packets among which each stream's first is looked for."""
 
 
 class OtherStreams:
@@ -148,9 +153,10 @@ def check_streams(source: VideoSource, encoding: Encoding, encoder: str, contain
     """Raise `OutputError` where the container cannot hold the source's sound or subtitles."""
     with open_video(source.path, source.info.name) as file:
         streams = [stream for stream in file.streams if _is_wanted(stream, encoding)]
+        samples = _first_packets(file, streams)
         codecs = [stream.codec_context.codec.name if stream.codec_context else "" for stream in streams]
         for stream, codec in zip(streams, codecs, strict=True):
-            if holds(container, codec) and _takes(container, stream):
+            if holds(container, codec) and _takes(container, stream, samples.get(stream.index)):
                 continue
             what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
             others = suffixes_holding([*codecs, encoder] if encoding.codec else codecs)
@@ -194,10 +200,12 @@ class StreamFacts:
 def list_streams(source: VideoSource) -> list[StreamFacts]:
     """Everything that the file of a source holds."""
     with open_video(source.path, source.info.name) as file:
-        return [_facts_of(stream, source.stream_index) for stream in file.streams]
+        streams = list(file.streams)
+        samples = _first_packets(file, [each for each in streams if each.type in ("audio", "subtitle")])
+        return [_facts_of(each, source.stream_index, samples.get(each.index)) for each in streams]
 
 
-def _facts_of(stream: av.stream.Stream, converted: int) -> StreamFacts:
+def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) -> StreamFacts:
     context: Any = stream.codec_context
     kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
     details = ""
@@ -206,7 +214,7 @@ def _facts_of(stream: av.stream.Stream, converted: int) -> StreamFacts:
     elif stream.type == "audio" and context:
         details = f"{context.sample_rate} Hz, {context.layout.name}"
     if kind in ("audio", "subtitle"):
-        carries_over = context is not None and holds("mp4", context.codec.name) and _takes("mp4", stream)
+        carries_over = context is not None and holds("mp4", context.codec.name) and _takes("mp4", stream, sample)
     elif kind == "cover":
         carries_over = stream.name in ("png", "mjpeg")
     else:
@@ -226,13 +234,30 @@ def _is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
     return (stream.type == "audio" and encoding.audio) or (stream.type == "subtitle" and encoding.subtitles)
 
 
-def _takes(container: str, stream: av.stream.Stream) -> bool:
-    """Whether a container takes this very stream: some names are in its list and still refused."""
+def _first_packets(file: av.container.InputContainer, streams: Sequence[av.stream.Stream]) -> dict[int, bytes]:
+    """A packet of each stream by its number, where one comes soon; subtitles may come late."""
+    found: dict[int, bytes] = {}
+    if not streams:
+        return found
+    with suppress(av.error.FFmpegError):
+        for packet in islice(file.demux(streams), SOON):
+            if packet.size:
+                found.setdefault(packet.stream.index, bytes(packet))
+            if len(found) == len(streams):
+                break
+    return found
+
+
+def _takes(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
+    """Whether a container takes this very stream: some names are in its list and still refused.
+
+    Tried with a packet of the stream, since a muxer may have to rewrite it: sound in MPEG transport streams, say.
+    """
     try:
         with av.open(BytesIO(), "w", format=container) as probe:
             target = probe.add_stream_from_template(stream)
             probe.start_encoding()
-            packet = av.Packet(bytes(64))
+            packet = av.Packet(sample or bytes(64))
             packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
             packet.time_base = target.time_base or Fraction(1)
             probe.mux(packet)
