@@ -21,7 +21,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.text import Text
 
 from fpsboost import __version__
-from fpsboost.errors import FpsboostError, OptionError, ReaderGoneError
+from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError
 
 if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo
@@ -99,6 +99,7 @@ def convert(
     no_audio: Annotated[bool, Parameter(group=video)] = False,
     no_subtitles: Annotated[bool, Parameter(group=video)] = False,
     overwrite: Annotated[bool, Parameter(group=general, name=["--overwrite", "-y"])] = False,
+    resume: Annotated[bool, Parameter(group=general)] = False,
     verbose: Annotated[bool, Parameter(group=general)] = False,
     quiet: Annotated[bool, Parameter(group=general, name=["--quiet", "-q"])] = False,
 ) -> None:
@@ -170,6 +171,8 @@ def convert(
         Leave the subtitles out.
     overwrite
         Replace an existing output.
+    resume
+        Go on where an earlier run with the same input and options was stopped; if there was none, start.
     verbose
         Say what is used, and show a traceback if something fails.
     quiet
@@ -228,6 +231,7 @@ def convert(
             duplicates=duplicates,
             encoding=encoding,
             overwrite=overwrite,
+            resume=resume,
             observer=reporter,
         )
     reporter.say_summary(summary)
@@ -349,7 +353,9 @@ class Reporter:
             frames += f", {summary.duplicates} duplicate frame{'s' if summary.duplicates > 1 else ''}"
         if summary.scene_cuts:
             frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
-        speed = summary.frames_out / max(summary.seconds, 1e-9)
+        if summary.frames_there:
+            frames += f", {summary.frames_there} of which were there already"
+        speed = (summary.frames_out - summary.frames_there) / max(summary.seconds, 1e-9)
         if self._verbose and summary.details:
             self._say(summary.details)
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s)")
@@ -373,6 +379,11 @@ def stop(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def notes_of(error: BaseException) -> str:
+    """What was added to an exception on its way, such as how to go on."""
+    return " ".join(getattr(error, "__notes__", ()))
+
+
 def main() -> None:
     """Run the command line and exit."""
     signal.signal(signal.SIGTERM, stop)
@@ -381,16 +392,20 @@ def main() -> None:
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]]
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-    except KeyboardInterrupt:
-        errors.print("Stopped." if PIPE in tokens else "Stopped; nothing was written.")
+    except KeyboardInterrupt as stopped:
+        left = notes_of(stopped)
+        errors.print(f"Stopped; {left}" if left else "Stopped." if PIPE in tokens else "Stopped; nothing was written.")
         sys.exit(130)
     except ReaderGoneError:  # as other filters, without a word
         sys.exit(1)
+    except CompleteAlreadyError as error:  # what a batch that is started again wants
+        if not {"--quiet", "-q"} & set(tokens):
+            errors.print(escape(str(error)))
     except CycloptsError as error:
         errors.print(f"[red]fpsboost:[/] {escape(str(error))} See fpsboost --help.")
         sys.exit(2)
     except FpsboostError as error:
         if verbose:
             traceback.print_exc()
-        errors.print(f"[red]fpsboost:[/] {escape(str(error))}")
+        errors.print(f"[red]fpsboost:[/] {escape(' '.join(filter(None, (str(error), notes_of(error)))))}")
         sys.exit(2 if isinstance(error, OptionError) else 1)

@@ -6,6 +6,7 @@
     ├── OptionError     a value that can never work: factor 0, an unknown method
     ├── InputError      the source cannot be read, or holds too little
     └── OutputError     the target exists, cannot be written, or cannot hold the streams
+        ├── CompleteAlreadyError  an output to go on with needs nothing more
         └── ReaderGoneError  the program that reads standard output has closed it
 
 Every message is one sentence that names the file or the option and says what to do. The library raises;
@@ -33,6 +34,10 @@ class InputError(FpsboostError):
 
 class OutputError(FpsboostError):
     """The target exists already, cannot be written, or cannot hold what it should."""
+
+
+class CompleteAlreadyError(OutputError):
+    """The target of a run that was to go on is there, and nothing of it is left to do."""
 
 
 class ReaderGoneError(OutputError):

@@ -8,7 +8,7 @@ frames that are made.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import chain, pairwise
@@ -18,9 +18,9 @@ from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
-from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
+from fpsboost.media import FrameSink, FrameSource, OutputTiming, Resuming, Waiting
 from fpsboost.media.encoding import Encoding
-from fpsboost.media.opening import makes_video, open_sink, open_source
+from fpsboost.media.opening import describe_job, makes_video, open_sink, open_source
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.prepared import PreparedImage
@@ -31,6 +31,9 @@ READ_AHEAD = 4
 WRITE_BEHIND = 4
 
 Duplicates = Literal["interpolate", "keep"]
+
+SHAPES_NOTHING = ("input", "output", "overwrite", "resume", "observer")
+"""Arguments of `convert` that a run may change which goes on with another; every other one shapes the output."""
 
 
 @dataclass
@@ -47,6 +50,8 @@ class Summary:
         Pairs that were not interpolated across.
     duplicates : int
         Frames that showed the same as the one before, and were interpolated across.
+    frames_there : int
+        Frames of `frames_out` that an earlier run had finished.
     seconds : float
         Wall time of the loop, without compiling.
     remarks : list of str
@@ -60,6 +65,7 @@ class Summary:
     frames_made: int = 0
     scene_cuts: int = 0
     duplicates: int = 0
+    frames_there: int = 0
     seconds: float = 0.0
     remarks: list[str] = field(default_factory=list)
     details: str = ""
@@ -105,6 +111,7 @@ def convert(
     duplicates: Duplicates = "interpolate",
     encoding: Encoding | None = None,
     overwrite: bool = False,
+    resume: bool = False,
     observer: Observer | None = None,
 ) -> Summary:
     """Convert a clip to a higher frame rate.
@@ -130,6 +137,9 @@ def convert(
         How to encode video, and which streams to keep.
     overwrite : bool
         Replace an existing output.
+    resume : bool
+        Go on with what an earlier run of the same input and options had finished when it was stopped; where there is
+        nothing, start.
     observer : Observer, optional
         Told how it goes.
 
@@ -141,11 +151,14 @@ def convert(
     ------
     OptionError, InputError, OutputError
         See `fpsboost.errors`.
+    CompleteAlreadyError
+        The output that `resume` was to go on with is there.
 
     Examples
     --------
     >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
     """
+    options = {name: value for name, value in locals().items() if name not in SHAPES_NOTHING}
     check_choice("--duplicates", duplicates, get_args(Duplicates))
     schedule = make_schedule(factor, fps)
     interpolator = find_method(method) if isinstance(method, str) else method
@@ -159,13 +172,15 @@ def convert(
             source=source,
             timing=timing,
             encoding=encoding or Encoding(),
-            expected_frames=count_frames(schedule, info, holds_last_frame=False),
+            expected_frames=count_frames(schedule, info, holds_last_frame=to_video),
             overwrite=overwrite,
+            job=describe_job(source, resume=resume, **options),
         )
         observer = observer or Silent()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:
-            return boost(source, interpolator, sink, schedule, observer, duplicates=duplicates)
+            there = sink.frames_there if isinstance(sink, Resuming) else 0
+            return boost(source, interpolator, sink, schedule, observer, duplicates=duplicates, skip=there)
 
 
 def boost(
@@ -176,6 +191,7 @@ def boost(
     observer: Observer | None = None,
     *,
     duplicates: Duplicates = "interpolate",
+    skip: int = 0,
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
 
@@ -191,6 +207,9 @@ def boost(
         Told how it goes.
     duplicates : {'interpolate', 'keep'}
         See `convert`.
+    skip : int
+        Output frames, from the first, that the sink has already; see `fpsboost.media.Resuming`. They are counted and
+        handed over in their turn, but where an image would have to be made, one of the source stands in for it.
 
     Returns
     -------
@@ -205,7 +224,7 @@ def boost(
     """
     check_choice("--duplicates", duplicates, get_args(Duplicates))
     detector = DuplicateDetector() if duplicates == "interpolate" and not interpolator.needs_every_frame else None
-    summary = Summary()
+    summary = Summary(frames_there=skip)
     observer = observer or Silent()
     with (
         read_ahead(source, READ_AHEAD, _give_up(source)) as arriving,
@@ -217,7 +236,7 @@ def boost(
         observer.ready()
         begin = time.perf_counter()
         frames = arriving if first is None else chain([first], arriving)
-        clip = _Clip(source.info, schedule, interpolator, summary)
+        clip = _Clip(source.info, schedule, interpolator, summary, skip)
         outputs = _output_frames(frames, clip, detector, sink.holds_last_frame)
         for frame in _with_durations(outputs):
             write(frame)
@@ -251,6 +270,8 @@ class _Clip:
     schedule: Schedule
     interpolator: Interpolator
     summary: Summary
+    skip: int = 0
+    """Output frames still to come that nobody looks at."""
     start: Fraction = Fraction(0)
     index: int = 0
     """Number of the next frame to become part of an interval."""
@@ -272,6 +293,12 @@ class _Clip:
             if self.last is not None:
                 yield self.interval(self.last, held)
             self.last = held
+
+    def skipped(self, steps: Sequence[Step]) -> int:
+        """How many of the next frames nobody looks at; asked for in order."""
+        count = min(self.skip, len(steps))
+        self.skip -= count
+        return count
 
     def interval(self, held: Held, following: Held) -> _Interval:
         """From one held picture to the next; asked for in order."""
@@ -317,6 +344,7 @@ def _between(interval: _Interval, before: _Interval | None, after: _Interval | N
     if repeats and interval.pair.is_cut(*neighbours):
         # nothing leads on from it, so it stays held until the last of its frames ends in the cut
         for shown, steps in repeats:
+            clip.skipped(steps)
             for step in steps:
                 clip.summary.frames_made += step.t > 0
                 yield replace(shown.frame, time=step.time)
@@ -324,15 +352,17 @@ def _between(interval: _Interval, before: _Interval | None, after: _Interval | N
     else:
         shown, steps = interval.held[0], _in_one(interval)
         clip.summary.duplicates += len(repeats)
-    inner = [step.t for step in steps if step.t > 0]
-    images, scene_cut = clip.interpolator.between(interval.pair, inner, *neighbours) if inner else (iter(()), False)
+    skipped = clip.skipped(steps)
+    inner = [step.t for step in steps[skipped:] if step.t > 0]
+    makes_any = any(step.t > 0 for step in steps)
+    images, scene_cut = clip.interpolator.between(interval.pair, inner, *neighbours) if makes_any else (iter(()), False)
     clip.summary.scene_cuts += scene_cut
-    for step in steps:
+    for index, step in enumerate(steps):
+        clip.summary.frames_made += step.t > 0
         if step.t == 0:
             yield replace(shown.frame, time=step.time)
         else:
-            clip.summary.frames_made += 1
-            yield Frame(next(images), step.time)
+            yield Frame(shown.frame.image if index < skipped else next(images), step.time)
 
 
 def _in_one(interval: _Interval) -> list[Step]:

@@ -420,8 +420,8 @@ def test_a_video_cut_before_its_index_is_refused(fpsboost_, tmp_path):
     ("number", "output"),
     [(signal.SIGINT, "out.mp4"), (signal.SIGINT, "frames"), (signal.SIGTERM, "out.mov"), (signal.SIGTERM, "f_#.png")],
 )
-def test_a_stopped_run_leaves_nothing(tmp_path, number, output):
-    """Ctrl-C and a request to end, in the middle: exit code 130, one line, no output and no temporary file."""
+def test_a_stopped_run_says_what_it_leaves(tmp_path, number, output):
+    """Ctrl-C and a request to end, in the middle: exit code 130, no output, and one line that says what can go on."""
     # a job in the background of a shell has Ctrl-C switched off, and hands that on to its children
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -444,10 +444,11 @@ def test_a_stopped_run_leaves_nothing(tmp_path, number, output):
             out, err = process.communicate(timeout=60)
         finally:
             process.kill()
-    assert process.returncode == 130
-    assert list(tmp_path.iterdir()) == []
-    assert out == b""
-    assert re.fullmatch(rb"Stopped[^\x00-\x1f]*\.\n", err)
+    assert (process.returncode, out) == (130, b"")
+    finished = rb"(([0-9]+) of 7[0-9]{3} frames are finished, and --resume goes on from there)"
+    said = re.fullmatch(rb"Stopped; (nothing was written|" + finished + rb")\.\n", err)
+    assert said, err
+    assert [path.name for path in tmp_path.iterdir()] == [f".{output}.unfinished"] * bool(said[2])
 
 
 def test_ctrl_c_keeps_what_was_there(fpsboost_, clip, tmp_path, snapshot, monkeypatch):

@@ -443,7 +443,7 @@ def test_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str)
     def fail(path: Path, data: bytes) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Path, "write_bytes", fail)
+    monkeypatch.setattr("fpsboost.media.images.write_safely", fail)
     with pytest.raises(OutputError, match=f"{target}/000001.png .No space left"):
         write(make_sink(tmp_path / target), make_image())
     assert [path.name for path in tmp_path.rglob("*")] == ["old"]

@@ -47,8 +47,9 @@ class FrameSink(Protocol):
     """Contract: a target that appears whole or not at all; only what goes into a pipe cannot be taken back.
 
     Frames are written in order, each with its time and duration set. A sink is a context manager: leaving it normally
-    finishes the output and gives it its final name; leaving it by an exception removes every trace. What stood under
-    the final name before stays untouched until then. Raises `OutputError`, never a bare OSError.
+    finishes the output and gives it its final name; leaving it by an exception removes every trace, but for finished
+    frames that a later run can go on with. What stood under the final name before stays untouched until then. Raises
+    `OutputError`, never a bare OSError.
     """
 
     holds_last_frame: bool
@@ -66,6 +67,20 @@ class FrameSink(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
+
+
+@runtime_checkable
+class Resuming(Protocol):
+    """Contract: a sink that can go on with what an earlier run of the same job has finished.
+
+    Frames that are there are written again in their turn, with their times and durations; only their pixels are not
+    looked at, so that nobody need make them.
+    """
+
+    @property
+    def frames_there(self) -> int:
+        """How many frames, from the first, an earlier run has finished; known when the sink is entered."""
+        ...
 
 
 @runtime_checkable

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 import os
-import secrets
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from fpsboost.errors import InputError, OptionError, OutputError, explained
+from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame, describe
 from fpsboost.media.image_files import (
     IMAGE_SUFFIXES,
@@ -27,6 +27,7 @@ from fpsboost.media.image_files import (
     unread_channels,
 )
 from fpsboost.media.numbering import is_pattern, scan_folder
+from fpsboost.media.unfinished import Job, Unfinished, note_on_resuming, sync, write_safely
 from fpsboost.sequence import Numbering, find_without_gap
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
@@ -129,7 +130,8 @@ class ImageSink:
     """Write numbered images, all of them or none.
 
     They grow in a hidden folder beside their final place. A new folder gets its name by one renaming; into an existing
-    one the images are moved at the end, and moved back should that fail.
+    one the images are moved at the end, and moved back should that fail. A later run can go on with images that are
+    there when this one is stopped, and with moving them.
 
     Parameters
     ----------
@@ -145,23 +147,34 @@ class ImageSink:
         Expected number of frames; decides the digits in a folder.
     overwrite : bool
         Replace images of the same naming, later ones too. Anything else in the folder stays.
+    job : Job, optional
+        What a later run must have in common with this one to go on with it; without one, nothing can be resumed.
 
     Raises
     ------
     OutputError
-        The target exists (without `overwrite`), is the source, or cannot hold or receive the images.
+        The target exists (without `overwrite`), is the source, is being written by another run, or cannot hold or
+        receive the images.
     """
 
     holds_last_frame = False
 
     def __init__(
-        self, path: str, info: ClipInfo, source: ImageSource | None, frame_count: int | None, *, overwrite: bool
+        self,
+        path: str,
+        info: ClipInfo,
+        source: ImageSource | None,
+        frame_count: int | None,
+        *,
+        overwrite: bool,
+        job: Job | None = None,
     ) -> None:
-        self._path = path
+        self._path, self._job, self._frame_count = path, job, frame_count
         self._overwrite = overwrite
         self._half = source is None or not source.needs_float
         self._next = 1 if source is None else source.first_number
         self._names: list[str] = []
+        self._frames_there = 0
         self._remarks: list[str] = []
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = Path(path).is_dir() or not is_pattern(path)
@@ -173,11 +186,15 @@ class ImageSink:
             self._check_place(info)
             if source is not None:
                 self._refuse_inputs(source)
-            self._refuse_existing()
-            folder, token = self._numbering.folder, secrets.token_hex(4)
+            folder = self._numbering.folder
             # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
             self._is_new = not folder.is_dir()
-            self._stage = folder.parent / f".{folder.name}.{token}" if self._is_new else folder / f".fpsboost.{token}"
+            called = folder.name if self._is_new else "fpsboost" if self._is_folder else self._numbering.pattern
+            place = (folder.parent if self._is_new else folder) / f".{called}.unfinished"
+            self._unfinished = Unfinished(place, "output", path, job)
+            self._replaced = place / "replaced"
+            self._moving = place / "moving.json"
+            self._refuse_existing()
 
     @property
     def numbering(self) -> Numbering:
@@ -187,7 +204,12 @@ class ImageSink:
     @property
     def remarks(self) -> list[str]:
         """Sentences about what the files could not hold."""
-        return list(self._remarks)
+        return [*self._unfinished.remarks, *self._remarks]
+
+    @property
+    def frames_there(self) -> int:
+        """How many images an earlier run has finished; see `fpsboost.media.Resuming`."""
+        return self._frames_there
 
     def _remark_on_digits(self, frame_count: int | None) -> None:
         digits = self._numbering.digits
@@ -234,27 +256,60 @@ class ImageSink:
 
     def _refuse_existing(self) -> None:
         folder = self._numbering.folder
-        if self._overwrite or not folder.is_dir():
+        is_moving = self._unfinished.goes_on and self._moving.exists()
+        if self._overwrite or not folder.is_dir() or is_moving:
             return
-        if self._is_folder and any(not name.startswith(".") for name in os.listdir(folder)):
-            raise OutputError(f"{folder} is not empty; add --overwrite to replace the frames in it, or name another.")
         old = self._find_old()
-        if old:
-            raise OutputError(f"{old[0]} exists; add --overwrite to replace such images, or choose another pattern.")
+        is_full = self._is_folder and any(not name.startswith(".") for name in os.listdir(folder))
+        if not old and not is_full:
+            return
+        if self._job is not None and self._job.resume and not self._unfinished.is_pending:
+            raise CompleteAlreadyError(
+                f"{self._path} exists already and no run of it is unfinished, so it was left as it is."
+            )
+        if is_full:
+            raise OutputError(f"{folder} is not empty; add --overwrite to replace the frames in it, or name another.")
+        raise OutputError(f"{old[0]} exists; add --overwrite to replace such images, or choose another pattern.")
 
     def __enter__(self) -> Self:
         with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
-            self._stage.mkdir()
+            self._refuse_set_aside()
+            self._unfinished.open()
+            try:
+                self._unfinished.staged.mkdir(exist_ok=True)
+                self._frames_there = self._count_finished()
+            except BaseException:
+                self._unfinished.close(keep=True)
+                raise
         return self
+
+    def _refuse_set_aside(self) -> None:
+        """Never remove frames of before that a run was about to replace, and that it could not put back."""
+        if not self._unfinished.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
+            raise OutputError(
+                f"{self._replaced} holds frames that a run had set aside to replace them; let that run finish with "
+                "--resume, or move them to where they belong."
+            )
+
+    def _count_finished(self) -> int:
+        """Images of an earlier run, from the first up to the first that is missing."""
+        if self._moving.exists():
+            return int(json.loads(self._moving.read_bytes()))
+        there = set(os.listdir(self._unfinished.staged))
+        count = 0
+        while self._numbering.path(self._next + count).name in there:
+            count += 1
+        return count
 
     def write(self, frame: Frame) -> None:
         """Write the next image; its time does not matter."""
         path = self._numbering.path(self._next)
         check_format(path, frame.image)
         self._remarks += [remark for remark in losses(path, frame.image) if remark not in self._remarks]
-        data = encode_image(path, frame.image, half=self._half)
-        with explained(OutputError, "write", path, "check the free space and the permissions"):
-            (self._stage / path.name).write_bytes(data)
+        if len(self._names) >= self._frames_there:
+            data = encode_image(path, frame.image, half=self._half)
+            with explained(OutputError, "write", path, "check the free space and the permissions"):
+                write_safely(self._unfinished.staged / path.name, data)
         self._names.append(path.name)
         self._next += 1
 
@@ -265,27 +320,42 @@ class ImageSink:
             if kind is None and self._names:
                 with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
                     self._finish()
-        finally:
-            self._remove_stage()
+        except BaseException as failure:
+            self._leave(failure)
+            raise
+        self._leave(error)
 
     def _finish(self) -> None:
         self._refuse_existing()  # once more: hours may have passed
-        if self._is_new and not self._numbering.folder.exists():
-            self._stage.rename(self._numbering.folder)
+        folder, staged = self._numbering.folder, self._unfinished.staged
+        for extra in set(os.listdir(staged)) - set(self._names):  # torn images
+            (staged / extra).unlink()
+        if self._is_new and not folder.exists():
+            self._unfinished.publish(folder)
             return
-        old, replaced = self._find_old(), self._stage / "replaced"
-        replaced.mkdir()
-        moves = [(path, replaced / path.name) for path in old]
-        moves += [(self._stage / name, self._numbering.folder / name) for name in self._names]
-        _move_all(moves)
-        shutil.rmtree(replaced, ignore_errors=True)
+        self._replaced.mkdir(exist_ok=True)
+        moves = [(staged / name, folder / name) for name in self._names if (staged / name).exists()]
+        if len(moves) == len(self._names):  # else an earlier run has moved some, and the old ones before them
+            moves = [(path, self._replaced / path.name) for path in self._find_old()] + moves
+        write_safely(self._moving, json.dumps(len(self._names)).encode())
+        try:
+            _move_all(moves)
+        except BaseException:
+            if all((staged / name).exists() for name in self._names):
+                self._moving.unlink()
+            raise
+        sync(folder)
+        shutil.rmtree(self._replaced, ignore_errors=True)
 
-    def _remove_stage(self) -> None:
-        replaced = self._stage / "replaced"
+    def _leave(self, error: BaseException | None) -> None:
+        """Remove the hidden folder, but for images to go on with, and earlier ones that could not be moved back."""
         with suppress(OSError):
-            if replaced.is_dir():
-                replaced.rmdir()  # fails where earlier frames could not be moved back: those are never deleted
-            shutil.rmtree(self._stage, ignore_errors=True)
+            self._replaced.rmdir()  # fails where it is not empty
+        count = len(self._names) if self._moving.exists() else max(self._frames_there, len(self._names))
+        keep = error is not None and count > 0 and self._unfinished.can_be_resumed
+        self._unfinished.close(keep=keep or self._replaced.exists())
+        if keep and error is not None:
+            error.add_note(note_on_resuming(count, self._frame_count))
 
 
 def _name_in_folder(folder: Path, source: ImageSource | None, frame_count: int | None) -> Numbering:

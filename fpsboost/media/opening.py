@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-from fpsboost.errors import InputError, OptionError
+from fpsboost import __version__
+from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.images import ImageSink, ImageSource
 from fpsboost.media.numbering import is_pattern
 from fpsboost.media.pipe import PipeSink, PipeSource
+from fpsboost.media.unfinished import Job, facts_of, facts_of_files
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 
@@ -108,6 +112,7 @@ def open_sink(
     encoding: Encoding,
     expected_frames: int | None,
     overwrite: bool,
+    job: Job | None = None,
 ) -> FrameSink:
     """Prepare a target for writing; it appears when the sink is left without an error.
 
@@ -122,9 +127,11 @@ def open_sink(
     encoding : Encoding
         For video.
     expected_frames : int or None
-        How many images there will be, for the padding of their numbers.
+        How many frames there will be, for the padding of the numbers of images.
     overwrite : bool
         Replace what exists.
+    job : Job, optional
+        What a later run must have in common with this one to go on with it.
 
     Returns
     -------
@@ -133,14 +140,51 @@ def open_sink(
     Raises
     ------
     OptionError
-        The path is neither images nor a video that can be written.
+        The path is neither images nor a video that can be written, or nothing that a run can go on with.
     OutputError
         It exists, or cannot be written, or cannot hold the source's streams.
     """
     video = source if isinstance(source, VideoSource | PipeSource) else None
     if path in PIPES:
+        if job is not None and job.resume:
+            raise OptionError("--resume cannot go on with what went into a pipe; name a file, or leave it out.")
         return PipeSink(source.info, timing, encoding, video)
     if makes_video(path):
-        return VideoSink(path, source.info, timing, encoding, video, overwrite=overwrite)
+        return VideoSink(
+            path, source.info, timing, encoding, video, overwrite=overwrite, job=job, frame_count=expected_frames
+        )
     images = source if isinstance(source, ImageSource) else None
-    return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite)
+    return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite, job=job)
+
+
+def describe_job(source: FrameSource, *, resume: bool, **options: Any) -> Job | None:
+    """What an output is made of and how; None where nobody can go on, since the source can be read only once.
+
+    Parameters
+    ----------
+    source : FrameSource
+    resume : bool
+        Go on with what an earlier run has finished.
+    **options
+        Everything that shapes the output.
+
+    Raises
+    ------
+    OptionError
+        `resume` is asked for and the source is a pipe.
+    InputError
+        The source cannot be looked at any more.
+    """
+    if isinstance(source, VideoSource):
+        files = [source.path]
+    elif isinstance(source, ImageSource):
+        files = source.files
+    else:
+        if resume:
+            raise OptionError("--resume cannot read again what came through a pipe; name a file, or leave it out.")
+        return None
+    with explained(InputError, "read", source.info.name, "check that it is still there"):
+        place = str(Path(source.info.name).absolute())
+        versions = f"{__version__} with PyAV {version('av')}"  # another FFmpeg may encode differently
+        facts = facts_of(input=place, input_files=facts_of_files(files), **options, fpsboost=versions)
+    return Job(facts, resume)

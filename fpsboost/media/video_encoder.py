@@ -1,0 +1,275 @@
+"""Pictures in, packets out: one encoder set up for a clip, and opened anew for every chunk of it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from fractions import Fraction
+from io import BytesIO
+from typing import Any
+
+import av
+import av.container
+import av.error
+import numpy as np
+from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
+from av.video.frame import PictureType
+from av.video.reformatter import VideoReformatter
+
+from fpsboost.errors import OptionError, OutputError
+from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.media import OutputTiming
+from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, encoders, needs_hardware, pixel_formats
+from fpsboost.media.video_source import VideoTraits
+from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture
+
+
+class VideoEncoder:
+    """Encodes a clip in pieces that can each be decoded by themselves.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the output.
+    encoder, options : str, dict
+        FFmpeg's encoder, and its options.
+    container : str
+        FFmpeg's name of the container that the packets go into.
+    info : ClipInfo
+        Size of the frames.
+    timing : OutputTiming
+        Rate and clock.
+    encoding : Encoding
+        What was asked for.
+    traits : VideoTraits
+        What the source's pictures mean.
+    keeps_original : bool
+        Take the decoder's own picture of a frame where there is one.
+
+    Raises
+    ------
+    OptionError, OutputError
+        The encoder cannot encode such frames.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        encoder: str,
+        options: dict[str, str],
+        container: str,
+        info: ClipInfo,
+        timing: OutputTiming,
+        encoding: Encoding,
+        traits: VideoTraits,
+        *,
+        keeps_original: bool,
+    ) -> None:
+        self.remarks: list[str] = []
+        self._name, self._encoder, self._format = name, encoder, container
+        self._info, self._timing, self._encoding, self._traits = info, timing, encoding, traits
+        self._keeps_original = keeps_original
+        self._reformatter = VideoReformatter()
+        self._full_range = traits.full_range
+        self._options = dict(options)
+        is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # need not be said
+        if traits.tagged_chroma_location and not is_default:
+            self._options["chroma_sample_location"] = traits.chroma_location
+        self.pixel_format = self._choose_pixel_format(traits)
+        if traits.sample_aspect_ratio not in (None, 1) and not self._keeps_pixel_shape():
+            self.remarks.append(
+                f"{name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which {encoder} cannot say "
+                "in this container; write an .mp4 or .mov to keep it."
+            )
+        if traits.has_mastering_data:
+            self.remarks.append(f"{name} lost the HDR mastering data of its source; colour tags were kept.")
+        self._nowhere: av.container.OutputContainer | None = None
+        self._stream: av.VideoStream | None = None
+
+    @property
+    def details(self) -> str:
+        """Encoder, pixel format and options."""
+        options = " ".join(f"{name}={value}" for name, value in self._options.items())
+        return f"{self._encoder}, {self.pixel_format}, {options}"
+
+    @property
+    def stream(self) -> av.VideoStream:
+        """A stream of a container that leads nowhere, whose encoder is open."""
+        if self._stream is None:
+            self._stream = self._open()
+        return self._stream
+
+    def encode(self, frame: Frame, pts: int, duration: int) -> list[av.Packet[Any]]:
+        """Packets that are ready when one more frame has come; times in ticks.
+
+        Raises
+        ------
+        OutputError, av.error.FFmpegError
+            The encoder fails.
+        """
+        stream = self.stream
+        time_base = self._timing.time_base
+        picture = as_picture(
+            frame,
+            self.pixel_format,
+            self._traits.color_space,
+            self._full_range,
+            chroma_location=self._traits.chroma_location,
+            reformatter=self._reformatter,
+            keeps_original=self._keeps_original,
+        )
+        # The same decoded picture may be written again at another time, so it gets its own labels back. The encoder
+        # holds a reference of its own, with the labels of this moment.
+        before = picture.pts, picture.duration, picture.time_base or time_base, picture.pict_type
+        picture.pts, picture.duration, picture.time_base = pts, duration, time_base
+        picture.pict_type = PictureType.NONE  # else x264 repeats the source's choice of key frames
+        try:
+            return stream.encode(picture)
+        finally:
+            picture.pts, picture.duration, picture.time_base, picture.pict_type = before
+
+    def finish(self) -> list[av.Packet[Any]]:
+        """The packets that are left; the next frame begins a new piece."""
+        packets = self.stream.encode(None)
+        self.close()
+        return packets
+
+    def close(self) -> None:
+        """Let go of the encoder, and of what it has not handed out."""
+        self._stream = None
+        if self._nowhere is not None:
+            nowhere, self._nowhere = self._nowhere, None
+            with contextlib.suppress(av.error.FFmpegError):
+                nowhere.close()
+
+    def _open(self) -> av.VideoStream:
+        self._nowhere = av.open(BytesIO(), "w", format=self._format)
+        stream: av.VideoStream = self._nowhere.add_stream(  # type: ignore[assignment]
+            self._encoder, rate=_bounded(self._timing.rate), width=self._info.width, height=self._info.height
+        )
+        context = stream.codec_context
+        stream.time_base = context.time_base = self._timing.time_base
+        context.pix_fmt = self.pixel_format
+        self._tag_colours(context, self._traits)
+        if self._traits.sample_aspect_ratio is not None:
+            context.sample_aspect_ratio = self._traits.sample_aspect_ratio
+        if self._encoder == "libx265" and self._format in EXACT_CLOCKS:
+            context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players take
+        context.options = dict(self._options)
+        self._open_encoder(context)
+        self._nowhere.start_encoding()  # only now does the stream say what its encoder is like
+        return stream
+
+    def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
+        """Say what the numbers mean: as the source does, or as the pixel format demands."""
+        context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
+        context.color_range = traits.color_range
+        context.colorspace = traits.tagged_color_space
+        if _is_rgb(traits.pixel_format) and not _is_rgb(self.pixel_format):
+            # RGB has neither matrix nor range, and gets what its size suggests.
+            self._full_range = False
+            context.colorspace, context.color_range = traits.color_space, LIMITED_RANGE
+        elif _is_rgb(self.pixel_format) and not _is_rgb(traits.pixel_format):
+            context.colorspace, context.color_range = RGB, FULL_RANGE
+        elif self.pixel_format.startswith("yuvj"):
+            self._full_range = True
+            context.color_range = FULL_RANGE
+
+    def _keeps_pixel_shape(self) -> bool:
+        """PyAV does not reach the container's own entry in Matroska, so there the coded stream must hold it."""
+        return self._format in EXACT_CLOCKS or self._encoder in ("libx264", "libx265")
+
+    def _open_encoder(self, context: av.VideoCodecContext) -> None:
+        try:
+            with _quiet_encoder():
+                context.open()
+        except av.error.FFmpegError:
+            given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
+            check = f"check --encoder-option {given}, or " if given else ""
+            missing = ", and its device or driver may be missing here" if needs_hardware(self._encoder) else ""
+            raise OutputError(
+                f"{self._name} cannot be encoded by {self._encoder} at {self._info.width}x{self._info.height}, "
+                f"{float(self._timing.rate):g} frames per second, {self.pixel_format}{missing}; {check}choose another "
+                "--codec."
+            ) from None
+
+    def _choose_pixel_format(self, traits: VideoTraits) -> str:
+        """Take the source's format, or the one among the encoder's that loses least; say what is lost."""
+        wanted = self._encoding.pixel_format or traits.pixel_format
+        offered = pixel_formats(av.Codec(self._encoder, "w"))
+        if not offered:
+            return wanted
+        whole_only = any(e.name == self._encoder and e.needs_whole_chroma for e in encoders.values())
+        fitting = [name for name in offered if not whole_only or _divides(name, self._info.width, self._info.height)]
+        if wanted in fitting:
+            return wanted
+        if self._encoding.pixel_format:
+            raise OptionError(
+                f"--pix-fmt {wanted} halves an odd size, which {self._encoder} cannot do for {self._name} at "
+                f"{self._info.width}x{self._info.height}; use yuv444p, or crop to an even size."
+            )
+        found, loss = find_best_pix_fmt_of_list(fitting, wanted)
+        if found is None:
+            raise OutputError(f"{self._name} cannot hold {wanted} with {self._encoder}; choose another --codec.")
+        width, height = self._info.width, self._info.height
+        if wanted in offered or wanted.replace("yuvj", "yuv") in offered:
+            if found.name != wanted.replace("yuvj", "yuv"):
+                self.remarks.append(
+                    f"{self._name} has the odd size {width}x{height} and was written as {found.name}, which few "
+                    "players show; write a .webm, or crop to an even size."
+                )
+        elif loss & (PixFmtLoss.DEPTH | PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION):
+            lost = "depth" if loss & PixFmtLoss.DEPTH else "colour resolution"
+            self.remarks.append(
+                f"{self._name} has less {lost} than its source: {self._encoder} wrote {found.name} for {wanted}."
+            )
+        return found.name
+
+
+def traits_of_image(image: Image | None) -> VideoTraits:
+    """What to write for images, which carry no tags: BT.709, limited range, 4:2:0, 10 bits for deep images."""
+    deep = image is not None and image.dtype != np.uint8
+    return VideoTraits(
+        pixel_format="yuv420p10le" if deep else "yuv420p",
+        color_space=BT709,
+        tagged_color_space=BT709,
+        color_range=LIMITED_RANGE,
+        color_primaries=BT709,
+        color_transfer=BT709,
+        full_range=False,
+        chroma_location="left",
+        tagged_chroma_location=True,
+        sample_aspect_ratio=None,
+        display_matrix=None,
+        interlaced=False,
+        has_mastering_data=False,
+    )
+
+
+def _is_rgb(pixel_format: str) -> bool:
+    return av.VideoFormat(pixel_format).is_rgb
+
+
+def _divides(pixel_format: str, width: int, height: int) -> bool:
+    """Whether chroma planes come out whole."""
+    layout = av.VideoFormat(pixel_format, 16, 16)
+    across, down = 16 // max(1, layout.chroma_width()), 16 // max(1, layout.chroma_height())
+    return width % across == 0 and height % down == 0
+
+
+def _bounded(rate: Fraction) -> Fraction:
+    """FFmpeg keeps a rate in two 32-bit numbers; it is only a label here, since times are exact."""
+    return rate if rate.numerator < 2**31 else rate.limit_denominator(1000)
+
+
+@contextlib.contextmanager
+def _quiet_encoder() -> Iterator[None]:
+    """SVT-AV1 prints on its own, past FFmpeg's log, unless this variable is set while it starts."""
+    before = os.environ.get("SVT_LOG")
+    os.environ["SVT_LOG"] = before or "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["SVT_LOG"]
