@@ -38,6 +38,7 @@ from fpsboost.media.encoding import (
     needs_hardware,
     pixel_formats,
 )
+from fpsboost.media.hdr import with_hdr
 from fpsboost.media.other_streams import OtherStreams, check_streams
 from fpsboost.media.pipe import PipeSource
 from fpsboost.media.video_source import VideoSource, VideoTraits
@@ -84,7 +85,7 @@ class VideoSink:
     ) -> None:
         self._name = os.fspath(path)
         self._path = Path(path)
-        self._info, self._timing, self._encoding = info, timing, encoding
+        self._timing, self._encoding = timing, encoding
         suffix = self._path.suffix.lower()
         if suffix not in containers:
             raise OutputError(f"{self._name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
@@ -99,6 +100,7 @@ class VideoSink:
             )
         self._remarks: list[str] = []
         self._source, self._traits = file, source.traits if source is not None else None
+        self._info = info if file is None else file.info  # whose first picture knows the size better than the header
         if file is not None:
             check_streams(file, encoding, self._encoder, self._format, self._name)
         self._temporary: Path | None = None
@@ -196,11 +198,10 @@ class VideoSink:
             self._options["chroma_sample_location"] = traits.chroma_location
         if self._encoder == "libx265" and self._format in EXACT_CLOCKS:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players take
+        self._tell_hdr(traits)
         context.options = self._options
         if traits.display_matrix is not None:
             stream.set_display_matrix(traits.display_matrix)
-        if traits.has_mastering_data:
-            self._remarks.append(f"{self._name} lost the HDR mastering data of its source; colour tags were kept.")
         self._open_encoder(context)
         self._video = stream
         if self._source is not None:
@@ -232,6 +233,15 @@ class VideoSink:
         elif self._pixel_format.startswith("yuvj"):
             self._full_range = True
             context.color_range = FULL_RANGE
+
+    def _tell_hdr(self, traits: VideoTraits) -> None:
+        """Say which display the clip was graded on, and how bright it gets."""
+        self._options, told_all = with_hdr(self._options, self._encoder, traits.mastering_display, traits.light_level)
+        lost = ["HDR mastering data"] * (not told_all) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
+        if lost:
+            self._remarks.append(
+                f"{self._name} lost the {' and the '.join(lost)} of its source; colour tags were kept."
+            )
 
     def _keeps_pixel_shape(self) -> bool:
         """PyAV does not reach the container's own entry in Matroska, so there the coded stream must hold it."""
@@ -429,8 +439,6 @@ def _traits_of_image(image: Image | None) -> VideoTraits:
         tagged_chroma_location=True,
         sample_aspect_ratio=None,
         display_matrix=None,
-        interlaced=False,
-        has_mastering_data=False,
     )
 
 
