@@ -48,10 +48,11 @@ PIPE = "pipe:"
 """What a lone dash is called from here on, which the parser would take for an option without a name."""
 
 rate = Group("How many frames", sort_key=1)
-motion = Group("How they are made", sort_key=2)
-cuts = Group("Scene cuts", sort_key=3)
-video = Group("Video output", sort_key=4)
-general = Group("Files and messages", sort_key=5)
+video_in = Group("Video input", sort_key=2)
+motion = Group("How they are made", sort_key=3)
+cuts = Group("Scene cuts", sort_key=4)
+video = Group("Video output", sort_key=5)
+general = Group("Files and messages", sort_key=6)
 
 app = App(
     name="fpsboost",
@@ -73,6 +74,9 @@ def convert(
     factor: Annotated[str | None, Parameter(group=rate, name=["--factor", "-f"])] = None,
     fps: Annotated[str | None, Parameter(group=rate)] = None,
     input_fps: Annotated[str | None, Parameter(group=rate)] = None,
+    stream: Annotated[int | None, Parameter(group=video_in)] = None,
+    deinterlace: Annotated[bool, Parameter(group=video_in)] = False,
+    size_change: Annotated[Literal["stop", "scale"], Parameter(group=video_in)] = "stop",
     method: Annotated[str, Parameter(group=motion, name=["--method", "-m"])] = "nlm",
     search: Annotated[Literal["iterative", "brute-force"] | None, Parameter(group=motion)] = None,
     search_radius: Annotated[int | None, Parameter(group=motion)] = None,
@@ -117,6 +121,12 @@ def convert(
         Output frames per second instead: 60, 59.94, 60000/1001.
     input_fps
         Frames per second of input images.
+    stream
+        Number of the video stream in its file, as probe prints it; else the largest.
+    deinterlace
+        Make a frame of each field first, 50 a second of 25i; of every frame, flagged or not.
+    size_change
+        Where the size changes within the video: stop, or scale to the first frame's.
     method
         nlm, nlm-fast, nlm-best (slower), nlm-exhaustive and nlm-brute-force (the report's), blend or nearest; to
         compare with: dis, farneback, tvl1, dis-warp, farneback-warp, tvl1-warp, block or codec, and with --vectors
@@ -182,6 +192,7 @@ def convert(
     from fpsboost import pipeline  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
+    from fpsboost.media.reading import Reading  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
     from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
@@ -229,6 +240,7 @@ def convert(
             **schedule_options,
             method=interpolator,
             duplicates=duplicates,
+            reading=Reading(stream, deinterlace, size_change),
             encoding=encoding,
             overwrite=overwrite,
             resume=resume,

@@ -26,6 +26,7 @@ def probe(
     /,
     *,
     input_fps: Annotated[str | None, Parameter(group=options)] = None,
+    stream: Annotated[int | None, Parameter(group=options)] = None,
     json: Annotated[bool, Parameter(group=options)] = False,
 ) -> None:
     """Say what a clip is, and what a conversion would do with it.
@@ -36,6 +37,8 @@ def probe(
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
     input_fps
         Frames per second of input images; else 24.
+    stream
+        Number of the video stream in its file; else the largest.
     json
         Plain JSON on standard output.
     """
@@ -44,7 +47,7 @@ def probe(
 
     rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
     with Console(stderr=True, quiet=json).status("reading"):
-        found = run(input, rate)
+        found = run(input, rate, stream)
     if json:
         print(plain.dumps(found.as_json(), indent=1))
         return
@@ -91,7 +94,8 @@ def facts(found: Probe) -> dict[str, str]:
     lines["frames"] = f"{found.frames}{every}"
     lines["duplicates"] = str(found.duplicates) if found.duplicates else "none"
     lines["scene cuts"] = cut_times(found.cuts)
-    lines["interlaced"] = f"{found.interlaced} of {found.frames} frames flagged" if found.interlaced else "no"
+    flagged = f"{found.interlaced} of {found.frames} frames flagged; --deinterlace makes two of each"
+    lines["interlaced"] = flagged if found.interlaced else "no"
     lines["--factor 2"] = conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps"
     return lines
 

@@ -21,6 +21,7 @@ from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, OutputTiming, Resuming, Waiting
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import describe_job, makes_video, open_sink, open_source
+from fpsboost.media.reading import Reading
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.prepared import PreparedImage
@@ -109,6 +110,7 @@ def convert(
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
     duplicates: Duplicates = "interpolate",
+    reading: Reading | None = None,
     encoding: Encoding | None = None,
     overwrite: bool = False,
     resume: bool = False,
@@ -133,6 +135,9 @@ def convert(
         Frames that show the same as the one before, as in animation on threes, pulldown and captures that missed some:
         make the moving picture at their times, or keep them. Stills, and pictures held until a cut, are always kept.
         Not looked for where a renderer's motion vectors say what moves.
+    reading : Reading, optional
+        Which stream of a video file is read, whether its fields become frames first, and what happens where its size
+        changes.
     encoding : Encoding, optional
         How to encode video, and which streams to keep.
     overwrite : bool
@@ -164,7 +169,9 @@ def convert(
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
     needs_rate = to_video or fps is not None
-    with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as source:
+    with open_source(
+        input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video, reading=reading
+    ) as source:
         info = source.info
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
         sink = open_sink(

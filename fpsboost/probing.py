@@ -21,6 +21,7 @@ from fpsboost.media import FrameSource, OutputTiming
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import open_sink, open_source
 from fpsboost.media.other_streams import StreamFacts, list_streams
+from fpsboost.media.reading import Reading
 from fpsboost.media.video_source import VideoSource, VideoTraits
 from fpsboost.method_table import methods
 from fpsboost.pipeline import count_frames, make_schedule
@@ -181,7 +182,7 @@ class _Findings:
             last = held[0]
 
 
-def probe(path: str, input_fps: Fraction | None = None) -> Probe:
+def probe(path: str, input_fps: Fraction | None = None, stream: int | None = None) -> Probe:
     """Read a clip to its end and say what it is.
 
     Parameters
@@ -190,6 +191,8 @@ def probe(path: str, input_fps: Fraction | None = None) -> Probe:
         A video file, a folder of images, or a pattern of images.
     input_fps : Fraction, optional
         Frames per second of images; 24 where it is not said.
+    stream : int, optional
+        Number of a video file's stream; the one that a conversion takes where it is not said.
 
     Returns
     -------
@@ -201,7 +204,9 @@ def probe(path: str, input_fps: Fraction | None = None) -> Probe:
         See `fpsboost.media.opening.open_source`.
     """
     schedule = make_schedule(None, None)
-    with open_source(path, input_fps) as source:
+    # A size that changes is a fact to be told, though a conversion would stop there.
+    reading = Reading(stream, size_change="scale" if Path(path).is_file() else "stop")
+    with open_source(path, input_fps, reading=reading) as source:
         video = source if isinstance(source, VideoSource) else None
         look = None if video is None else _look(video.traits)
         refused, losses = (None, []) if video is None else _try_sink(video, schedule)
@@ -212,6 +217,8 @@ def probe(path: str, input_fps: Fraction | None = None) -> Probe:
             for place, (before, pair, after) in enumerate(with_neighbours(findings.pairs(source)))
             if pair.is_cut(before, after)
         ]
+        if video is not None:
+            refused = refused or video.stopped_by
         info, times = source.info, findings.times
         frames = count_frames(schedule, replace(info, frame_count=len(times)), holds_last_frame=video is not None)
         intervals = [later - earlier for earlier, later in pairwise(times)] or [1 / info.rate]

@@ -230,7 +230,6 @@ def test_interlaced_streams_are_told():
     """With the words of the video source."""
     data = stream_of(2).replace(b" Ip ", b" It ", 1)
     with PipeSource(BytesIO(data)) as source:
-        assert source.traits.interlaced
         assert [frame.time for frame in source] == [0, Fraction(1, 25)]
     assert source.remarks[0].startswith("standard input is interlaced and its fields were taken as whole pictures")
 

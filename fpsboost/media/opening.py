@@ -15,6 +15,7 @@ from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.images import ImageSink, ImageSource
 from fpsboost.media.numbering import is_pattern
 from fpsboost.media.pipe import PipeSink, PipeSource
+from fpsboost.media.reading import Reading
 from fpsboost.media.unfinished import Job, facts_of, facts_of_files
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
@@ -29,7 +30,12 @@ SLOWEST, FASTEST = Fraction(1, 1000), Fraction(100_000)
 
 
 def open_source(
-    path: str, input_fps: Fraction | None = None, *, needs_rate: bool = False, for_images: bool = False
+    path: str,
+    input_fps: Fraction | None = None,
+    *,
+    needs_rate: bool = False,
+    for_images: bool = False,
+    reading: Reading | None = None,
 ) -> FrameSource:
     """Open a clip for reading.
 
@@ -43,6 +49,8 @@ def open_source(
         Whether images must say how fast they play.
     for_images : bool
         The target will be images, which hold no rotation and no sound.
+    reading : Reading, optional
+        How a video file is read.
 
     Returns
     -------
@@ -53,7 +61,7 @@ def open_source(
     InputError
         Missing or unreadable.
     OptionError
-        `input_fps` is missing for images, or given for a video.
+        `input_fps` is missing for images, or given for a video; or `reading` says what only video files know.
     """
     if not path:
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
@@ -62,8 +70,10 @@ def open_source(
     if path in PIPES:
         if input_fps is not None:
             raise OptionError("--input-fps is for images; standard input is a video and has its own frame rate.")
+        _check_reading(reading, "standard input", "let the program before the pipe do that")
         return PipeSource(for_images=for_images)
     if Path(path).is_dir() or is_pattern(path):
+        _check_reading(reading, f"{path}, which holds images", "leave it out")
         if input_fps is None and needs_rate:
             raise OptionError(
                 f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
@@ -75,7 +85,12 @@ def open_source(
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     if input_fps is not None:
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
-    return VideoSource(path, for_images=for_images)
+    return VideoSource(path, for_images=for_images, reading=reading)
+
+
+def _check_reading(reading: Reading | None, what: str, advice: str) -> None:
+    if reading is not None and reading.given:
+        raise OptionError(f"{' and '.join(reading.given)} is for video files and not for {what}; {advice}.")
 
 
 def makes_video(path: str) -> bool:

@@ -17,7 +17,8 @@ import av.error
 
 from fpsboost.errors import OutputError
 from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
-from fpsboost.media.video_source import VideoSource, is_cover_art, open_video
+from fpsboost.media.stream_choice import is_cover_art
+from fpsboost.media.video_source import VideoSource, open_video
 
 SOON = 200
 """Packets among which each stream's first is looked for."""

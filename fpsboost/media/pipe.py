@@ -336,8 +336,6 @@ def _traits(header: Header) -> VideoTraits:
         tagged_chroma_location=said is not None,
         sample_aspect_ratio=header.aspect,
         display_matrix=None,
-        interlaced=header.interlaced,
-        has_mastering_data=False,
     )
 
 
@@ -385,8 +383,11 @@ class PipeSink:
             raise OptionError(
                 f"--pix-fmt {encoding.pixel_format} is nothing that YUV4MPEG2 holds; use one of {', '.join(held)}."
             )
-        self._info, self._timing, self._encoding, self._source = info, timing, encoding, source
+        self._timing, self._encoding, self._source = timing, encoding, source
         self._traits = source.traits if source is not None else None
+        self._info = (
+            info if source is None else source.info
+        )  # whose first picture knows the size better than the header
         self._waiting = None if stream is not None else _standard_output()
         self._stream = stream or self._waiting
         self._header: Header | None = None
@@ -502,7 +503,7 @@ class PipeSink:
             "colour matrix": traits.color_space != assumed_color_space(self._info.height),
             "colour primaries": traits.color_primaries not in SDR_PRIMARIES,
             "transfer function": traits.color_transfer in HDR_TRANSFERS,
-            "HDR mastering data": traits.has_mastering_data,
+            "HDR mastering data": traits.has_hdr_data,
             "rotation": traits.display_matrix is not None,
         }
         words = " and ".join(word for word, is_lost in lost.items() if is_lost)

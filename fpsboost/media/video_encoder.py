@@ -21,6 +21,7 @@ from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import OutputTiming
 from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, encoders, needs_hardware, pixel_formats
+from fpsboost.media.hdr import with_hdr
 from fpsboost.media.video_source import VideoTraits
 from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture
 
@@ -82,8 +83,7 @@ class VideoEncoder:
                 f"{name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which {encoder} cannot say "
                 "in this container; write an .mp4 or .mov to keep it."
             )
-        if traits.has_mastering_data:
-            self.remarks.append(f"{name} lost the HDR mastering data of its source; colour tags were kept.")
+        self._tell_hdr(traits)
         self._nowhere: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
@@ -176,6 +176,13 @@ class VideoEncoder:
             self._full_range = True
             context.color_range = FULL_RANGE
 
+    def _tell_hdr(self, traits: VideoTraits) -> None:
+        """Say which display the clip was graded on, and how bright it gets."""
+        self._options, told_all = with_hdr(self._options, self._encoder, traits.mastering_display, traits.light_level)
+        lost = ["HDR mastering data"] * (not told_all) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
+        if lost:
+            self.remarks.append(f"{self._name} lost the {' and the '.join(lost)} of its source; colour tags were kept.")
+
     def _keeps_pixel_shape(self) -> bool:
         """PyAV does not reach the container's own entry in Matroska, so there the coded stream must hold it."""
         return self._format in EXACT_CLOCKS or self._encoder in ("libx264", "libx265")
@@ -242,8 +249,6 @@ def traits_of_image(image: Image | None) -> VideoTraits:
         tagged_chroma_location=True,
         sample_aspect_ratio=None,
         display_matrix=None,
-        interlaced=False,
-        has_mastering_data=False,
     )
 
 

@@ -89,7 +89,7 @@ class VideoSink:
     ) -> None:
         self._name = os.fspath(path)
         self._path = Path(path)
-        self._info, self._timing, self._encoding = info, timing, encoding
+        self._timing, self._encoding = timing, encoding
         suffix = self._path.suffix.lower()
         if suffix not in containers:
             raise OutputError(f"{self._name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
@@ -106,6 +106,7 @@ class VideoSink:
                 "write an .mp4 or .mov instead."
             )
         self._source, self._traits = file, source.traits if source is not None else None
+        self._info = info if file is None else file.info  # whose first picture knows the size better than the header
         if file is not None:
             check_streams(file, encoding, self._codec, self._format, self._name)
         self._frame_count, self._chunk_frames = frame_count, chunk_frames

@@ -22,13 +22,19 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.media.damage import Damage, counted
+from fpsboost.media.fields import frames_of_fields
+from fpsboost.media.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display
+from fpsboost.media.reading import Reading
+from fpsboost.media.size_change import Alike
+from fpsboost.media.stream_choice import choose_video, left_out_remarks
 from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range, to_bgr
 
-STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 HIGHEST_RATE = 1000
 ASSUMED_RATE = Fraction(25)
 DEMUX_RETRIES = 10
+DYNAMIC_HDR = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
 
 
 @dataclass(frozen=True)
@@ -53,10 +59,10 @@ class VideoTraits:
         Width of a pixel over its height.
     display_matrix : tuple of 9 int or None
         Rotation and flip for display, 16.16 and 2.30 fixed point.
-    interlaced : bool
-        Two fields in one picture.
-    has_mastering_data : bool
-        HDR mastering display or content light levels.
+    mastering_display : MasteringDisplay or None
+    light_level : LightLevel or None
+    has_dynamic_hdr : bool
+        Dolby Vision, HDR10+ and their like, which change from frame to frame.
     """
 
     pixel_format: str
@@ -70,12 +76,18 @@ class VideoTraits:
     tagged_chroma_location: bool
     sample_aspect_ratio: Fraction | None
     display_matrix: tuple[int, ...] | None
-    interlaced: bool
-    has_mastering_data: bool
+    mastering_display: MasteringDisplay | None = None
+    light_level: LightLevel | None = None
+    has_dynamic_hdr: bool = False
+
+    @property
+    def has_hdr_data(self) -> bool:
+        """Whether there is more to the brightness of the pictures than their colour tags say."""
+        return (self.mastering_display, self.light_level) != (None, None) or self.has_dynamic_hdr
 
 
 class VideoSource:
-    """Frames of a video file's first real video stream.
+    """Frames of one of a video file's streams.
 
     Parameters
     ----------
@@ -84,34 +96,47 @@ class VideoSource:
     for_images : bool
         For targets that hold pictures and nothing else: turn them upright as the file's display matrix says, and remark
         what is left behind. Decodes the first picture at once to know the size; frames keep no decoder's picture.
+    reading : Reading, optional
+        Which stream, and what is done to its pictures first.
 
     Raises
     ------
     InputError
         Missing, not a video, or coded in a way that cannot be decoded; while iterating also: nothing decodes, or the
-        picture's size or pixel format changes.
+        picture's size or pixel format changes and `reading` does not say what then.
+    OptionError
+        There is no such video stream.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, for_images: bool = False) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], *, for_images: bool = False, reading: Reading | None = None
+    ) -> None:
         self._name = os.fspath(path)
         self._for_images = for_images
+        self._reading = reading or Reading()
         self.path = Path(path)
         self._container = open_video(self.path, self._name)
         try:
-            self._stream = _first_video(self._container, self._name)
+            self._stream = choose_video(self._container, self._name, self._reading.stream)
             self._rate, rate_is_known = _nominal_rate(self._stream)
         except BaseException:
             self._container.close()
             raise
         self._stream.thread_type = "AUTO"
         self._reformatter = VideoReformatter()
-        self._remarks = _left_out(self._container, self._stream, self._name)
+        self._remarks = left_out_remarks(self._container, self._stream, self._name)
         if not rate_is_known:
             self._remarks.append(assumed_rate_remark(self._name))
-        self._undecodable = self._damaged = self._misplaced = self._untimed = self._unreadable = 0
+        self._damage = Damage()
+        self._decoded = self._flagged_interlaced = 0
+        self._alike: Alike | None = None
         self._furthest = Fraction(0)
         self._ahead: list[av.VideoFrame] = []
+        self._ticks = _fraction(self._stream.time_base) or 1 / self._rate
+        fields = 2 if self._reading.deinterlace else 1
+        self._rate *= fields
         self._pictures = self._decode()
+        self._progressive = frames_of_fields(self._pictures, self._ticks) if fields == 2 else self._pictures
         self._started = False
         self._traits: VideoTraits | None = None
         context = self._stream.codec_context
@@ -120,10 +145,9 @@ class VideoSource:
             height=context.height,
             width=context.width,
             rate=self._rate,
-            time_base=_fraction(self._stream.time_base) or 1 / self._rate,
-            frame_count=self._stream.frames or None,
+            time_base=self._ticks / fields,
+            frame_count=fields * self._stream.frames or None,
         )
-        self._coded_size = context.width, context.height
         if for_images:
             self._prepare_for_images()
 
@@ -147,6 +171,16 @@ class VideoSource:
         return list(self._remarks)
 
     @property
+    def stopped_by(self) -> str | None:
+        """The sentence about the first change of size, with which a reading ends that is to stop there."""
+        if self._alike is None or self._alike.first_change is None:
+            return None
+        return (
+            f"{self._name} changes {self._alike.first_change}; pass --size-change scale to make all frames like the "
+            "first, or cut it there and convert the parts one by one."
+        )
+
+    @property
     def traits(self) -> VideoTraits:
         """Colour, pixel shape, orientation; decodes the first frame and keeps it for the iteration.
 
@@ -156,7 +190,7 @@ class VideoSource:
             Nothing decodes, or the colour matrix is one that is not supported.
         """
         if self._traits is None:
-            picture = next(self._pictures, None)
+            picture = next(self._progressive, None)
             if picture is None:
                 raise InputError(f"{self._name} holds no frame that can be decoded; check it with a player.")
             self._ahead.append(picture)
@@ -186,11 +220,11 @@ class VideoSource:
         traits = self.traits
         first = last = None
         count = 0
-        for picture in self._in_order():
-            self._check_unchanged(picture, traits, count)
+        for decoded in self._in_order():
+            picture = self._made_alike(decoded, count)
             time = self._time_of(picture, last)
             if last is not None and time <= last.time:
-                self._misplaced += 1
+                self._damage.misplaced += 1
                 continue
             if last is not None:
                 yield last
@@ -218,7 +252,7 @@ class VideoSource:
     def _in_order(self) -> Iterator[av.VideoFrame]:
         while self._ahead:
             yield self._ahead.pop(0)
-        yield from self._pictures
+        yield from self._progressive
 
     def _decode(self) -> Generator[av.VideoFrame, None, None]:
         hidden_alpha = False
@@ -232,10 +266,12 @@ class VideoSource:
             except av.error.EOFError:
                 continue
             except av.error.FFmpegError:
-                self._undecodable += 1
+                self._damage.undecodable += 1
                 continue
             for picture in cast(list[av.VideoFrame], pictures):
-                self._damaged += picture.is_corrupt
+                self._damage.corrupt += picture.is_corrupt
+                self._decoded += 1
+                self._flagged_interlaced += picture.interlaced_frame
                 yield picture
 
     def _packets(self) -> Iterator[av.Packet[av.stream.Stream]]:
@@ -254,7 +290,7 @@ class VideoSource:
                 return
             except av.error.FFmpegError:
                 failures += 1
-                self._unreadable += failures == 1
+                self._damage.unreadable += failures == 1
 
     def _convert(self, picture: av.VideoFrame) -> Image:
         try:
@@ -268,7 +304,7 @@ class VideoSource:
     def _time_of(self, picture: av.VideoFrame, last: Frame | None) -> Fraction:
         if picture.pts is not None:
             return picture.pts * (_fraction(picture.time_base) or self._info.time_base)
-        self._untimed += 1
+        self._damage.untimed += 1
         if last is None:
             return Fraction(0)
         ticks = max(1, round((last.duration or 1 / self._rate) / self._info.time_base))
@@ -281,30 +317,30 @@ class VideoSource:
     def _last_duration(self, last: Frame) -> Fraction:
         """How long the last frame is shown so that the clip ends where the container says, if that is plausible."""
         if self._stream.duration is not None and self._stream.start_time is not None:
-            end = (self._stream.start_time + self._stream.duration) * self._info.time_base
+            end = (self._stream.start_time + self._stream.duration) * self._ticks
             if 0 < end - last.time <= 4 / self._rate:
                 return end - last.time
         return last.duration
 
-    def _check_unchanged(self, picture: av.VideoFrame, traits: VideoTraits, index: int) -> None:
-        before = (*self._coded_size, traits.pixel_format)
-        now = (picture.width, picture.height, picture.format.name)
-        if now != before:
+    def _made_alike(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
+        assert self._alike is not None  # there since the traits were read
+        try:
+            alike = self._alike.made_alike(picture, index)
+        except (av.error.FFmpegError, ValueError):
             raise InputError(
-                f"{self._name} changes from {before[0]}x{before[1]} {before[2]} to {now[0]}x{now[1]} {now[2]} at frame "
-                f"{index}; cut it there and convert the parts one by one."
-            )
+                f"{self._name} changes to {picture.format.name} at frame {index}, which cannot be converted; cut it "
+                "there and convert the parts one by one."
+            ) from None
+        if self._reading.size_change == "stop" and self.stopped_by is not None:
+            raise InputError(self.stopped_by)
+        return alike
 
     def _read_traits(self, picture: av.VideoFrame) -> VideoTraits:
         context = self._stream.codec_context
         # The header may be wrong or silent about the size; the first picture is not.
-        self._coded_size = picture.width, picture.height
         self._info = replace(self._info, width=picture.width, height=picture.height)
         sides = {side.type.name: bytes(side) for side in _side_data(picture)}
         matrix = sides.get("DISPLAYMATRIX")
-        interlaced = picture.interlaced_frame
-        if interlaced:
-            self._remarks.append(interlaced_remark(self._name))
         if any(component.is_alpha for component in picture.format.components):
             self._remarks.append(f"{self._name} has an alpha channel, which was left out.")
         aspect = _fraction(self._stream.sample_aspect_ratio)
@@ -316,7 +352,7 @@ class VideoSource:
                 "to BT.709 or BT.2020 first."
             ) from None
         location = chroma_location_of(picture, self._reformatter)
-        return VideoTraits(
+        traits = VideoTraits(
             pixel_format=picture.format.name,
             color_space=color_space,
             tagged_color_space=picture.colorspace,
@@ -329,31 +365,19 @@ class VideoSource:
             tagged_chroma_location=location != "center" or context.codec.canonical_name in ("h264", "hevc"),
             sample_aspect_ratio=aspect,
             display_matrix=tuple(np.frombuffer(matrix, np.int32).tolist()) if matrix else None,
-            interlaced=interlaced,
-            has_mastering_data="MASTERING_DISPLAY_METADATA" in sides or "CONTENT_LIGHT_LEVEL" in sides,
+            mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),
+            light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL")),
+            has_dynamic_hdr=not DYNAMIC_HDR.isdisjoint(sides),
         )
+        self._alike = Alike(picture.width, picture.height, traits)
+        return traits
 
     def _conclude(self, count: int, start: Fraction, end: Fraction) -> None:
         """Say what was wrong with the file, now that all of it was read."""
-        damage = []
-        if self._undecodable:
-            damage.append(f"{_counted(self._undecodable, 'packet')} could not be decoded")
-        if self._unreadable:
-            damage.append(f"{_counted(self._unreadable, 'place')} could not be read")
-        if self._damaged:
-            damage.append(f"{_counted(self._damaged, 'frame')} decoded with errors")
-        if damage:
-            self._remarks.append(
-                f"{self._name} is damaged: {' and '.join(damage)}; {_counted(count, 'frame')} were converted."
-            )
-        if self._misplaced:
-            self._remarks.append(
-                f"{self._name} shows {_counted(self._misplaced, 'frame')} no later than the one before; left out."
-            )
-        if self._untimed:
-            self._remarks.append(
-                f"{self._name} gives no time for {_counted(self._untimed, 'frame')}; the nominal rate was used."
-            )
+        self._remarks += self._interlacing_remarks()
+        if self._alike is not None:
+            self._remarks += self._alike.remarks(self._name)
+        self._remarks += self._damage.remarks(self._name, count)
         promised, got = self._promise(start, end)
         if promised - got > max(5 / self._rate, promised / 20):
             self._remarks.append(
@@ -361,11 +385,21 @@ class VideoSource:
                 "decodes was converted."
             )
 
+    def _interlacing_remarks(self) -> list[str]:
+        flagged, decoded = self._flagged_interlaced, self._decoded
+        if not self._reading.deinterlace:
+            which = "" if flagged == decoded else f" in {flagged} of {counted(decoded, 'frame')}"
+            return [interlaced_remark(self._name, which, "pass --deinterlace")] if flagged else []
+        if flagged == decoded:
+            return []
+        which = "no frame" if not flagged else f"only {flagged} of {counted(decoded, 'frame')}"
+        return [f"{self._name} flags {which} as interlaced; every frame was made into two all the same."]
+
     def _promise(self, start: Fraction, end: Fraction) -> tuple[Fraction, Fraction]:
         """Return the duration that the header declares and the one that was found, from the same clock."""
         promised, got = Fraction(0), Fraction(0)
         if self._stream.duration is not None:
-            promised, got = self._stream.duration * self._info.time_base, end - min(start, Fraction(0))
+            promised, got = self._stream.duration * self._ticks, end - min(start, Fraction(0))
         # The whole file may outlast its video, so it is short only if no stream reaches its end.
         if self._container.duration and self._container.format.name.startswith(DURATION_IN_HEADER):
             whole = Fraction(self._container.duration, 1_000_000)
@@ -398,9 +432,9 @@ def assumed_rate_remark(name: str) -> str:
     return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed."
 
 
-def interlaced_remark(name: str) -> str:
-    """What to say of a clip with two fields in one picture."""
-    return f"{name} is interlaced and its fields were taken as whole pictures; deinterlace it first for smooth motion."
+def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it first") -> str:
+    """What to say of a clip with two fields in one picture; `which` may narrow it: `` in 2 of 10 frames``."""
+    return f"{name} is interlaced{which} and its fields were taken as whole pictures; {advice} for smooth motion."
 
 
 def lost_companions_remark(name: str, companions: Sequence[str], target: str) -> str:
@@ -442,42 +476,12 @@ def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
     return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])
 
 
-def is_cover_art(stream: av.stream.Stream) -> bool:
-    """Whether a video stream is only a picture attached to the file."""
-    if stream.disposition & (av.stream.Disposition.attached_pic | av.stream.Disposition.timed_thumbnails):
-        return True
-    return bool(
-        stream.codec_context is not None
-        and stream.codec_context.codec.canonical_name in STILL_CODECS
-        and (stream.frames == 1 or "mimetype" in stream.metadata)
-    )
-
-
-def _first_video(container: av.container.InputContainer, name: str) -> av.VideoStream:
-    videos = [stream for stream in container.streams.video if not is_cover_art(stream)]
-    if not videos:
-        raise InputError(f"{name} has no video stream; name a file that has one.")
-    stream = videos[0]
-    if stream.codec_context is None:
-        raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
-    return stream
-
-
 def _nominal_rate(stream: av.VideoStream) -> tuple[Fraction, bool]:
     average, guessed = _fraction(stream.average_rate), _fraction(stream.guessed_rate)
     sane = [rate for rate in (average, guessed) if rate is not None and 0 < rate <= HIGHEST_RATE]
     if len(sane) == 2 and abs(sane[0] - sane[1]) * 100 < sane[1]:
         return sane[1], True
     return (sane[0], True) if sane else (ASSUMED_RATE, False)
-
-
-def _left_out(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
-    others = [
-        f"stream {stream.index} ({stream.name or 'unknown'} {stream.codec_context.width}x{stream.codec_context.height})"
-        for stream in container.streams.video
-        if stream.index != chosen.index and not is_cover_art(stream) and stream.codec_context is not None
-    ]
-    return [f"{name} has more than one video stream; left out: {', '.join(others)}."] if others else []
 
 
 def _side_data(picture: av.VideoFrame) -> list[Any]:
@@ -490,7 +494,3 @@ def _fraction(value: Any) -> Fraction | None:
     if not value:
         return None
     return Fraction(value.numerator, value.denominator)
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"

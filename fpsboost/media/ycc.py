@@ -189,7 +189,7 @@ def reformatted(
     pixel_format: str,
     full_range: bool,
     *,
-    size: int | None = None,
+    size: tuple[int, int] | None = None,
 ) -> av.VideoFrame:
     """Bring a YCbCr picture to another YCbCr format; matrix and range stay as they are.
 
@@ -201,14 +201,15 @@ def reformatted(
         FFmpeg's name.
     full_range : bool
         Black is 0 rather than 16 (in 8 bits), before and after.
-    size : int, optional
-        New width and height.
+    size : (int, int), optional
+        New height and width.
     """
     colour_range = FULL_RANGE if full_range else LIMITED_RANGE
+    height, width = size or (None, None)
     return reformatter.reformat(
         picture,
-        width=size,
-        height=size,
+        width=width,
+        height=height,
         format=pixel_format,
         interpolation=SCALER_FLAGS,
         src_color_range=colour_range,
@@ -293,7 +294,7 @@ def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) ->
     size, step = 32, 4
     if picture.format.is_rgb or len(picture.planes) < 2:
         return "left"
-    ramp = reformatted(picture, reformatter, "yuv444p", True, size=size)
+    ramp = reformatted(picture, reformatter, "yuv444p", True, size=(size, size))
     if ramp is picture:  # already of this size and kind: never write into a decoded picture
         return "left"
     rows, columns = np.mgrid[0:size, 0:size]

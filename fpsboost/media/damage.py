@@ -1,0 +1,51 @@
+"""What was wrong with a file, counted while it is read and said at its end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass
+class Damage:
+    """Counts of what did not come out of a video as it should.
+
+    Attributes
+    ----------
+    undecodable, unreadable : int
+        Packets that could not be decoded, and places of the file that could not be read.
+    corrupt : int
+        Frames that decoded with errors.
+    misplaced : int
+        Frames shown no later than the one before, and left out.
+    untimed : int
+        Frames without a time.
+    """
+
+    undecodable: int = 0
+    unreadable: int = 0
+    corrupt: int = 0
+    misplaced: int = 0
+    untimed: int = 0
+
+    def remarks(self, name: str, frames: int) -> list[str]:
+        """Sentences about a file of which so many frames were converted."""
+        parts = []
+        if self.undecodable:
+            parts.append(f"{counted(self.undecodable, 'packet')} could not be decoded")
+        if self.unreadable:
+            parts.append(f"{counted(self.unreadable, 'place')} could not be read")
+        if self.corrupt:
+            parts.append(f"{counted(self.corrupt, 'frame')} decoded with errors")
+        said = []
+        if parts:
+            said.append(f"{name} is damaged: {' and '.join(parts)}; {counted(frames, 'frame')} were converted.")
+        if self.misplaced:
+            said.append(f"{name} shows {counted(self.misplaced, 'frame')} no later than the one before; left out.")
+        if self.untimed:
+            said.append(f"{name} gives no time for {counted(self.untimed, 'frame')}; the nominal rate was used.")
+        return said
+
+
+def counted(count: int, what: str) -> str:
+    """``1 frame``, ``2 frames``."""
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -1,0 +1,78 @@
+"""Interlaced pictures as the moments they hold: each field becomes a frame of its own, through FFmpeg's bwdif."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+
+import av
+import av.error
+import av.filter
+
+
+def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction) -> Iterator[av.VideoFrame]:
+    """Make two progressive pictures of each one, in the order that it is flagged with.
+
+    The second is shown halfway to the next picture. Where no order is flagged, the top field is taken for the first, as
+    FFmpeg does.
+
+    Parameters
+    ----------
+    pictures : iterable of av.VideoFrame
+        Decoded pictures; size and pixel format may change on the way.
+    time_base : Fraction
+        Seconds per tick of pictures that do not say it. Those that come out count in half of it.
+    """
+    held: _Deinterlacer | None = None
+    for picture in pictures:
+        if held is not None and held.kind != _kind(picture):
+            yield from held.rest()
+            held = None
+        if held is None:
+            held = _Deinterlacer(picture, time_base)
+        yield from held.frames_of(picture)
+    if held is not None:
+        yield from held.rest()
+
+
+class _Deinterlacer:
+    """A filter for pictures of one kind; what comes out runs one picture behind what goes in."""
+
+    def __init__(self, picture: av.VideoFrame, time_base: Fraction) -> None:
+        self.kind = _kind(picture)
+        self._graph = av.filter.Graph()
+        clock = Fraction(picture.time_base or time_base)
+        # The colours are said to the graph as well, lest what it scales to a format that bwdif takes changes them.
+        entry = self._graph.add(
+            "buffer",
+            f"video_size={picture.width}x{picture.height}:pix_fmt={picture.format.name}:"
+            f"time_base={clock.numerator}/{clock.denominator}:"
+            f"colorspace={int(picture.colorspace)}:range={int(picture.color_range)}",
+        )
+        bwdif = self._graph.add("bwdif", "mode=send_field:parity=auto:deint=all")
+        self._graph.link_nodes(entry, bwdif, self._graph.add("buffersink")).configure()
+        self._count = 0
+
+    def frames_of(self, picture: av.VideoFrame) -> Iterator[av.VideoFrame]:
+        self._count += 1
+        self._graph.vpush(picture)
+        yield from self._finished()
+
+    def rest(self) -> Iterator[av.VideoFrame]:
+        """What comes of the last picture."""
+        self._graph.vpush(None)
+        frames = list(self._finished())
+        if self._count == 1 and len(frames) == 2 and frames[0].pts is not None:
+            frames[1].pts = frames[0].pts + frames[0].duration  # with no neighbour, bwdif shows both at once
+        yield from frames
+
+    def _finished(self) -> Iterator[av.VideoFrame]:
+        while True:
+            try:
+                yield self._graph.vpull()
+            except (av.error.BlockingIOError, av.error.EOFError):
+                return
+
+
+def _kind(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
+    return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)

@@ -1,0 +1,348 @@
+"""How a source is read: fields as frames, the right stream of several, sizes that change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import av
+import av.filter
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from video_truth import pictures_of, png, scene, write_clip
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.frame import Frame
+from fpsboost.media.encoding import Encoding
+from fpsboost.media.opening import open_source
+from fpsboost.media.reading import Reading
+from fpsboost.media.video_source import VideoSource
+from fpsboost.pipeline import convert
+from fpsboost.probing import probe
+
+pytestmark = [
+    pytest.mark.usefixtures("impatient"),
+    pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),
+]
+
+FIELDS = Reading(deinterlace=True)
+SCALE = Reading(size_change="scale")
+FAST = Encoding(preset="ultrafast")
+HEIGHT, WIDTH, STEP = 48, 64, 2
+
+
+def moment(index: int) -> NDArray[np.uint8]:
+    """A bar that moves on with every field."""
+    luma = np.full((HEIGHT, WIDTH), 16, np.uint8)
+    luma[:, 4 + STEP * index : 10 + STEP * index] = 200
+    return luma
+
+
+def place(frame: Frame) -> float:
+    """Of the bar, in steps."""
+    bright = frame.image[..., 1].astype(float) - frame.image[..., 1].min()
+    return float((bright.sum(axis=0) @ np.arange(WIDTH) / bright.sum() - 6.5) / STEP)
+
+
+def white(frame: Frame) -> NDArray[np.float64]:
+    """The image with 1 for white."""
+    return frame.image / np.iinfo(frame.image.dtype).max
+
+
+def write_fields(
+    path: Path,
+    orders: Sequence[str],
+    codec: str = "ffv1",
+    options: dict[str, str] | None = None,
+    times: Sequence[int] | None = None,
+) -> Path:
+    """Write a clip of 25 frames per second, flagged ``tff``, ``bff`` or ``prog`` one by one."""
+    with av.open(str(path), "w") as output:
+        stream = output.add_stream(codec, rate=25, width=WIDTH, height=HEIGHT)
+        stream.pix_fmt, stream.options = "yuv420p", options or {}
+        stream.time_base = stream.codec_context.time_base = Fraction(1, 25)
+        for index, (order, time) in enumerate(zip(orders, times or range(len(orders)), strict=True)):
+            luma, late = moment(2 * index), moment(2 * index + 1)
+            if order != "prog":
+                rows = slice(1, None, 2) if order == "tff" else slice(0, None, 2)
+                luma[rows] = late[rows]
+            planes = np.concatenate([luma, np.full((HEIGHT // 2, WIDTH), 128, np.uint8)])
+            picture = flagged(av.VideoFrame.from_ndarray(planes, format="yuv420p"), order)
+            picture.pts, picture.time_base, picture.duration = time, Fraction(1, 25), 1
+            output.mux(stream.encode(picture))
+        output.mux(stream.encode(None))
+    return path
+
+
+def flagged(picture: av.VideoFrame, order: str) -> av.VideoFrame:
+    graph = av.filter.Graph()
+    entry = graph.add_buffer(width=WIDTH, height=HEIGHT, format=picture.format, time_base=Fraction(1, 25))
+    graph.link_nodes(entry, graph.add("setfield", order), graph.add("buffersink")).configure()
+    graph.vpush(picture)
+    return graph.vpull()
+
+
+def read(path: Path, reading: Reading | None = None) -> tuple[list[Frame], list[str]]:
+    with VideoSource(path, reading=reading) as source:
+        return list(source), source.remarks
+
+
+# ------------------------------------------------------------------------------------------------------- deinterlacing
+
+
+@pytest.mark.parametrize("order", ["tff", "bff"])
+@pytest.mark.parametrize("codec", ["ffv1", "libx264"])
+def test_each_field_becomes_a_frame_at_its_own_time(tmp_path, codec, order):
+    """Fifty moments a second out of 25 pictures, each later than the one before, in the order that is flagged."""
+    options = {"crf": "0", "preset": "ultrafast", "x264-params": f"{order}=1"} if codec == "libx264" else {}
+    clip = write_fields(tmp_path / "in.mp4" if options else tmp_path / "in.avi", [order] * 6, codec, options)
+    with VideoSource(clip, reading=FIELDS) as source:
+        assert (source.info.rate, source.info.frame_count) == (50, 12)
+        frames = list(source)
+        assert all((frame.time / source.info.time_base).denominator == 1 for frame in frames)
+    assert [place(frame) for frame in frames] == pytest.approx(range(12), abs=0.05)
+    assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(12)]
+    assert {frame.duration for frame in frames} == {Fraction(1, 50)}
+    assert not any(frame.original.interlaced_frame for frame in frames)
+    assert source.remarks == []
+
+
+def test_a_field_keeps_its_own_rows(tmp_path):
+    """Rows that were in the field are the very same numbers in its frame."""
+    clip = write_fields(tmp_path / "in.mkv", ["tff"] * 4)
+    frames, _ = read(clip, FIELDS)
+    for index, frame in enumerate(frames):
+        luma = np.frombuffer(memoryview(frame.original.planes[0]), np.uint8).reshape(HEIGHT, -1)[:, :WIDTH]
+        assert np.array_equal(luma[index % 2 :: 2], moment(index)[index % 2 :: 2])
+
+
+def test_fields_lie_halfway_between_uneven_pictures(tmp_path):
+    """At a variable rate the second field is shown halfway to the next picture."""
+    frames, remarks = read(write_fields(tmp_path / "in.mkv", ["tff"] * 4, times=[0, 1, 4, 5]), FIELDS)
+    times = [float(frame.time) * 25 for frame in frames]
+    assert times == pytest.approx([0, 0.5, 1, 2.5, 4, 4.5, 5, 5.5])
+    assert remarks == []
+
+
+def test_a_single_picture_has_two_moments(tmp_path):
+    """With no neighbour to tell the interval, its own duration does."""
+    frames, remarks = read(write_fields(tmp_path / "in.avi", ["tff"]), FIELDS)
+    assert [frame.time for frame in frames] == [0, Fraction(1, 50)]
+    assert remarks == []
+
+
+def test_pictures_that_are_not_flagged_are_made_into_two_as_well(tmp_path):
+    """So that the rate is even; and it is said, for all of them and for some."""
+    frames, remarks = read(write_fields(tmp_path / "none.mkv", ["prog"] * 4), FIELDS)
+    assert [place(frame) for frame in frames] == pytest.approx([0, 0, 2, 2, 4, 4, 6, 6], abs=0.05)
+    assert [remark.split(" flags ")[1] for remark in remarks] == [
+        "no frame as interlaced; every frame was made into two all the same."
+    ]
+    frames, remarks = read(write_fields(tmp_path / "some.mkv", ["prog", "tff", "tff", "prog"]), FIELDS)
+    assert len(frames) == 8
+    assert "flags only 2 of 4 frames as interlaced" in remarks[0]
+
+
+def test_interlaced_frames_are_named_wherever_they_are(tmp_path):
+    """Also when the first one is none, with their number; and what to do."""
+    _, remarks = read(write_fields(tmp_path / "late.mkv", ["prog", "prog", "tff", "bff", "prog"]))
+    assert "late.mkv is interlaced in 2 of 5 frames and its fields" in remarks[0]
+    assert "pass --deinterlace" in remarks[0]
+    _, remarks = read(write_fields(tmp_path / "all.mkv", ["tff"] * 3))
+    assert "all.mkv is interlaced and its fields were taken as whole pictures" in remarks[0]
+    assert read(write_fields(tmp_path / "none.mkv", ["prog"] * 3))[1] == []
+
+
+def test_formats_that_the_filter_does_not_know_keep_their_colours(tmp_path):
+    """Deep colour with alpha, and full range, come out with the colours that they went in with."""
+    for pixel_format, more in (("yuva444p12le", {}), ("yuv444p12le", {"color_range": 2}), ("bgra", {})):
+        clip = write_clip(
+            tmp_path / f"{pixel_format}.mkv", codec="ffv1", pixel_format=pixel_format, rate=Fraction(25), **more
+        )
+        with VideoSource(clip) as plain, VideoSource(clip, reading=FIELDS) as fields:
+            tags = [(each.traits.tagged_color_space, each.traits.color_range) for each in (plain, fields)]
+            pairs = zip(list(plain), list(fields)[::2], strict=True)
+            errors = [np.abs(white(b) - white(a)).mean() for a, b in pairs]
+        assert pixel_format == "bgra" or tags[0] == tags[1]
+        assert max(errors) < 0.01
+
+
+def test_a_deinterlaced_conversion(tmp_path):
+    """Length, rate and moments of the output, and nothing flagged in it."""
+    clip = write_fields(tmp_path / "in.mkv", ["bff"] * 6)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", reading=FIELDS, encoding=FAST)
+    assert (summary.frames_in, summary.frames_out, summary.remarks) == (12, 24, [])
+    pictures = pictures_of(tmp_path / "out.mp4")
+    assert not any(picture.interlaced_frame for picture in pictures)
+    assert [picture.pts * picture.time_base for picture in pictures] == [Fraction(k, 100) for k in range(24)]
+
+
+# ---------------------------------------------------------------------------------------------------------- the streams
+
+
+def write_two(path: Path, sizes: Sequence[tuple[int, int]], default: int | None = None) -> Path:
+    """Write a clip with several videos of 4 frames (height, width), of which one may be flagged as the default."""
+    with av.open(str(path), "w") as output:
+        streams = [output.add_stream("ffv1", rate=25, width=width, height=height) for height, width in sizes]
+        packets = []
+        for number, (stream, (height, width)) in enumerate(zip(streams, sizes, strict=True)):
+            stream.pix_fmt = "yuv420p"
+            stream.disposition = 1 if number == default else 0
+            for index in range(4):
+                picture = av.VideoFrame.from_ndarray(scene(index, height, width), format="bgr24")
+                picture.pts = index
+                packets += stream.encode(picture.reformat(format="yuv420p"))
+            packets += stream.encode(None)
+        output.mux(sorted(packets, key=lambda packet: packet.dts))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("sizes", "default", "taken"),
+    [
+        (((32, 32), (64, 64)), None, 1),
+        (((64, 64), (32, 32)), None, 0),
+        (((64, 64), (32, 32)), 1, 1),
+        (((32, 32), (32, 32)), None, 0),
+    ],
+)
+def test_of_several_videos_the_best_is_read(tmp_path, sizes, default, taken):
+    """The one flagged as default, then the largest, then the first; the others are said to be left out."""
+    clip = write_two(tmp_path / "in.mkv", sizes, default)
+    with VideoSource(clip) as source:
+        assert (source.stream_index, (source.info.height, source.info.width)) == (taken, sizes[taken])
+        other = 1 - taken
+        height, width = sizes[other]
+        assert f"stream {taken} (ffv1 " in source.remarks[0]
+        assert f"left out: stream {other} (ffv1 {width}x{height})" in source.remarks[0]
+
+
+def test_a_stream_can_be_chosen(tmp_path):
+    """By its number in the file."""
+    clip = write_two(tmp_path / "in.mkv", ((32, 32), (64, 64)))
+    with VideoSource(clip, reading=Reading(stream=0)) as source:
+        assert (source.info.width, len(list(source))) == (32, 4)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", reading=Reading(stream=0), encoding=FAST)
+    assert "left out: stream 1" in summary.remarks[0]
+    assert pictures_of(tmp_path / "out.mp4")[0].width == 32
+
+
+@pytest.mark.parametrize("wanted", [1, 3, 9])
+def test_a_wrong_stream_lists_the_videos(tmp_path, wanted):
+    """Sound, cover and no stream at all are none."""
+    clip = write_clip(tmp_path / "in.mkv", sound="aac", cover=png())
+    with pytest.raises(OptionError, match=rf"--stream {wanted} is no video stream of .*; choose one of 0 \(h264 64x48"):
+        VideoSource(clip, reading=Reading(stream=wanted))
+
+
+# ---------------------------------------------------------------------------------------------------------- their sizes
+
+
+def changing(folder: Path, *parts: dict) -> Path:
+    """One stream of several parts, five frames each."""
+    data = []
+    for number, part in enumerate(parts):
+        name = folder / f"part{number}.ts"
+        times = range(5 * number, 5 * number + 5)
+        data.append(write_clip(name, times=times, options={"preset": "ultrafast", "bf": "0"}, **part).read_bytes())
+    clip = folder / "in.ts"
+    clip.write_bytes(b"".join(data))
+    return clip
+
+
+def test_a_change_of_size_stops_or_scales(tmp_path):
+    """It stops with a sentence that says what to pass, or makes all like the first and counts them."""
+    clip = changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
+    with pytest.raises(InputError, match=r"from 64x48 yuv420p to 128x96 yuv420p at frame 5; pass --size-change"):
+        read(clip)
+    frames, remarks = read(clip, SCALE)
+    assert {frame.image.shape for frame in frames} == {(48, 64, 3)}
+    assert "changes from 64x48 yuv420p to 128x96 yuv420p at frame 5; 5 frames were made like the first" in remarks[-1]
+    assert all(a.time < b.time for a, b in pairwise(frames))
+    assert {(frame.original.width, frame.original.format.name) for frame in frames} == {(64, "yuv420p")}
+    small = np.asarray(frames[-1].image, float)
+    truth = scene(4, 96, 128).reshape(48, 2, 64, 2, 3).mean(axis=(1, 3))
+    assert np.abs(small - truth).mean() < 4
+
+
+@pytest.mark.parametrize(
+    "later",
+    [
+        {"pixel_format": "yuv444p10le"},
+        {"pixel_format": "yuvj444p", "color_range": 2},
+        {"size": (80, 96), "colorspace": 1, "color_range": 1},
+    ],
+    ids=["deep", "full range", "other matrix"],
+)
+def test_later_pictures_keep_their_colours(tmp_path, later):
+    """Depth, range and matrix become the first one's, and the colours stay what they were."""
+    clip = changing(tmp_path, {"colorspace": 5, "color_range": 1}, later)
+    frames, remarks = read(clip, SCALE)
+    assert "made like the first" in remarks[-1]
+    assert {(frame.image.shape, frame.image.dtype.name) for frame in frames} == {((48, 64, 3), "uint8")}
+    last = frames[-1]
+    truth = scene(4, *later.get("size", (48, 64)))
+    assert np.abs(last.image.mean(axis=(0, 1)) - truth.mean(axis=(0, 1))).max() < 2.5
+    assert last.original.color_range == frames[0].original.color_range
+    assert last.original.colorspace == frames[0].original.colorspace
+
+
+def test_a_range_that_changes_is_always_converted(tmp_path):
+    """Nobody need ask for it, since no size changes: frames after it look like those before."""
+    clip = changing(tmp_path, {"colorspace": 5, "color_range": 1}, {"pixel_format": "yuvj420p", "color_range": 2})
+    frames, remarks = read(clip)
+    assert "changes its colour matrix or range; 5 frames were converted to the first's" in remarks[-1]
+    assert {frame.original.color_range for frame in frames} == {1}
+    assert np.abs(frames[9].image.astype(float) - frames[4].image).mean() < 2
+
+
+def test_sizes_that_change_can_be_deinterlaced(tmp_path):
+    """Fields become frames before anything is scaled, and none is lost at the change."""
+    clip = changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
+    plain, _ = read(clip, SCALE)
+    frames, _ = read(clip, Reading(deinterlace=True, size_change="scale"))
+    assert len(frames) == 2 * len(plain)
+    assert {frame.image.shape for frame in frames} == {(48, 64, 3)}
+
+
+def test_probe_tells_a_change_of_size(tmp_path):
+    """It reads on, counts, and says why a conversion would be refused."""
+    clip = changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
+    found = probe(str(clip))
+    assert found.frames > 8
+    assert "pass --size-change scale" in found.conversion.refused
+
+
+# --------------------------------------------------------------------------------------------------- where it is given
+
+
+def test_options_that_mean_nothing_are_refused(tmp_path, save_images):
+    """Images and pipes have neither fields nor streams, and a sentence says so."""
+    save_images(tmp_path / "in", count=2)
+    for reading, option in ((FIELDS, "--deinterlace"), (SCALE, "--size-change"), (Reading(stream=0), "--stream")):
+        with pytest.raises(OptionError, match=rf"{option} is for video files and not for .*in, which holds images"):
+            open_source(str(tmp_path / "in"), Fraction(24), reading=reading)
+        with pytest.raises(OptionError, match=rf"{option} is for video files and not for standard input"):
+            open_source("-", reading=reading)
+    with pytest.raises(OptionError, match="--stream must be"):
+        Reading(stream=-1)
+    with pytest.raises(OptionError, match="--size-change must be one of stop, scale"):
+        Reading(size_change="crop")
+
+
+def test_the_command_line(fpsboost_, tmp_path):
+    """Every option arrives."""
+    write_fields(tmp_path / "in.mkv", ["tff"] * 4)
+    cheap = ("-m", "nearest", "--preset", "ultrafast", "-y")
+    assert "8 -> 16 frames" in fpsboost_("in.mkv", "out.mp4", "--deinterlace", *cheap).err
+    refused = fpsboost_("in.mkv", "out.mp4", "--stream", "3", *cheap)
+    assert (refused.code, len(refused.lines)) == (2, 1)
+    assert "--stream 3 is no video stream of in.mkv; choose one of 0 (ffv1 64x48)." in refused.err
+    changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
+    assert fpsboost_("in.ts", "out.mp4", *cheap).code == 1
+    assert fpsboost_("in.ts", "out.mp4", "--size-change", "scale", *cheap).code == 0
+    assert "--deinterlace makes two of each" in fpsboost_("probe", "in.mkv").out
+    assert fpsboost_("probe", "in.mkv", "--stream", "7").code == 2
