@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo, Frame
     from fpsboost.interpolator import Interpolator
     from fpsboost.media.encoding import Encoding
+    from fpsboost.media.reading import Reading
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.pipeline import Summary, boost, convert
     from fpsboost.scenes import CutDetector, DuplicateDetector
@@ -37,6 +38,7 @@ __all__ = [
     "Interpolator",
     "OptionError",
     "OutputError",
+    "Reading",
     "Summary",
     "__version__",
     "boost",
@@ -59,6 +61,7 @@ _homes = {
     "Interpolator": "interpolator",
     "OptionError": "errors",
     "OutputError": "errors",
+    "Reading": "media.reading",
     "Summary": "pipeline",
     "boost": "pipeline",
     "convert": "pipeline",

@@ -170,6 +170,13 @@ def test_formats_that_the_filter_does_not_know_keep_their_colours(tmp_path):
         assert max(errors) < 0.01
 
 
+def test_what_cannot_be_deinterlaced(tmp_path):
+    """Pictures of a line or two have no fields, and a sentence says so."""
+    clip = write_clip(tmp_path / "in.mkv", codec="ffv1", size=(2, 64), rate=Fraction(25))
+    with pytest.raises(InputError, match=r"in\.mkv holds pictures of 64x2 yuv420p, which cannot be deinterlaced"):
+        read(clip, FIELDS)
+
+
 def test_a_deinterlaced_conversion(tmp_path):
     """Length, rate and moments of the output, and nothing flagged in it."""
     clip = write_fields(tmp_path / "in.mkv", ["bff"] * 6)

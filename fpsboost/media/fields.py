@@ -9,8 +9,10 @@ import av
 import av.error
 import av.filter
 
+from fpsboost.errors import InputError
 
-def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction) -> Iterator[av.VideoFrame]:
+
+def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
     """Make two progressive pictures of each one, in the order that it is flagged with.
 
     The second is shown halfway to the next picture. Where no order is flagged, the top field is taken for the first, as
@@ -22,6 +24,13 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction) -> 
         Decoded pictures; size and pixel format may change on the way.
     time_base : Fraction
         Seconds per tick of pictures that do not say it. Those that come out count in half of it.
+    name : str
+        Of the file, for messages.
+
+    Raises
+    ------
+    InputError
+        Pictures are too small, or of a pixel format that cannot be deinterlaced.
     """
     held: _Deinterlacer | None = None
     for picture in pictures:
@@ -29,7 +38,13 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction) -> 
             yield from held.rest()
             held = None
         if held is None:
-            held = _Deinterlacer(picture, time_base)
+            try:
+                held = _Deinterlacer(picture, time_base)
+            except (av.error.FFmpegError, ValueError):
+                raise InputError(
+                    f"{name} holds pictures of {picture.width}x{picture.height} {picture.format.name}, which cannot be "
+                    "deinterlaced; leave --deinterlace out."
+                ) from None
         yield from held.frames_of(picture)
     if held is not None:
         yield from held.rest()

@@ -1,4 +1,8 @@
-"""Everything of a video file but its pictures: sound, subtitles, cover, titles and chapters, carried over untouched."""
+"""Everything of a video file but its pictures: sound, subtitles, data, cover, titles and chapters, carried over.
+
+Packets pass untouched; only text subtitles become another text where the container asks for it, and a timecode counts
+at the new rate.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +22,8 @@ import av.error
 from fpsboost.errors import OutputError
 from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
 from fpsboost.media.stream_choice import is_cover_art
+from fpsboost.media.subtitles import TextConverter, formats, is_text
+from fpsboost.media.timecode import at_rate, find_timecode
 from fpsboost.media.video_source import VideoSource, open_video
 
 SOON = 200
@@ -25,7 +31,7 @@ SOON = 200
 
 
 class OtherStreams:
-    """Sound, subtitles, attachments and titles on their way from the source file to the output, unchanged.
+    """Sound, subtitles, data, attachments and titles on their way from the source file to the output.
 
     The source is opened a second time, so that these packets are read when they are due and memory stays flat.
 
@@ -57,8 +63,10 @@ class OtherStreams:
         self._targets: dict[int, av.stream.Stream] = {}
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.stream.Stream] = []
+        self._converters: dict[int, TextConverter] = {}
         _copy_titles(self._input, output)
         _copy_labels(self._input.streams[source.stream_index], video)
+        self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
                 self._add(stream, encoding)
@@ -93,14 +101,48 @@ class OtherStreams:
         """Give a stream its counterpart in the output, or remark that there is none."""
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
-        elif _is_wanted(stream, encoding):
-            target = self._output.add_stream_from_template(stream)
-            _copy_labels(stream, target)
-            self._targets[stream.index] = target
+        elif stream.discard == av.stream.Discard.all:
+            pass  # chapters as an mp4 keeps them, which FFmpeg reads by itself
+        elif _is_wanted(stream, encoding) and is_text(stream) and not _fits(self._container, stream, None):
+            self._add_converted(stream)
+        elif _is_wanted(stream, encoding) or (stream.type == "data" and _keeps_data(self._container, stream)):
+            self._add_target(stream, self._output.add_stream_from_template(stream))
         elif stream.type == "attachment" and self._container == "matroska":
             self._output.add_stream_from_template(stream)
-        elif stream.type in ("data", "attachment") and stream.discard != av.stream.Discard.all:
-            self.remarks.append(f"{self._name} does not hold stream {stream.index} ({stream.type}) of its source.")
+        elif stream.type == "data" and find_timecode(stream.metadata) and self._has_timecode:
+            pass  # the container makes a stream of it by itself, or keeps it as a tag
+        elif stream.type in ("data", "attachment", "unknown"):
+            self.remarks.append(f"{self._name} does not hold stream {stream.index} ({_kind(stream)}) of its source.")
+
+    def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
+        _copy_labels(stream, target)
+        self._targets[stream.index] = target
+
+    def _add_converted(self, stream: av.stream.Stream) -> None:
+        """Give subtitles a counterpart in a text format of the container; `check_streams` has seen that it can be."""
+        converter = TextConverter(stream, self._output, self._container)
+        self._converters[stream.index] = converter
+        self._add_target(stream, converter.stream)
+        self.remarks.append(
+            f"{self._name} holds stream {stream.index} ({_codec_of(stream)} subtitles) of its source as "
+            f"{formats[self._container]}; styles may differ."
+        )
+
+    def _copy_timecode(self, video: av.VideoStream) -> bool:
+        """Say at which timecode the video starts; whether that succeeds, or there is nothing to say."""
+        source: Any = self._input.streams[self._source.stream_index]
+        timecode = find_timecode(source.metadata, self._input.metadata)
+        if timecode is None:
+            return False
+        old, new = source.average_rate, video.codec_context.framerate
+        again = at_rate(timecode, Fraction(old), Fraction(new)) if old and new else None
+        if again is None:
+            self.remarks.append(
+                f"{self._name} lost the timecode {timecode} of its source, which its rate cannot count."
+            )
+        else:
+            video.metadata["timecode"] = again
+        return True
 
     def _add_cover(self, stream: av.stream.Stream) -> None:
         picture = stream.metadata
@@ -146,6 +188,11 @@ class OtherStreams:
                 self.remarks.append(sentence)
             return
         self._last_dts[index] = packet.dts
+        if index in self._converters:
+            converted = self._converters[index].converted(packet)
+            if converted is not None:
+                self._output.mux(converted)
+            return
         packet.stream = self._targets[index]
         self._output.mux(packet)
 
@@ -154,17 +201,17 @@ def check_streams(source: VideoSource, encoding: Encoding, encoder: str, contain
     """Raise `OutputError` where the container cannot hold the source's sound or subtitles."""
     with open_video(source.path, source.info.name) as file:
         streams = [stream for stream in file.streams if _is_wanted(stream, encoding)]
-        samples = _first_packets(file, streams)
-        codecs = [stream.codec_context.codec.name if stream.codec_context else "" for stream in streams]
-        for stream, codec in zip(streams, codecs, strict=True):
-            if holds(container, codec) and _takes(container, stream, samples.get(stream.index)):
+        strict = [stream for stream in streams if not is_text(stream)]
+        samples = _first_packets(file, strict)
+        codecs = [stream.codec_context.codec.name if stream.codec_context else "" for stream in strict]
+        for stream in strict:
+            if _fits(container, stream, samples.get(stream.index)):
                 continue
             what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
             others = suffixes_holding([*codecs, encoder] if encoding.codec else codecs)
             instead = f"write {' or '.join(others)}, or " if others else ""
-            called = stream.codec_context.codec.canonical_name if codec else "unknown"
             raise OutputError(
-                f"{name} cannot hold the {called} {what} of {source.info.name}; {instead}leave the {what} "
+                f"{name} cannot hold the {_codec_of(stream)} {what} of {source.info.name}; {instead}leave the {what} "
                 f"out with {option}."
             )
 
@@ -215,9 +262,11 @@ def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) ->
     elif stream.type == "audio" and context:
         details = f"{context.sample_rate} Hz, {context.layout.name}"
     if kind in ("audio", "subtitle"):
-        carries_over = context is not None and holds("mp4", context.codec.name) and _takes("mp4", stream, sample)
+        carries_over = _fits("mp4", stream, sample) or is_text(stream)
     elif kind == "cover":
         carries_over = stream.name in ("png", "mjpeg")
+    elif kind == "data":
+        carries_over = bool(find_timecode(stream.metadata)) or _keeps_data("mp4", stream)
     else:
         carries_over = stream.index == converted
     return StreamFacts(
@@ -225,7 +274,7 @@ def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) ->
         kind,
         context.codec.canonical_name if context else None,
         stream.metadata.get("language"),
-        stream.metadata.get("title"),
+        stream.metadata.get("title", stream.metadata.get("name")),
         details,
         carries_over,
     )
@@ -247,6 +296,46 @@ def _first_packets(file: av.container.InputContainer, streams: Sequence[av.strea
             if len(found) == len(streams):
                 break
     return found
+
+
+def _fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
+    """Whether a container holds a stream as it is."""
+    context: Any = stream.codec_context
+    return context is not None and holds(container, context.codec.name) and _takes(container, stream, sample)
+
+
+def _codec_of(stream: av.stream.Stream) -> str:
+    context: Any = stream.codec_context
+    return str(context.codec.canonical_name) if context is not None else "unknown"
+
+
+def _kind(stream: av.stream.Stream) -> str:
+    """Say what a stream is that has no codec: ``data, klv``, ``attachment, font.ttf``."""
+    tags = {key.lower(): value for key, value in stream.metadata.items()}
+    name = tags.get("filename") if stream.type == "attachment" else getattr(stream, "name", None)
+    more = name or tags.get("handler_name")
+    return f"{stream.type}, {more}" if more else stream.type
+
+
+def _keeps_data(container: str, stream: av.stream.Stream) -> bool:
+    """Whether a container holds a data stream so that it is known again: tried, since lists of formats say too much."""
+    kind = getattr(stream, "name", None)
+    if kind is None:
+        return False
+    file = BytesIO()
+    try:
+        with av.open(file, "w", format=container) as probe:
+            target = probe.add_stream_from_template(stream)
+            probe.start_encoding()
+            packet = av.Packet(bytes(64))
+            packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
+            packet.time_base = target.time_base or Fraction(1)
+            probe.mux(packet)
+        file.seek(0)
+        with av.open(file, "r") as again:
+            return [each.name for each in again.streams.data] == [kind]
+    except (av.error.FFmpegError, ValueError):
+        return False
 
 
 def _takes(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
@@ -288,6 +377,8 @@ def _copy_labels(stream: av.stream.Stream, target: av.stream.Stream) -> None:
         "_statistics",
     )
     labels = {key: value for key, value in stream.metadata.items() if not key.lower().startswith(skipped)}
+    if "name" in labels:  # what mp4 gives as the name, it takes as the title, and so does Matroska
+        labels.setdefault("title", labels.pop("name"))
     target.metadata.update(labels)
     target.disposition = stream.disposition
 

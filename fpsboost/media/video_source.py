@@ -136,7 +136,7 @@ class VideoSource:
         fields = 2 if self._reading.deinterlace else 1
         self._rate *= fields
         self._pictures = self._decode()
-        self._progressive = frames_of_fields(self._pictures, self._ticks) if fields == 2 else self._pictures
+        self._progressive = frames_of_fields(self._pictures, self._ticks, self._name) if fields == 2 else self._pictures
         self._started = False
         self._traits: VideoTraits | None = None
         context = self._stream.codec_context

@@ -1,0 +1,308 @@
+"""What survives of a file beside its pictures: attachments, data, timecodes, subtitles, labels, sound in its place."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from video_truth import packets_of, scene, write_clip
+
+from fpsboost.errors import OutputError
+from fpsboost.media.encoding import Encoding
+from fpsboost.media.timecode import at_rate
+from fpsboost.pipeline import convert
+from fpsboost.probing import probe
+
+pytestmark = pytest.mark.usefixtures("impatient")
+
+FAST = Encoding(preset="ultrafast")
+LINES = [(0, 100, b"one <b>bold</b> word"), (120, 80, "zwei\nZäune".encode()), (300, 90, b"three")]
+WORDS = ["one bold word", "zwei\nZäune", "three"]
+FONT = bytes(range(256)) * 5
+
+
+def double(source: Path, target: Path, encoding: Encoding = FAST) -> list[str]:
+    """Convert in the cheapest way; return what was said."""
+    if target.suffix == ".webm":
+        encoding = Encoding(preset="8")
+    return convert(str(source), str(target), method="nearest", encoding=encoding).remarks
+
+
+def write_with(path: Path, add: Any, fill: Any, rate: Fraction = Fraction(24)) -> Path:
+    """Write ten frames beside a stream that `add` makes of the file and `fill` makes packets for."""
+    with av.open(str(path), "w") as output:
+        video = output.add_stream("libx264", rate=rate, width=64, height=48)
+        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        other = add(output, video)
+        packets = []
+        for index in range(10):
+            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
+            picture.pts = index
+            packets += video.encode(picture)
+        output.mux(packets + video.encode(None))
+        for packet in fill(other):
+            output.mux(packet)
+    return path
+
+
+def messages(stream: Any) -> list[Any]:
+    """Three packets of anything."""
+    packets = [av.Packet(b"message %d" % index) for index in range(3)]
+    for index, packet in enumerate(packets):
+        packet.stream, packet.time_base, packet.pts, packet.dts = stream, Fraction(1, 1000), 100 * index, 100 * index
+        packet.duration = 100
+    return packets
+
+
+def nothing(stream: Any) -> list[Any]:
+    return []
+
+
+def streams_of(path: Path) -> list[tuple[str, dict[str, str], int]]:
+    """Kind, labels in lower case and disposition of every stream."""
+    with av.open(str(path)) as file:
+        return [
+            (each.type, {key.lower(): value for key, value in each.metadata.items()}, int(each.disposition))
+            for each in file.streams
+        ]
+
+
+# ------------------------------------------------------------------------------------------------- attachments and data
+
+
+def test_attachments_go_along(tmp_path):
+    """A font keeps its bytes, name and type in Matroska, and is named where it cannot be held."""
+    clip = write_with(
+        tmp_path / "in.mkv", lambda output, video: output.add_attachment("Sans.ttf", "font/ttf", FONT), nothing
+    )
+    assert double(clip, tmp_path / "out.mkv") == []
+    with av.open(str(tmp_path / "out.mkv")) as file:
+        fonts = [(each.name, each.mimetype, each.data) for each in file.streams if each.type == "attachment"]
+    assert fonts == [("Sans.ttf", "font/ttf", FONT)]
+    target = tmp_path / "out.mp4"
+    assert double(clip, target) == [f"{target} does not hold stream 1 (attachment, Sans.ttf) of its source."]
+
+
+def test_data_goes_along_where_it_is_known_again(tmp_path):
+    """A camera's measurements keep bytes and times in mp4 and mov, and are named where they cannot be held."""
+
+    def add(output: Any, video: Any) -> Any:
+        stream = output.add_data_stream("bin_data")  # as GoPro's gpmd
+        stream.time_base = Fraction(1, 1000)
+        return stream
+
+    clip = write_with(tmp_path / "in.mp4", add, messages)
+    for suffix in (".mp4", ".mov"):
+        assert double(clip, tmp_path / f"out{suffix}") == []
+        assert packets_of(tmp_path / f"out{suffix}", "data") == packets_of(clip, "data")
+        assert [data for _, data in packets_of(clip, "data")] == [b"message 0", b"message 1", b"message 2"]
+    target = tmp_path / "out.mkv"
+    assert double(clip, target) == [f"{target} does not hold stream 1 (data, bin_data) of its source."]
+    assert [each.carries_over for each in probe(str(clip)).streams] == [True, True]
+
+
+def test_other_data_is_named(tmp_path):
+    """What no container would know again is left out with its kind."""
+    clip = write_with(tmp_path / "in.ts", lambda output, video: output.add_data_stream("klv"), messages)
+    for suffix in (".mp4", ".mov", ".mkv"):
+        target = tmp_path / f"out{suffix}"
+        assert double(clip, target) == [f"{target} does not hold stream 1 (data, klv) of its source."]
+
+
+def test_a_timecode_counts_at_the_new_rate(tmp_path):
+    """The same moment at twice the frames, in mov, mp4 and Matroska and through all of them."""
+
+    def add(output: Any, video: Any) -> None:
+        video.metadata["timecode"] = "01:02:03:12"
+
+    clip = write_with(tmp_path / "in.mov", add, nothing)
+    assert [kind for kind, *_ in streams_of(clip)] == ["video", "data"]
+    for source, target in (("in.mov", "a.mov"), ("in.mov", "b.mp4"), ("in.mov", "c.mkv"), ("c.mkv", "d.mp4")):
+        assert double(tmp_path / source, tmp_path / target) == []
+        streams = streams_of(tmp_path / target)
+        assert streams[0][1]["timecode"] == ("01:02:03:48" if target == "d.mp4" else "01:02:03:24")
+        assert [kind for kind, *_ in streams] == (["video"] if target == "c.mkv" else ["video", "data"])
+    remarks = convert(str(clip), str(tmp_path / "fast.mov"), factor=20, method="nearest", encoding=FAST).remarks
+    assert remarks == [
+        f"{tmp_path / 'fast.mov'} lost the timecode 01:02:03:12 of its source, which its rate cannot count."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("timecode", "old", "new", "expected"),
+    [
+        ("00:00:00:00", 24, 48, "00:00:00:00"),
+        ("10:59:59:23", 24, 60, "10:59:59:57"),
+        ("01:00:00;29", Fraction(30000, 1001), Fraction(60000, 1001), "01:00:00;58"),
+        ("01:00:00;02", Fraction(30000, 1001), 50, None),
+        ("01:00:00:30", 25, 50, None),
+        ("01:00:00:00", 25, 1000, None),
+        ("nonsense", 25, 50, None),
+    ],
+)
+def test_timecodes(timecode, old, new, expected):
+    """Frames are counted anew, drop-frame only where it exists, and nothing is made up."""
+    assert at_rate(timecode, Fraction(old), Fraction(new)) == expected
+
+
+# ------------------------------------------------------------------------------------------------------------ subtitles
+
+
+def shown(path: Path) -> list[tuple[int, int, str]]:
+    """Start and length in milliseconds, and words, of every line of the first subtitles."""
+    lines = []
+    with av.open(str(path)) as file:
+        for packet in file.demux(next(each for each in file.streams if each.type == "subtitle")):
+            times = [round(1000 * each * packet.time_base) for each in (packet.pts or 0, packet.duration or 0)]
+            words = [line.dialogue.decode() for line in packet.decode()] if packet.size else []
+            lines += [(*times, re.sub(r"\{\\[^}]*\}", "", "".join(words)))] if words else []
+    return lines
+
+
+@pytest.mark.parametrize(
+    ("suffix", "codec"), [(".mp4", "mov_text"), (".mov", "mov_text"), (".webm", "webvtt")], ids=str
+)
+def test_text_becomes_the_text_of_the_container(tmp_path, suffix, codec):
+    """Words and times stay, and so they do on the way back; both is said."""
+    clip = write_clip(tmp_path / "in.mkv", subtitles=LINES)
+    expected = [(start, length, words) for (start, length, _), words in zip(LINES, WORDS, strict=True)]
+    assert shown(clip) == expected
+    target, back = tmp_path / f"out{suffix}", tmp_path / "back.mkv"
+    assert double(clip, target) == [
+        f"{target} holds stream 1 (subrip subtitles) of its source as {codec}; styles may differ."
+    ]
+    assert shown(target) == expected
+    remarks = double(target, back)
+    assert shown(back) == expected
+    if codec == "mov_text":
+        assert remarks == [f"{back} holds stream 1 (mov_text subtitles) of its source as subrip; styles may differ."]
+    assert [each.carries_over for each in probe(str(clip)).streams] == [True, True]
+
+
+def test_pictures_of_text_are_no_text(tmp_path):
+    """What mp4 cannot hold and nothing can convert is refused before any frame is read."""
+    clip = write_with(tmp_path / "in.mkv", lambda output, video: output.add_mux_stream("hdmv_pgs_subtitle"), messages)
+    with pytest.raises(OutputError, match=r"cannot hold the .*pgs.* subtitles of .*; write .mkv, or .* --no-subtitles"):
+        double(clip, tmp_path / "out.mp4")
+    assert double(clip, tmp_path / "out.mkv") == []
+    assert packets_of(tmp_path / "out.mkv", "subtitle") == packets_of(clip, "subtitle")
+    assert not probe(str(clip)).streams[1].carries_over
+
+
+# --------------------------------------------------------------------------------------------------------------- labels
+
+
+def test_labels_survive_two_changes_of_container(tmp_path):
+    """Title, chapters, languages, names and roles arrive from mp4 over Matroska in mp4."""
+    start = tmp_path / "in.mp4"
+    with av.open(str(start), "w") as output:
+        output.metadata["title"] = "Cranes"
+        second = Fraction(1, 1000)
+        chapters = [("opening", 0, 160), ("rest", 160, 400)]
+        output.set_chapters(
+            [
+                {"id": number, "start": begin, "end": end, "time_base": second, "metadata": {"title": title}}
+                for number, (title, begin, end) in enumerate(chapters, 1)
+            ]
+        )
+        video = output.add_stream("libx264", rate=25, width=64, height=48)
+        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        sounds = [output.add_stream("aac", rate=48000) for _ in range(2)]
+        for sound, language, title, role in zip(sounds, ("fra", "deu"), ("main", "remarks"), (1, 0), strict=True):
+            sound.metadata.update({"language": language, "title": title})
+            sound.disposition = role
+        packets = []
+        for index in range(10):
+            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
+            picture.pts = index
+            packets += video.encode(picture)
+        packets += video.encode(None)
+        for sound in sounds:
+            packets += tone(sound, 0)
+        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+    assert double(start, tmp_path / "over.mkv") == []
+    assert double(tmp_path / "over.mkv", tmp_path / "end.mp4") == []
+    for path in (tmp_path / "over.mkv", tmp_path / "end.mp4"):
+        with av.open(str(path)) as file:
+            assert {key.lower(): value for key, value in file.metadata.items()}["title"] == "Cranes"
+            found = [
+                (each["metadata"]["title"], *(round(1000 * each[end] * each["time_base"]) for end in ("start", "end")))
+                for each in file.chapters()
+            ]
+            assert found == chapters
+        labels = [(each["language"], role) for kind, each, role in streams_of(path) if kind == "audio"]
+        assert labels == [("fra", 1), ("deu", 0)]
+    assert [each["title"] for _, each, _ in streams_of(tmp_path / "over.mkv")[1:]] == ["main", "remarks"]
+    assert [each["name"] for _, each, _ in streams_of(tmp_path / "end.mp4")[1:3]] == ["main", "remarks"]
+    assert [each.title for each in probe(str(tmp_path / "end.mp4")).streams[1:3]] == ["main", "remarks"]
+    sound, ends = (packets_of(path, "audio", 1) for path in (start, tmp_path / "end.mp4"))
+    assert [data for _, data in ends] == [data for _, data in sound]
+    assert double(start, tmp_path / "straight.mp4") == []
+    assert streams_of(tmp_path / "straight.mp4") == streams_of(start)
+
+
+# ----------------------------------------------------------------------------------------------- where the sound stands
+
+
+def tone(stream: Any, start: int) -> list[Any]:
+    """Encode 19200 samples that begin at sample `start`."""
+    packets = []
+    for at in range(0, 19200, 960):
+        wave = np.ascontiguousarray(np.stack([np.sin(np.arange(at, at + 960) / 20).astype(np.float32) * 0.3] * 2))
+        frame = av.AudioFrame.from_ndarray(wave, format="fltp", layout="stereo")
+        frame.sample_rate, frame.pts, frame.time_base = 48000, start + at, Fraction(1, 48000)
+        packets += stream.encode(frame)
+    return packets + stream.encode(None)
+
+
+def write_sound(path: Path, sound_start: int, video_start: int, *, sound_first: bool) -> Path:
+    """Write picture and sound that start at their own times, samples of 48 kHz and frames of 25 a second."""
+    with av.open(str(path), "w") as output:
+        sound = output.add_stream("aac", rate=48000) if sound_first else None
+        video = output.add_stream("libx264", rate=25, width=64, height=48)
+        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        sound = sound or output.add_stream("aac", rate=48000)
+        packets = []
+        for index in range(10):
+            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
+            picture.pts = video_start + index
+            packets += video.encode(picture)
+        packets += [*video.encode(None), *tone(sound, sound_start)]
+        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+    return path
+
+
+@pytest.mark.parametrize("sound_first", [True, False], ids=["sound first", "video first"])
+@pytest.mark.parametrize(
+    ("sound_start", "video_start"),
+    [(0, 0), (24000, 0), (0, 25), (-2048, 0)],
+    ids=["together", "late", "early", "minus"],
+)
+def test_sound_stays_beside_its_pictures(tmp_path, sound_start, video_start, sound_first):
+    """Whichever comes first in the file or in time: same packets, same times against the pictures."""
+    clip = write_sound(tmp_path / "in.mp4", sound_start, video_start, sound_first=sound_first)
+    for suffix in (".mp4", ".mov", ".mkv"):
+        target = tmp_path / f"out{suffix}"
+        assert double(clip, target) == []
+        before, after = packets_of(clip, "audio"), packets_of(target, "audio")
+        assert [data for _, data in after] == [data for _, data in before]
+        shifts = [first_picture(path) - packets[0][0] for path, packets in ((clip, before), (target, after))]
+        assert abs(shifts[1] - shifts[0]) <= (Fraction(1, 500) if suffix == ".mkv" else 0)
+
+
+def first_picture(path: Path) -> Fraction:
+    with av.open(str(path)) as file:
+        picture = next(file.decode(video=0))
+        return picture.pts * picture.time_base
+
+
+def test_no_sound_is_no_matter(tmp_path):
+    """A file of pictures alone becomes one of pictures alone."""
+    clip = write_clip(tmp_path / "in.mp4")
+    assert double(clip, tmp_path / "out.mkv") == []
+    assert [kind for kind, *_ in streams_of(tmp_path / "out.mkv")] == ["video"]
