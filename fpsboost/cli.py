@@ -72,6 +72,7 @@ def convert(
     *,
     factor: Annotated[str | None, Parameter(group=rate, name=["--factor", "-f"])] = None,
     fps: Annotated[str | None, Parameter(group=rate)] = None,
+    keep_timing: Annotated[bool, Parameter(group=rate)] = False,
     input_fps: Annotated[str | None, Parameter(group=rate)] = None,
     method: Annotated[str, Parameter(group=motion, name=["--method", "-m"])] = "nlm",
     search: Annotated[Literal["iterative", "brute-force"] | None, Parameter(group=motion)] = None,
@@ -114,6 +115,8 @@ def convert(
         Output frames per input frame, such as 2 or 5/2; doubles if nothing is said.
     fps
         Output frames per second instead: 60, 59.94, 60000/1001.
+    keep_timing
+        Multiply the frames of each interval; else the output rate is constant.
     input_fps
         Frames per second of input images.
     method
@@ -224,6 +227,7 @@ def convert(
             input,
             output,
             **schedule_options,
+            keep_timing=keep_timing,
             method=interpolator,
             duplicates=duplicates,
             encoding=encoding,

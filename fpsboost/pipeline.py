@@ -7,6 +7,7 @@ frames that are made.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ from fractions import Fraction
 from itertools import chain, pairwise
 from typing import Literal, NamedTuple, Protocol, get_args
 
-from fpsboost.errors import InputError, OptionError, check_choice
+from fpsboost.errors import InputError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
@@ -23,9 +24,10 @@ from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_sink, open_source
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
+from fpsboost.pace import Pace, Rhythm
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import DuplicateDetector
-from fpsboost.timing import ByFactor, ByRate, Schedule, Step
+from fpsboost.timing import ByRate, Schedule, Step
 
 READ_AHEAD = 4
 WRITE_BEHIND = 4
@@ -53,6 +55,8 @@ class Summary:
         Sentences about everything that was lost or guessed.
     details : str
         How the target was written, for someone who wants to know; empty where there was no choice.
+    rhythm : Rhythm
+        How far apart the frames of the source are.
     """
 
     frames_in: int = 0
@@ -63,6 +67,7 @@ class Summary:
     seconds: float = 0.0
     remarks: list[str] = field(default_factory=list)
     details: str = ""
+    rhythm: Rhythm = field(default_factory=Rhythm)
 
 
 class Observer(Protocol):
@@ -100,6 +105,7 @@ def convert(
     *,
     factor: Fraction | int | None = None,
     fps: Fraction | int | None = None,
+    keep_timing: bool = False,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
     duplicates: Duplicates = "interpolate",
@@ -118,6 +124,9 @@ def convert(
         Output frames per source frame; 2 where neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
         Output frames per second, instead of `factor`.
+    keep_timing : bool
+        Multiply the frames of each interval by `factor`. Otherwise a video comes out at a constant rate, whatever the
+        source does, and frames are made for the times of that.
     method : str or Interpolator
         A name of `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
@@ -147,12 +156,13 @@ def convert(
     >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
     """
     check_choice("--duplicates", duplicates, get_args(Duplicates))
-    schedule = make_schedule(factor, fps)
+    pace = Pace(_fraction(factor), _fraction(fps), keep_timing)
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
     needs_rate = to_video or fps is not None
     with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as source:
         info = source.info
+        schedule = pace.schedule(info, has_clock=to_video)
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
         sink = open_sink(
             output,
@@ -165,7 +175,9 @@ def convert(
         observer = observer or Silent()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:
-            return boost(source, interpolator, sink, schedule, observer, duplicates=duplicates)
+            summary = boost(source, interpolator, sink, schedule, observer, duplicates=duplicates)
+    summary.remarks += pace.remarks(info, schedule, summary.rhythm)
+    return summary
 
 
 def boost(
@@ -258,13 +270,22 @@ class _Clip:
     """What was shown last."""
 
     def shown(self, frames: Iterator[Frame]) -> Iterator[Shown]:
-        """The source's frames with their places, counted."""
+        """The source's frames with their places, counted, at the times that the schedule takes them to have."""
+        last: Fraction | None = None
         for frame in frames:
-            if self.summary.frames_in == 0:
+            if last is None:
                 self.start = frame.time
-            place = self.schedule.place(self.summary.frames_in, self.start, frame.time)
+            self.summary.rhythm.note(frame.time)
+            number = self.summary.frames_in
             self.summary.frames_in += 1
-            yield Shown(frame, PreparedImage(frame.image, place))
+            moment = self.schedule.moment(self.start, frame.time)
+            if last is not None and moment <= last:  # two frames at one place: the second comes late, or has none
+                moment = frame.time
+                if moment <= last:
+                    continue
+            last = moment
+            place = self.schedule.place(number, self.start, moment)
+            yield Shown(replace(frame, time=moment), PreparedImage(frame.image, place))
 
     def intervals(self, moments: Iterable[Held]) -> Iterator[_Interval]:
         """From each held picture to the next."""
@@ -303,9 +324,11 @@ def _output_frames(
         raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
     last = clip.last[-1].frame
     end = last.time + (last.duration or 1 / clip.info.rate)
+    meant = clip.schedule.moment(clip.start, end)
+    end = meant if meant > last.time else end
     for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
         if step.t == 0 or holds_last_frame:
-            clip.summary.frames_made += step.t > 0
+            clip.summary.frames_made += step.time != last.time
             yield replace(last, time=step.time)
     return end
 
@@ -329,6 +352,7 @@ def _between(interval: _Interval, before: _Interval | None, after: _Interval | N
     clip.summary.scene_cuts += scene_cut
     for step in steps:
         if step.t == 0:
+            clip.summary.frames_made += step.time != shown.frame.time
             yield replace(shown.frame, time=step.time)
         else:
             clip.summary.frames_made += 1
@@ -360,23 +384,11 @@ def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]
         yield replace(held, duration=end - held.time)
 
 
-def make_schedule(factor: Fraction | int | None, fps: Fraction | int | None) -> Schedule:
-    """The schedule for one of the two ways to say a rate; doubling where none is given.
-
-    Raises
-    ------
-    OptionError
-        Both are given, or one is out of range.
-    """
-    if factor is not None and fps is not None:
-        raise OptionError("--factor and --fps say the same thing in two ways; give one of them.")
-    if fps is not None:
-        return ByRate(Fraction(fps))
-    return ByFactor(Fraction(2 if factor is None else factor))
-
-
 def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> int | None:
     """How many frames the output will have, if the source's header is right; None where it does not say."""
+    if isinstance(schedule, ByRate) and info.duration is not None:
+        end = schedule.moment(Fraction(0), info.duration)
+        return math.ceil((end if holds_last_frame else end - 1 / info.rate) * schedule.frames_per_second)
     if info.frame_count is None:
         return None
     intervals = info.frame_count if holds_last_frame else info.frame_count - 1

@@ -23,7 +23,8 @@ from fpsboost.media.opening import open_sink, open_source
 from fpsboost.media.other_streams import StreamFacts, list_streams
 from fpsboost.media.video_source import VideoSource, VideoTraits
 from fpsboost.method_table import methods
-from fpsboost.pipeline import count_frames, make_schedule
+from fpsboost.pace import Pace
+from fpsboost.pipeline import count_frames
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import Schedule
@@ -200,9 +201,9 @@ def probe(path: str, input_fps: Fraction | None = None) -> Probe:
     OptionError, InputError
         See `fpsboost.media.opening.open_source`.
     """
-    schedule = make_schedule(None, None)
     with open_source(path, input_fps) as source:
         video = source if isinstance(source, VideoSource) else None
+        schedule = Pace().schedule(source.info, has_clock=video is not None)
         look = None if video is None else _look(video.traits)
         refused, losses = (None, []) if video is None else _try_sink(video, schedule)
         findings = _Findings()
@@ -213,7 +214,8 @@ def probe(path: str, input_fps: Fraction | None = None) -> Probe:
             if pair.is_cut(before, after)
         ]
         info, times = source.info, findings.times
-        frames = count_frames(schedule, replace(info, frame_count=len(times)), holds_last_frame=video is not None)
+        counted = replace(info, frame_count=len(times), duration=findings.end - times[0])
+        frames = count_frames(schedule, counted, holds_last_frame=video is not None)
         intervals = [later - earlier for earlier, later in pairwise(times)] or [1 / info.rate]
         median, spread = statistics.median(intervals), max(intervals) - min(intervals)
         return Probe(

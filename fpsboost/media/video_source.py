@@ -7,9 +7,11 @@ packet.
 from __future__ import annotations
 
 import os
+import statistics
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import islice, pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, cast
@@ -29,6 +31,8 @@ DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 HIGHEST_RATE = 1000
 ASSUMED_RATE = Fraction(25)
 DEMUX_RETRIES = 10
+FRAMES_LOOKED_AT = 10_000
+"""Entries of a file's index that its usual rate is taken from."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,7 @@ class VideoSource:
         self._remarks = _left_out(self._container, self._stream, self._name)
         if not rate_is_known:
             self._remarks.append(assumed_rate_remark(self._name))
-        self._undecodable = self._damaged = self._misplaced = self._untimed = self._unreadable = 0
+        self._undecodable = self._damaged = self._misplaced = self._untimed = self._unreadable = self._far_ahead = 0
         self._furthest = Fraction(0)
         self._ahead: list[av.VideoFrame] = []
         self._pictures = self._decode()
@@ -122,6 +126,7 @@ class VideoSource:
             rate=self._rate,
             time_base=_fraction(self._stream.time_base) or 1 / self._rate,
             frame_count=self._stream.frames or None,
+            duration=_duration(self._stream),
         )
         self._coded_size = context.width, context.height
         if for_images:
@@ -185,15 +190,20 @@ class VideoSource:
         """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
         traits = self.traits
         first = last = None
+        before: Fraction | None = None
         count = 0
         for picture in self._in_order():
             self._check_unchanged(picture, traits, count)
             time = self._time_of(picture, last)
+            if last is not None and before is not None and self._is_far_ahead(before, last.time, time):
+                last = replace(last, time=before + min(1 / self._rate, (time - before) / 2))
+                self._far_ahead += 1
             if last is not None and time <= last.time:
                 self._misplaced += 1
                 continue
             if last is not None:
                 yield last
+                before = last.time
             count += 1
             image = self._convert(picture)
             original: av.VideoFrame | None = picture
@@ -274,6 +284,10 @@ class VideoSource:
         ticks = max(1, round((last.duration or 1 / self._rate) / self._info.time_base))
         return last.time + ticks * self._info.time_base
 
+    def _is_far_ahead(self, before: Fraction, time: Fraction, after: Fraction) -> bool:
+        """Whether the time of the frame in the middle is damaged, so that the one after it seems to come too early."""
+        return before < after <= time and time - before > max(Fraction(1), 10 / self._rate)
+
     def _duration_of(self, picture: av.VideoFrame) -> Fraction:
         time_base = _fraction(picture.time_base) or self._info.time_base
         return picture.duration * time_base if picture.duration > 0 else 1 / self._rate
@@ -349,6 +363,11 @@ class VideoSource:
         if self._misplaced:
             self._remarks.append(
                 f"{self._name} shows {_counted(self._misplaced, 'frame')} no later than the one before; left out."
+            )
+        if self._far_ahead:
+            self._remarks.append(
+                f"{self._name} gives {_counted(self._far_ahead, 'frame')} a time far ahead of the next; put back "
+                "between its neighbours."
             )
         if self._untimed:
             self._remarks.append(
@@ -464,11 +483,33 @@ def _first_video(container: av.container.InputContainer, name: str) -> av.VideoS
 
 
 def _nominal_rate(stream: av.VideoStream) -> tuple[Fraction, bool]:
+    """The rate that a stream has or, where it varies, most of it; and whether that is more than a guess."""
     average, guessed = _fraction(stream.average_rate), _fraction(stream.guessed_rate)
     sane = [rate for rate in (average, guessed) if rate is not None and 0 < rate <= HIGHEST_RATE]
-    if len(sane) == 2 and abs(sane[0] - sane[1]) * 100 < sane[1]:
+    if len(sane) < 2:
+        return (sane[0], True) if sane else (ASSUMED_RATE, False)
+    if (
+        abs(sane[0] - sane[1]) * 100 < sane[1] or stream.start_time is None
+    ):  # without times, the codec's own headers say
         return sane[1], True
-    return (sane[0], True) if sane else (ASSUMED_RATE, False)
+    usual = _usual_rate(stream) or sane[0]
+    return next((rate for rate in sane if abs(rate - usual) * 100 < usual), usual), True
+
+
+def _usual_rate(stream: av.VideoStream) -> Fraction | None:
+    """The rate by the usual distance between frames, where the file lists them all."""
+    if not stream.frames or len(stream.index_entries) != stream.frames or stream.time_base is None:
+        return None
+    listed = [entry.timestamp for entry in islice(stream.index_entries, FRAMES_LOOKED_AT)]
+    usual = statistics.median_low([after - before for before, after in pairwise(listed) if after > before] or [0])
+    rate = 1 / (usual * Fraction(stream.time_base)) if usual else Fraction(0)
+    return rate if 0 < rate <= HIGHEST_RATE else None
+
+
+def _duration(stream: av.VideoStream) -> Fraction | None:
+    if stream.duration is None or stream.time_base is None or stream.duration <= 0:
+        return None
+    return stream.duration * Fraction(stream.time_base)
 
 
 def _left_out(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
