@@ -74,6 +74,8 @@ def convert(
     fps: Annotated[str | None, Parameter(group=rate)] = None,
     keep_timing: Annotated[bool, Parameter(group=rate)] = False,
     input_fps: Annotated[str | None, Parameter(group=rate)] = None,
+    start: Annotated[str | None, Parameter(group=rate)] = None,
+    end: Annotated[str | None, Parameter(group=rate)] = None,
     method: Annotated[str, Parameter(group=motion, name=["--method", "-m"])] = "nlm",
     search: Annotated[Literal["iterative", "brute-force"] | None, Parameter(group=motion)] = None,
     search_radius: Annotated[int | None, Parameter(group=motion)] = None,
@@ -119,6 +121,10 @@ def convert(
         Multiply the frames of each interval; else the output rate is constant.
     input_fps
         Frames per second of input images.
+    start
+        Where to begin: seconds, a time like 1:30.5, or a frame like 120f.
+    end
+        Where to stop, the same; that frame is no part of it.
     method
         nlm, nlm-fast, nlm-best (slower), nlm-exhaustive and nlm-brute-force (the report's), blend or nearest; to
         compare with: dis, farneback, tvl1, dis-warp, farneback-warp, tvl1-warp, block or codec, and with --vectors
@@ -181,9 +187,11 @@ def convert(
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
+    from fpsboost.media.excerpt import Excerpt  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
+    from fpsboost.position import parse_position  # noqa: PLC0415
     from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
 
     options = {
@@ -208,6 +216,10 @@ def convert(
         "fps": None if fps is None else parse_rate(fps, "--fps"),
         "input_fps": None if input_fps is None else parse_rate(input_fps, "--input-fps"),
     }
+    excerpt = Excerpt(
+        None if start is None else parse_position(start, "--start"),
+        None if end is None else parse_position(end, "--end"),
+    )
     encoding = Encoding(
         codec,
         crf,
@@ -228,6 +240,7 @@ def convert(
             output,
             **schedule_options,
             keep_timing=keep_timing,
+            excerpt=excerpt,
             method=interpolator,
             duplicates=duplicates,
             encoding=encoding,

@@ -21,7 +21,8 @@ from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
 from fpsboost.media.encoding import Encoding
-from fpsboost.media.opening import makes_video, open_sink, open_source
+from fpsboost.media.excerpt import Excerpt, ExcerptSource
+from fpsboost.media.opening import cut_out, makes_video, open_sink, open_source
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.pace import Pace, Rhythm
@@ -108,6 +109,7 @@ def convert(
     keep_timing: bool = False,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
+    excerpt: Excerpt | None = None,
     duplicates: Duplicates = "interpolate",
     encoding: Encoding | None = None,
     overwrite: bool = False,
@@ -131,6 +133,8 @@ def convert(
         A name of `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
         Frames per second of input images.
+    excerpt : Excerpt, optional
+        Which part of the input to convert; all of it where it is not given.
     duplicates : {'interpolate', 'keep'}
         Frames that show the same as the one before, as in animation on threes, pulldown and captures that missed some:
         make the moving picture at their times, or keep them. Stills, and pictures held until a cut, are always kept.
@@ -159,18 +163,21 @@ def convert(
     pace = Pace(_fraction(factor), _fraction(fps), keep_timing)
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
-    needs_rate = to_video or fps is not None
-    with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as source:
+    excerpt = excerpt or Excerpt()
+    needs_rate = to_video or fps is not None or excerpt.needs_rate
+    with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as whole:
+        source = cut_out(whole, excerpt)
         info = source.info
         schedule = pace.schedule(info, has_clock=to_video)
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
         sink = open_sink(
             output,
-            source=source,
+            source=whole,
             timing=timing,
             encoding=encoding or Encoding(),
             expected_frames=count_frames(schedule, info, holds_last_frame=False),
             overwrite=overwrite,
+            window=source.window if isinstance(source, ExcerptSource) else None,
         )
         observer = observer or Silent()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))

@@ -113,6 +113,20 @@ class ImageSource:
                 )
             yield Frame(image, index / self.info.rate, 1 / self.info.rate)
 
+    def keep(self, first: int, last: int | None) -> None:
+        """Read only the files from one place to before another.
+
+        Raises
+        ------
+        InputError
+            There are none.
+        """
+        count = len(self.files)
+        self.files = self.files[first:last]
+        if not self.files:
+            raise InputError(f"{self.info.name} has {count} images and ends before --start; name an earlier one.")
+        self.info = replace(self.info, frame_count=len(self.files))
+
     def close(self) -> None:
         """Do nothing: no file stays open."""
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from pathlib import Path
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.media.excerpt import Excerpt, ExcerptSource, Window
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.images import ImageSink, ImageSource
 from fpsboost.media.numbering import is_pattern
@@ -74,6 +76,19 @@ def open_source(
     return VideoSource(path, for_images=for_images)
 
 
+def cut_out(source: FrameSource, excerpt: Excerpt, *, may_skip: bool = True) -> FrameSource:
+    """A part of a clip; see `fpsboost.media.excerpt.ExcerptSource`. Of images, no others are read."""
+    if excerpt.is_whole:
+        return source
+    if isinstance(source, ImageSource):
+        begin, end = (
+            None if time is None else math.ceil(time * source.info.rate) for time in excerpt.seconds(source.info)
+        )
+        source.keep(begin or 0, end)
+        return source
+    return ExcerptSource(source, excerpt, may_skip=may_skip)
+
+
 def makes_video(path: str) -> bool:
     """Whether an output path names a video file or a pipe rather than images.
 
@@ -108,6 +123,7 @@ def open_sink(
     encoding: Encoding,
     expected_frames: int | None,
     overwrite: bool,
+    window: Window | None = None,
 ) -> FrameSink:
     """Prepare a target for writing; it appears when the sink is left without an error.
 
@@ -125,6 +141,8 @@ def open_sink(
         How many images there will be, for the padding of their numbers.
     overwrite : bool
         Replace what exists.
+    window : Window, optional
+        Which part of the clip is written, for its other streams.
 
     Returns
     -------
@@ -141,6 +159,6 @@ def open_sink(
     if path in PIPES:
         return PipeSink(source.info, timing, encoding, video)
     if makes_video(path):
-        return VideoSink(path, source.info, timing, encoding, video, overwrite=overwrite)
+        return VideoSink(path, source.info, timing, encoding, video, overwrite=overwrite, window=window)
     images = source if isinstance(source, ImageSource) else None
     return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite)

@@ -15,7 +15,11 @@ import av.error
 
 from fpsboost.errors import OutputError
 from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
+from fpsboost.media.excerpt import Window
 from fpsboost.media.video_source import VideoSource, is_cover_art, open_video
+
+WOVEN = 10
+"""Seconds by which packets of one file may lie out of order between streams."""
 
 
 class OtherStreams:
@@ -33,6 +37,8 @@ class OtherStreams:
     encoding : Encoding
     container, name : str
         FFmpeg's name of the output's container, and the path for messages.
+    window : Window, optional
+        Which part of the source is written. What overlaps it is copied, and moved in time as the pictures are.
     """
 
     def __init__(
@@ -44,7 +50,9 @@ class OtherStreams:
         encoding: Encoding,
         container: str,
         name: str,
+        window: Window | None = None,
     ) -> None:
+        self._window = window
         self.remarks: list[str] = []
         self._output, self._name, self._container, self._source = output, name, container, source
         self._input = open_video(source.path, source.info.name)
@@ -52,6 +60,10 @@ class OtherStreams:
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.stream.Stream] = []
         _copy_titles(self._input, output)
+        if window is None:
+            output.set_chapters(self._input.chapters())
+        else:
+            output.set_chapters(_chapters_within(self._input, window))
         _copy_labels(self._input.streams[source.stream_index], video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
@@ -68,9 +80,10 @@ class OtherStreams:
         """Write what is due before `time` in seconds; everything for None."""
         while True:
             packet, self._ahead = self._ahead or next(self._packets, None), None
-            if packet is None:
+            if packet is None or (time is None and self._is_past(packet)):
                 return
-            if time is not None and packet.dts is not None and packet.dts * Fraction(packet.time_base) > time:
+            begin = Fraction(0) if self._window is None else self._window.begin
+            if time is not None and packet.dts is not None and packet.dts * Fraction(packet.time_base) - begin > time:
                 self._ahead = packet
                 return
             self._copy(packet)
@@ -128,9 +141,34 @@ class OtherStreams:
                 f"{self._source.info.name} is damaged, so sound and subtitles end early in {self._name}; listen to it."
             )
 
+    def _is_past(self, packet: av.Packet[av.stream.Stream]) -> bool:
+        """Whether everything from here on lies far behind the window, however the streams are woven together."""
+        end = None if self._window is None else self._window.end
+        return end is not None and packet.dts is not None and packet.dts * Fraction(packet.time_base) > end + WOVEN
+
+    def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
+        """Move a packet in time as the pictures are; whether any of it falls into the window."""
+        assert packet.dts is not None
+        tick = Fraction(packet.time_base)
+        pts = packet.dts if packet.pts is None else packet.pts
+        begin, end = pts * tick, (pts + max(packet.duration or 0, 1)) * tick
+        if end <= window.begin or (window.end is not None and begin >= window.end):
+            return False
+        moved = round(window.begin / tick)
+        packet.pts, packet.dts = pts - moved, packet.dts - moved
+        if packet.stream.type == "subtitle":
+            end = end if window.end is None else min(end, window.end)
+            if packet.duration:
+                packet.duration = round((end - max(begin, window.begin)) / tick)
+            packet.pts = packet.dts = max(0, packet.pts)
+        # Matroska has no time before 0, and would move everything else instead
+        return packet.pts >= 0 or self._container in EXACT_CLOCKS
+
     def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
         """Mux one packet, unless its time runs backwards, which no container takes."""
         assert packet.dts is not None
+        if self._window is not None and not self._move(packet, self._window):
+            return
         index, kind = packet.stream.index, packet.stream.type
         last = self._last_dts.get(index)
         equal_is_fine = kind == "subtitle" or self._container not in EXACT_CLOCKS
@@ -242,10 +280,22 @@ def _takes(container: str, stream: av.stream.Stream) -> bool:
 
 
 def _copy_titles(file: av.container.InputContainer, output: av.container.OutputContainer) -> None:
-    """Title, artist and chapters; not what describes the old file's making."""
+    """Title and artist; not what describes the old file's making."""
     skipped = {"major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"}
     output.metadata.update({key: value for key, value in file.metadata.items() if key.lower() not in skipped})
-    output.set_chapters(file.chapters())
+
+
+def _chapters_within(file: av.container.InputContainer, window: Window) -> list[Any]:
+    """The chapters that overlap a window, as far as they do."""
+    kept = []
+    for chapter in file.chapters():
+        tick = Fraction(chapter["time_base"] or 1)
+        begin, end = max(chapter["start"] * tick, window.begin), chapter["end"] * tick
+        end = end if window.planned_end is None else min(end, window.planned_end)
+        if begin < end:
+            times = {"start": round((begin - window.begin) / tick), "end": round((end - window.begin) / tick)}
+            kept.append({**chapter, **times})
+    return kept
 
 
 def _copy_labels(stream: av.stream.Stream, target: av.stream.Stream) -> None:

@@ -38,6 +38,7 @@ from fpsboost.media.encoding import (
     needs_hardware,
     pixel_formats,
 )
+from fpsboost.media.excerpt import Window
 from fpsboost.media.other_streams import OtherStreams, check_streams
 from fpsboost.media.pipe import PipeSource
 from fpsboost.media.video_source import VideoSource, VideoTraits
@@ -61,6 +62,8 @@ class VideoSink:
         What to carry colour and pixel shape over from; of a file also sound, subtitles, titles and orientation.
     overwrite : bool
         Replace an existing file.
+    window : Window, optional
+        Which part of the source is written.
 
     Raises
     ------
@@ -81,7 +84,9 @@ class VideoSink:
         source: VideoSource | PipeSource | None,
         *,
         overwrite: bool,
+        window: Window | None = None,
     ) -> None:
+        self._window = window
         self._name = os.fspath(path)
         self._path = Path(path)
         self._info, self._timing, self._encoding = info, timing, encoding
@@ -211,6 +216,7 @@ class VideoSink:
                 encoding=self._encoding,
                 container=self._format,
                 name=self._name,
+                window=self._window,
             )
             if self._format in EXACT_CLOCKS:
                 self._output.container_options["movie_timescale"] = str(self._others.clock)

@@ -6,6 +6,7 @@ packet.
 
 from __future__ import annotations
 
+import math
 import os
 import statistics
 from collections.abc import Generator, Iterator, Sequence
@@ -28,6 +29,9 @@ from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
+SEEKABLE = ("matroska", "mov")
+"""Containers whose index says which frames decoding can begin at."""
+STEPS_BACK = (0, 1, 10)
 HIGHEST_RATE = 1000
 ASSUMED_RATE = Fraction(25)
 DEMUX_RETRIES = 10
@@ -174,6 +178,48 @@ class VideoSource:
         self._started = True
         return self._frames()
 
+    def first_time(self) -> Fraction:
+        """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
+        assert self.traits is not None
+        picture = self._ahead[0]
+        return Fraction(0) if picture.pts is None else self._time_of(picture, None)
+
+    def skip_to(self, time: Fraction) -> None:
+        """Go to the key frame before a time, where the file's index is to be trusted.
+
+        Raises
+        ------
+        InputError
+            Nothing decodes.
+        """
+        first = self.first_time()
+        if time <= first or not self._container.format.name.startswith(SEEKABLE) or self._ahead[0].pts is None:
+            return
+        for earlier in STEPS_BACK:  # some indexes count decoding times, which come before those of showing
+            picture = self._picture_after_seek(max(first, time - earlier))
+            if picture is not None and picture.pts is not None and first <= self._time_of(picture, None) <= time:
+                self._ahead = [picture]
+                return
+        self._reopen()
+
+    def _picture_after_seek(self, time: Fraction) -> av.VideoFrame | None:
+        try:
+            self._container.seek(math.floor(time / self._info.time_base), stream=self._stream, backward=True)
+        except av.error.FFmpegError:
+            return None
+        self._pictures = self._decode()
+        return next(self._pictures, None)
+
+    def _reopen(self) -> None:
+        """Begin again at the very first frame."""
+        index, threads = self._stream.index, self._stream.thread_type
+        self._pictures.close()
+        self._container.close()
+        self._container = open_video(self.path, self._name)
+        self._stream = cast(av.VideoStream, self._container.streams[index])
+        self._stream.thread_type = threads
+        self._ahead, self._pictures = [], self._decode()
+
     def close(self) -> None:
         self._pictures.close()
         self._container.close()
@@ -189,32 +235,36 @@ class VideoSource:
     def _frames(self) -> Iterator[Frame]:
         """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
         traits = self.traits
-        first = last = None
+        first: Fraction | None = None
         before: Fraction | None = None
+        last: Frame | None = None
         count = 0
-        for picture in self._in_order():
-            self._check_unchanged(picture, traits, count)
-            time = self._time_of(picture, last)
-            if last is not None and before is not None and self._is_far_ahead(before, last.time, time):
-                last = replace(last, time=before + min(1 / self._rate, (time - before) / 2))
-                self._far_ahead += 1
-            if last is not None and time <= last.time:
-                self._misplaced += 1
-                continue
-            if last is not None:
-                yield last
-                before = last.time
-            count += 1
-            image = self._convert(picture)
-            original: av.VideoFrame | None = picture
-            if self._for_images:
-                image, original = turned_upright(image, traits.display_matrix), None
-            last = Frame(image, time, self._duration_of(picture), original)
-            first = time if first is None else first
-        assert last is not None  # `traits` has found a frame, and the first one is never left out
-        assert first is not None
-        yield Frame(last.image, last.time, self._last_duration(last), last.original)
-        self._conclude(count, first, last.time + last.duration)
+        try:
+            for picture in self._in_order():
+                self._check_unchanged(picture, traits, count)
+                time = self._time_of(picture, last)
+                if last is not None and before is not None and self._is_far_ahead(before, last.time, time):
+                    last = replace(last, time=before + min(1 / self._rate, (time - before) / 2))
+                    self._far_ahead += 1
+                if last is not None and time <= last.time:
+                    self._misplaced += 1
+                    continue
+                if last is not None:
+                    yield last
+                    before = last.time
+                count += 1
+                image = self._convert(picture)
+                original: av.VideoFrame | None = picture
+                if self._for_images:
+                    image, original = turned_upright(image, traits.display_matrix), None
+                last = Frame(image, time, self._duration_of(picture), original)
+                first = time if first is None else first
+            assert last is not None  # `traits` has found a frame, and the first one is never left out
+            assert first is not None
+            yield Frame(last.image, last.time, self._last_duration(last), last.original)
+        finally:  # also where not all of the clip was asked for
+            self._conclude(count)
+        self._compare_with_header(first, last.time + last.duration)
 
     def _prepare_for_images(self) -> None:
         traits = self.traits
@@ -347,8 +397,8 @@ class VideoSource:
             has_mastering_data="MASTERING_DISPLAY_METADATA" in sides or "CONTENT_LIGHT_LEVEL" in sides,
         )
 
-    def _conclude(self, count: int, start: Fraction, end: Fraction) -> None:
-        """Say what was wrong with the file, now that all of it was read."""
+    def _conclude(self, count: int) -> None:
+        """Say what was wrong with the file, now that as much of it was read as is wanted."""
         damage = []
         if self._undecodable:
             damage.append(f"{_counted(self._undecodable, 'packet')} could not be decoded")
@@ -373,6 +423,9 @@ class VideoSource:
             self._remarks.append(
                 f"{self._name} gives no time for {_counted(self._untimed, 'frame')}; the nominal rate was used."
             )
+
+    def _compare_with_header(self, start: Fraction, end: Fraction) -> None:
+        """Say whether the file ends before its time."""
         promised, got = self._promise(start, end)
         if promised - got > max(5 / self._rate, promised / 20):
             self._remarks.append(
