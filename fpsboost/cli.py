@@ -92,6 +92,7 @@ def convert(
     at_cuts: Annotated[Literal["repeat", "blend", "extrapolate"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
+    cut_list: Annotated[str | None, Parameter(group=cuts, name="--cuts")] = None,
     codec: Annotated[str | None, Parameter(group=video)] = None,
     crf: Annotated[int | None, Parameter(group=video)] = None,
     preset: Annotated[str | None, Parameter(group=video)] = None,
@@ -159,6 +160,8 @@ def convert(
         Likeness below which a pair is a cut, 0 to 1; else 0.48.
     no_cuts
         Take everything for one scene.
+    cut_list
+        File with a cut on each line, as for --start, or PySceneDetect's list; no others are looked for.
     codec
         h264, hevc, vp9, av1 or any FFmpeg encoder; else h264, in webm vp9.
     crf
@@ -210,7 +213,7 @@ def convert(
         raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
     folder = None if vectors is None else VectorFolder(vectors, depth)
     interpolator = configure(find_method(method, folder), method, given)
-    interpolator = with_cut_options(interpolator, at_cuts, cut_threshold, no_cuts)
+    interpolator = with_cut_options(interpolator, at_cuts, cut_threshold, no_cuts, cut_list)
     schedule_options = {
         "factor": None if factor is None else parse_number(factor, "--factor"),
         "fps": None if fps is None else parse_rate(fps, "--fps"),
@@ -270,23 +273,32 @@ app.command(
 
 
 def with_cut_options(
-    interpolator: Interpolator, at_cuts: AtCuts, threshold: float | None, no_cuts: bool
+    interpolator: Interpolator, at_cuts: AtCuts, threshold: float | None, no_cuts: bool, cut_list: str | None
 ) -> Interpolator:
     """The interpolator with the cut options of the command line.
 
     Raises
     ------
     OptionError
-        They contradict each other.
+        They contradict each other, or the list of cuts is none.
+    InputError
+        That cannot be read.
     """
-    if no_cuts and threshold is not None:
-        raise OptionError("--no-cuts and --cut-threshold contradict each other; give one of them.")
-    detector = interpolator.cuts
+    from fpsboost.cut_list import read_cuts  # noqa: PLC0415
+    from fpsboost.scenes import CutDetector  # noqa: PLC0415
+
+    given = {"--no-cuts": no_cuts, "--cut-threshold": threshold is not None, "--cuts": cut_list is not None}
+    names = [name for name, is_given in given.items() if is_given]
+    if len(names) > 1:
+        raise OptionError(f"{' and '.join(names)} contradict each other; give one of them.")
+    policy = interpolator.cuts
     if no_cuts:
-        detector = None
-    elif threshold is not None and detector is not None:
-        detector = replace(detector, threshold=threshold)
-    return replace(interpolator, cuts=detector, at_cuts=at_cuts)
+        policy = None
+    elif cut_list is not None:
+        policy = read_cuts(cut_list)
+    elif threshold is not None and isinstance(policy, CutDetector):
+        policy = replace(policy, threshold=threshold)
+    return replace(interpolator, cuts=policy, at_cuts=at_cuts)
 
 
 class FramesPerSecondColumn(ProgressColumn):

@@ -15,6 +15,7 @@ from fractions import Fraction
 from itertools import chain, pairwise
 from typing import Literal, NamedTuple, Protocol, get_args
 
+from fpsboost.cut_list import CutList
 from fpsboost.errors import InputError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
@@ -22,11 +23,12 @@ from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
+from fpsboost.media.images import ImageSource
 from fpsboost.media.opening import cut_out, makes_video, open_sink, open_source
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.pace import Pace, Rhythm
-from fpsboost.prepared import PreparedImage
+from fpsboost.prepared import Moment, PreparedImage
 from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import ByRate, Schedule, Step
 
@@ -166,7 +168,8 @@ def convert(
     excerpt = excerpt or Excerpt()
     needs_rate = to_video or fps is not None or excerpt.needs_rate
     with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as whole:
-        source = cut_out(whole, excerpt)
+        may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
+        source = cut_out(whole, excerpt, may_skip=may_skip)
         info = source.info
         schedule = pace.schedule(info, has_clock=to_video)
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
@@ -236,7 +239,7 @@ def boost(
         observer.ready()
         begin = time.perf_counter()
         frames = arriving if first is None else chain([first], arriving)
-        clip = _Clip(source.info, schedule, interpolator, summary)
+        clip = _Clip(source.info, schedule, interpolator, summary, _beginning(source))
         outputs = _output_frames(frames, clip, detector, sink.holds_last_frame)
         for frame in _with_durations(outputs):
             write(frame)
@@ -246,6 +249,14 @@ def boost(
     summary.remarks += [*source.remarks, *sink.remarks]
     summary.details = getattr(sink, "details", "")
     return summary
+
+
+def _beginning(source: FrameSource) -> Moment:
+    """When the first frame of a source is shown in its clip; asked for when that has been read."""
+    if isinstance(source, ExcerptSource):
+        return Moment(source.window.skipped, source.window.begin - source.window.origin)
+    skipped = source.skipped if isinstance(source, ImageSource) else 0
+    return Moment(skipped, skipped / source.info.rate)
 
 
 def _give_up(end: FrameSource | FrameSink) -> Callable[[], None]:
@@ -270,6 +281,7 @@ class _Clip:
     schedule: Schedule
     interpolator: Interpolator
     summary: Summary
+    beginning: Moment
     start: Fraction = Fraction(0)
     index: int = 0
     """Number of the next frame to become part of an interval."""
@@ -292,7 +304,8 @@ class _Clip:
                     continue
             last = moment
             place = self.schedule.place(number, self.start, moment)
-            yield Shown(replace(frame, time=moment), PreparedImage(frame.image, place))
+            shown = Moment(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
+            yield Shown(replace(frame, time=moment), PreparedImage(frame.image, place, shown))
 
     def intervals(self, moments: Iterable[Held]) -> Iterator[_Interval]:
         """From each held picture to the next."""
