@@ -73,6 +73,7 @@ def convert(
     factor: Annotated[str | None, Parameter(group=rate, name=["--factor", "-f"])] = None,
     fps: Annotated[str | None, Parameter(group=rate)] = None,
     keep_timing: Annotated[bool, Parameter(group=rate)] = False,
+    slow_motion: Annotated[bool, Parameter(group=rate)] = False,
     input_fps: Annotated[str | None, Parameter(group=rate)] = None,
     start: Annotated[str | None, Parameter(group=rate)] = None,
     end: Annotated[str | None, Parameter(group=rate)] = None,
@@ -92,7 +93,7 @@ def convert(
     at_cuts: Annotated[Literal["repeat", "blend", "extrapolate"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
-    cut_list: Annotated[str | None, Parameter(group=cuts, name="--cuts")] = None,
+    cuts: Annotated[str | None, Parameter(group=cuts)] = None,
     codec: Annotated[str | None, Parameter(group=video)] = None,
     crf: Annotated[int | None, Parameter(group=video)] = None,
     preset: Annotated[str | None, Parameter(group=video)] = None,
@@ -120,6 +121,8 @@ def convert(
         Output frames per second instead: 60, 59.94, 60000/1001.
     keep_timing
         Multiply the frames of each interval; else the output rate is constant.
+    slow_motion
+        Keep the rate, or that of --fps, and last --factor times as long; without sound.
     input_fps
         Frames per second of input images.
     start
@@ -160,7 +163,7 @@ def convert(
         Likeness below which a pair is a cut, 0 to 1; else 0.48.
     no_cuts
         Take everything for one scene.
-    cut_list
+    cuts
         File with a cut on each line, as for --start, or PySceneDetect's list; no others are looked for.
     codec
         h264, hevc, vp9, av1 or any FFmpeg encoder; else h264, in webm vp9.
@@ -213,7 +216,7 @@ def convert(
         raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
     folder = None if vectors is None else VectorFolder(vectors, depth)
     interpolator = configure(find_method(method, folder), method, given)
-    interpolator = with_cut_options(interpolator, at_cuts, cut_threshold, no_cuts, cut_list)
+    interpolator = with_cut_options(interpolator, at_cuts, cut_threshold, no_cuts, cuts)
     schedule_options = {
         "factor": None if factor is None else parse_number(factor, "--factor"),
         "fps": None if fps is None else parse_rate(fps, "--fps"),
@@ -243,6 +246,7 @@ def convert(
             output,
             **schedule_options,
             keep_timing=keep_timing,
+            slow_motion=slow_motion,
             excerpt=excerpt,
             method=interpolator,
             duplicates=duplicates,

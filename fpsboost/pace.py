@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import ClipInfo
-from fpsboost.timing import LARGEST_RATE, LONGEST_FILLED, ByFactor, ByRate, Schedule
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.media import OutputTiming
+from fpsboost.timing import LARGEST_RATE, LONGEST_FILLED, ByFactor, ByRate, Schedule, representable
 
 DOUBLE = Fraction(2)
 
@@ -24,6 +26,8 @@ class Pace:
         Output frames per second, instead of `factor`.
     keep_timing : bool
         Multiply the frames of each interval, so that a variable rate stays variable.
+    slow_motion : bool
+        Last `factor` times as long, at the source's rate or at `fps`.
 
     Raises
     ------
@@ -34,9 +38,10 @@ class Pace:
     factor: Fraction | None = None
     fps: Fraction | None = None
     keep_timing: bool = False
+    slow_motion: bool = False
 
     def __post_init__(self) -> None:
-        if self.factor is not None and self.fps is not None:
+        if self.factor is not None and self.fps is not None and not self.slow_motion:
             raise OptionError("--factor and --fps say the same thing in two ways; give one of them.")
         if self.fps is not None:
             if self.keep_timing:
@@ -45,8 +50,13 @@ class Pace:
         if self.factor is not None:
             ByFactor(self.factor)
 
+    @property
+    def stretch(self) -> Fraction:
+        """How many times as long the output lasts."""
+        return (DOUBLE if self.factor is None else self.factor) if self.slow_motion else Fraction(1)
+
     def schedule(self, info: ClipInfo, *, has_clock: bool = True) -> Schedule:
-        """Where output frames lie.
+        """Where output frames lie, on the source's clock; slow motion comes after.
 
         Parameters
         ----------
@@ -63,13 +73,20 @@ class Pace:
         factor = DOUBLE if self.factor is None else self.factor
         if self.fps is None and (self.keep_timing or not has_clock):
             return ByFactor(factor)
-        rate = info.rate * factor if self.fps is None else self.fps
+        rate = info.rate * factor if self.fps is None else self.fps * self.stretch
         if rate > LARGEST_RATE:
             raise OptionError(
                 f"--factor {factor} makes {float(rate):g} frames per second of {info.name}, and {LARGEST_RATE} are the "
                 "most; choose a smaller one."
             )
         return ByRate.forgiving(rate, info.rate, info.time_base)
+
+    def timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
+        """The clock of the output."""
+        base = schedule.time_base(info.time_base)
+        return OutputTiming(
+            schedule.rate(info.rate) / self.stretch, representable(base / self.stretch.denominator, base)
+        )
 
     def remarks(self, info: ClipInfo, schedule: Schedule, rhythm: Rhythm) -> list[str]:
         """What to say where the output does not play as the source does.
@@ -86,10 +103,13 @@ class Pace:
             return []
         remarks = []
         if self.fps is None and rhythm.varies(info):
+            slowest, fastest, rate = (
+                float(rate)
+                for rate in (1 / rhythm.longest, 1 / rhythm.shortest, schedule.frames_per_second / self.stretch)
+            )
             remarks.append(
-                f"{info.name} varies from {float(1 / rhythm.longest):.4g} to {float(1 / rhythm.shortest):.4g} frames "
-                f"per second; the output is constant at {float(schedule.frames_per_second):.5g}, and --keep-timing "
-                "keeps the rhythm."
+                f"{info.name} varies from {slowest:.4g} to {fastest:.4g} frames per second; the output is constant at "
+                f"{rate:.5g}, and --keep-timing keeps the rhythm."
             )
         if schedule.is_pause(rhythm.longest):
             filled = "held there" if rhythm.longest <= LONGEST_FILLED else "held there as one long frame"
@@ -98,6 +118,14 @@ class Pace:
                 f"the picture was {filled}, as in all pauses of more than {float(schedule.longest or 0):g} s."
             )
         return remarks
+
+
+def stretched(frames: Iterable[Frame], stretch: Fraction) -> Iterator[Frame]:
+    """The same frames for `stretch` times as long, from the time of the first on."""
+    start: Fraction | None = None
+    for frame in frames:
+        start = frame.time if start is None else start
+        yield replace(frame, time=start + (frame.time - start) * stretch, duration=frame.duration * stretch)
 
 
 @dataclass

@@ -20,14 +20,15 @@ from fpsboost.errors import InputError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
-from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
+from fpsboost.media import FrameSink, FrameSource, Waiting
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
 from fpsboost.media.images import ImageSource
 from fpsboost.media.opening import cut_out, makes_video, open_sink, open_source
+from fpsboost.media.video_source import VideoSource
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
-from fpsboost.pace import Pace, Rhythm
+from fpsboost.pace import Pace, Rhythm, stretched
 from fpsboost.prepared import Moment, PreparedImage
 from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import ByRate, Schedule, Step
@@ -109,6 +110,7 @@ def convert(
     factor: Fraction | int | None = None,
     fps: Fraction | int | None = None,
     keep_timing: bool = False,
+    slow_motion: bool = False,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
     excerpt: Excerpt | None = None,
@@ -131,6 +133,8 @@ def convert(
     keep_timing : bool
         Multiply the frames of each interval by `factor`. Otherwise a video comes out at a constant rate, whatever the
         source does, and frames are made for the times of that.
+    slow_motion : bool
+        Last `factor` times as long, at the source's rate or at `fps`. Sound is left out.
     method : str or Interpolator
         A name of `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
@@ -162,22 +166,22 @@ def convert(
     >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
     """
     check_choice("--duplicates", duplicates, get_args(Duplicates))
-    pace = Pace(_fraction(factor), _fraction(fps), keep_timing)
+    pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion)
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
     excerpt = excerpt or Excerpt()
     needs_rate = to_video or fps is not None or excerpt.needs_rate
     with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as whole:
         may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
-        source = cut_out(whole, excerpt, may_skip=may_skip)
+        source = cut_out(whole, excerpt, may_skip=may_skip, stretch=pace.stretch)
         info = source.info
+        encoding, lost = _with_sound_that_fits(encoding or Encoding(), whole, pace)
         schedule = pace.schedule(info, has_clock=to_video)
-        timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
         sink = open_sink(
             output,
             source=whole,
-            timing=timing,
-            encoding=encoding or Encoding(),
+            timing=pace.timing(info, schedule),
+            encoding=encoding,
             expected_frames=count_frames(schedule, info, holds_last_frame=False),
             overwrite=overwrite,
             window=source.window if isinstance(source, ExcerptSource) else None,
@@ -185,8 +189,8 @@ def convert(
         observer = observer or Silent()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:
-            summary = boost(source, interpolator, sink, schedule, observer, duplicates=duplicates)
-    summary.remarks += pace.remarks(info, schedule, summary.rhythm)
+            summary = boost(source, interpolator, sink, schedule, observer, duplicates=duplicates, stretch=pace.stretch)
+    summary.remarks += [*lost, *pace.remarks(info, schedule, summary.rhythm)]
     return summary
 
 
@@ -198,6 +202,7 @@ def boost(
     observer: Observer | None = None,
     *,
     duplicates: Duplicates = "interpolate",
+    stretch: Fraction = Fraction(1),
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
 
@@ -213,6 +218,8 @@ def boost(
         Told how it goes.
     duplicates : {'interpolate', 'keep'}
         See `convert`.
+    stretch : Fraction
+        How many times as long the output lasts; the schedule does not know of it.
 
     Returns
     -------
@@ -241,7 +248,7 @@ def boost(
         frames = arriving if first is None else chain([first], arriving)
         clip = _Clip(source.info, schedule, interpolator, summary, _beginning(source))
         outputs = _output_frames(frames, clip, detector, sink.holds_last_frame)
-        for frame in _with_durations(outputs):
+        for frame in stretched(_with_durations(outputs), stretch):
             write(frame)
             summary.frames_out += 1
             summary.seconds = time.perf_counter() - begin
@@ -249,6 +256,15 @@ def boost(
     summary.remarks += [*source.remarks, *sink.remarks]
     summary.details = getattr(sink, "details", "")
     return summary
+
+
+def _with_sound_that_fits(encoding: Encoding, source: FrameSource, pace: Pace) -> tuple[Encoding, list[str]]:
+    """Sound lasts as long as it lasts, so that slow motion has none; and a remark where that is a loss."""
+    if pace.stretch == 1 or not encoding.audio:
+        return encoding, []
+    has_sound = isinstance(source, VideoSource) and "sound" in source.companions
+    lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []
+    return replace(encoding, audio=False), lost
 
 
 def _beginning(source: FrameSource) -> Moment:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -279,6 +280,75 @@ def test_the_rhythm_of_a_clip():
     for tick in (100, 104, 110, 113):
         rhythm.note(Fraction(tick, 100))
     assert (rhythm.shortest, rhythm.longest, rhythm.begin) == (Fraction(3, 100), Fraction(6, 100), Fraction(4, 100))
+
+
+# --------------------------------------------------------------------------------------------------------- slow motion
+
+
+@pytest.mark.parametrize(
+    ("pace", "rate", "stretch"),
+    [
+        (Pace(slow_motion=True), FILM, Fraction(2)),
+        (Pace(Fraction(4), slow_motion=True), FILM, Fraction(4)),
+        (Pace(Fraction(5, 2), slow_motion=True), FILM, Fraction(5, 2)),
+        (Pace(Fraction(4), Fraction(60), slow_motion=True), Fraction(60), Fraction(4)),
+        (Pace(None, Fraction(60), slow_motion=True), Fraction(60), Fraction(2)),
+        (Pace(Fraction(3), keep_timing=True, slow_motion=True), FILM, Fraction(3)),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("start", [Fraction(0), Fraction(1, 3)])
+def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start):
+    """Frames at the rate of the source, or at --fps, from its first time on, and originals at their stretched times."""
+    info = info_of(FILM, Fraction(1, 24000))
+    times = [start + k / FILM for k in range(12)]
+    clip, shelf, schedule = Clip(info, times, start + 12 / FILM), Shelf(), pace.schedule(info)
+    boost(clip, BLEND, shelf, schedule, stretch=pace.stretch)
+    assert pace.timing(info, schedule).rate == rate
+    assert [frame.time for frame in shelf.frames] == [
+        start + k / rate for k in range(math.ceil(12 / FILM * stretch * rate))
+    ]
+    assert shelf.frames[-1].time + shelf.frames[-1].duration == start + 12 / FILM * stretch
+    shown = [(frame.time - start, frame.original) for frame in shelf.frames]
+    passed = [(time, number) for time, number in shown if number and time <= 11 / FILM * stretch]
+    assert passed
+    assert all(time == number / FILM * stretch for time, number in passed)
+
+
+@pytest.mark.parametrize("factor", [Fraction(5, 2), Fraction(7, 3), Fraction(4)])
+@pytest.mark.parametrize("keep_timing", [False, True])
+def test_the_clock_of_slow_motion_holds_every_time(factor, keep_timing):
+    """Every stretched time is a whole number of ticks."""
+    pace, info = Pace(factor, keep_timing=keep_timing, slow_motion=True), info_of(Fraction(25), Fraction(1, 100))
+    schedule = pace.schedule(info)
+    tick = pace.timing(info, schedule).time_base
+    steps = [*schedule.steps(0, Fraction(0), Fraction(0), Fraction(1, 25))]
+    steps += schedule.steps(1, Fraction(0), Fraction(1, 25), Fraction(9, 100))
+    assert all((step.time * factor / tick).denominator == 1 for step in steps)
+
+
+def test_slow_motion_of_a_file(tmp_path):
+    """Four times as long at the same rate, subtitles and chapters in step, sound left out and said."""
+    clip = write_clip(
+        tmp_path / "in.mkv", times=range(25), sound="aac", subtitles=[(100, 200, b"words")], chapters=True
+    )
+    pace: dict[str, Any] = {"factor": 4, "slow_motion": True}
+    summary = convert(str(clip), str(tmp_path / "out.mkv"), **pace, method="nearest", encoding=LOSSLESS)
+    assert times_of(tmp_path / "out.mkv") == [Fraction(k, 25) for k in range(100)]
+    assert summary.remarks == [f"{clip} has sound, which slow motion leaves out."]
+    with av.open(str(tmp_path / "out.mkv")) as file:
+        assert [(p.pts, p.duration) for p in file.demux(subtitles=0) if p.size] == [(400, 800)]
+        assert [(each["start"], each["end"]) for each in file.chapters()] == [(0, 800 * 10**6)]
+        assert not file.streams.audio
+
+
+def test_a_part_in_slow_motion(fpsboost_, tmp_path):
+    """--start and --end are those of the source; --fps says the rate where --slow-motion takes the factor."""
+    write_clip(tmp_path / "in.mp4", times=range(50), sound="aac")
+    part = ("--start", "0.4", "--end", "1.2", "--slow-motion", "--factor", "5/2", "--fps", "50")
+    result = fpsboost_("in.mp4", "out.mp4", *part, "-m", "nearest", "--preset", "ultrafast")
+    assert result.code == 0
+    assert times_of(tmp_path / "out.mp4") == [Fraction(k, 50) for k in range(100)]
 
 
 # --------------------------------------------------------------------------------------------------------------- files

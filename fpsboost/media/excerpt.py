@@ -82,6 +82,8 @@ class Window:
         Time of the clip's first frame.
     skipped : int
         Frames before the excerpt, as far as they were read.
+    stretch : Fraction
+        How many times as long it lasts in the output.
     """
 
     begin: Fraction
@@ -89,6 +91,7 @@ class Window:
     planned_end: Fraction | None
     origin: Fraction = Fraction(0)
     skipped: int = 0
+    stretch: Fraction = Fraction(1)
 
 
 @runtime_checkable
@@ -117,6 +120,8 @@ class ExcerptSource:
     excerpt : Excerpt
     may_skip : bool
         Go to the start at once where the source can; else every frame before it is read and counted.
+    stretch : Fraction
+        For `window`; the frames keep their distances.
 
     Attributes
     ----------
@@ -129,7 +134,9 @@ class ExcerptSource:
         While iterating: the clip ends before the excerpt begins.
     """
 
-    def __init__(self, source: FrameSource, excerpt: Excerpt, *, may_skip: bool = True) -> None:
+    def __init__(
+        self, source: FrameSource, excerpt: Excerpt, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
+    ) -> None:
         self._source, self._excerpt = source, excerpt
         counts_frames = any(place is not None and place.is_frame for place in (excerpt.start, excerpt.end))
         self._may_skip = may_skip and not counts_frames
@@ -137,7 +144,9 @@ class ExcerptSource:
         begin, end = excerpt.seconds(source.info)
         planned_end = None if end is None else origin + end
         self._is_cut_short = False
-        self.window = Window(origin + begin, None if counts_frames else planned_end, planned_end, origin)
+        self.window = Window(
+            origin + begin, None if counts_frames else planned_end, planned_end, origin, stretch=stretch
+        )
 
     @property
     def info(self) -> ClipInfo:

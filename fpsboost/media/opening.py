@@ -76,9 +76,11 @@ def open_source(
     return VideoSource(path, for_images=for_images)
 
 
-def cut_out(source: FrameSource, excerpt: Excerpt, *, may_skip: bool = True) -> FrameSource:
+def cut_out(
+    source: FrameSource, excerpt: Excerpt, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
+) -> FrameSource:
     """A part of a clip; see `fpsboost.media.excerpt.ExcerptSource`. Of images, no others are read."""
-    if excerpt.is_whole:
+    if excerpt.is_whole and stretch == 1:
         return source
     if isinstance(source, ImageSource):
         begin, end = (
@@ -86,7 +88,7 @@ def cut_out(source: FrameSource, excerpt: Excerpt, *, may_skip: bool = True) -> 
         )
         source.keep(begin or 0, end)
         return source
-    return ExcerptSource(source, excerpt, may_skip=may_skip)
+    return ExcerptSource(source, excerpt, may_skip=may_skip, stretch=stretch)
 
 
 def makes_video(path: str) -> bool:

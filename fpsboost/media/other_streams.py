@@ -82,8 +82,11 @@ class OtherStreams:
             packet, self._ahead = self._ahead or next(self._packets, None), None
             if packet is None or (time is None and self._is_past(packet)):
                 return
-            begin = Fraction(0) if self._window is None else self._window.begin
-            if time is not None and packet.dts is not None and packet.dts * Fraction(packet.time_base) - begin > time:
+            if (
+                time is not None
+                and packet.dts is not None
+                and self._due(packet.dts * Fraction(packet.time_base)) > time
+            ):
                 self._ahead = packet
                 return
             self._copy(packet)
@@ -141,6 +144,11 @@ class OtherStreams:
                 f"{self._source.info.name} is damaged, so sound and subtitles end early in {self._name}; listen to it."
             )
 
+    def _due(self, time: Fraction) -> Fraction:
+        """When something of the source happens in the output."""
+        window = self._window
+        return time if window is None else (time - window.begin) * window.stretch
+
     def _is_past(self, packet: av.Packet[av.stream.Stream]) -> bool:
         """Whether everything from here on lies far behind the window, however the streams are woven together."""
         end = None if self._window is None else self._window.end
@@ -157,10 +165,10 @@ class OtherStreams:
         moved = round(window.begin / tick)
         packet.pts, packet.dts = pts - moved, packet.dts - moved
         if packet.stream.type == "subtitle":
-            end = end if window.end is None else min(end, window.end)
+            begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
+            packet.pts = packet.dts = round(self._due(begin) / tick)
             if packet.duration:
-                packet.duration = round((end - max(begin, window.begin)) / tick)
-            packet.pts = packet.dts = max(0, packet.pts)
+                packet.duration = round(self._due(end) / tick) - packet.pts
         # Matroska has no time before 0, and would move everything else instead
         return packet.pts >= 0 or self._container in EXACT_CLOCKS
 
@@ -293,7 +301,10 @@ def _chapters_within(file: av.container.InputContainer, window: Window) -> list[
         begin, end = max(chapter["start"] * tick, window.begin), chapter["end"] * tick
         end = end if window.planned_end is None else min(end, window.planned_end)
         if begin < end:
-            times = {"start": round((begin - window.begin) / tick), "end": round((end - window.begin) / tick)}
+            times = {
+                name: round((time - window.begin) * window.stretch / tick)
+                for name, time in (("start", begin), ("end", end))
+            }
             kept.append({**chapter, **times})
     return kept
 
