@@ -118,7 +118,7 @@ def test_frames_in_the_range(tmp_path, start, end, numbers, first):
 
 
 @pytest.mark.parametrize("name", ["in.mp4", "in.mkv", "in.mov", "in.webm", "in.avi", "in.ts", "in.flv", "in.h264"])
-@pytest.mark.parametrize("start", range(1, 30, 4))
+@pytest.mark.parametrize("start", [1, 12, 17])
 def test_going_there_gives_the_frames_of_reading_there(tmp_path, name, start):
     """With an index or without: the same frames at the same times as if everything before had been decoded."""
     codec: dict[str, Any] = {"codec": "libvpx", "options": {"g": "6"}} if name == "in.webm" else {"options": GROUPS}

@@ -310,7 +310,7 @@ def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start)
     ]
     assert shelf.frames[-1].time + shelf.frames[-1].duration == start + 12 / FILM * stretch
     shown = [(frame.time - start, frame.original) for frame in shelf.frames]
-    passed = [(time, number) for time, number in shown if number and time <= 11 / FILM * stretch]
+    passed = [(time, number) for time, number in shown if number is not None and time <= 11 / FILM * stretch]
     assert passed
     assert all(time == number / FILM * stretch for time, number in passed)
 
