@@ -197,7 +197,9 @@ class VideoSource:
             return
         for earlier in STEPS_BACK:  # some indexes count decoding times, which come before those of showing
             picture = self._picture_after_seek(max(first, time - earlier))
-            if picture is not None and picture.pts is not None and first <= self._time_of(picture, None) <= time:
+            if picture is None or picture.pts is None or picture.is_corrupt:
+                continue  # what follows would hang on what came before
+            if first <= self._time_of(picture, None) <= time:
                 self._ahead = [picture]
                 return
         self._reopen()
