@@ -73,10 +73,14 @@ def convert(
     *,
     factor: Annotated[str | None, Parameter(group=rate, name=["--factor", "-f"])] = None,
     fps: Annotated[str | None, Parameter(group=rate)] = None,
+    keep_timing: Annotated[bool, Parameter(group=rate)] = False,
+    slow_motion: Annotated[bool, Parameter(group=rate)] = False,
     input_fps: Annotated[str | None, Parameter(group=rate)] = None,
     stream: Annotated[int | None, Parameter(group=video_in)] = None,
     deinterlace: Annotated[bool, Parameter(group=video_in)] = False,
     size_change: Annotated[Literal["stop", "scale"], Parameter(group=video_in)] = "stop",
+    start: Annotated[str | None, Parameter(group=rate)] = None,
+    end: Annotated[str | None, Parameter(group=rate)] = None,
     method: Annotated[str, Parameter(group=motion, name=["--method", "-m"])] = "nlm",
     search: Annotated[Literal["iterative", "brute-force"] | None, Parameter(group=motion)] = None,
     search_radius: Annotated[int | None, Parameter(group=motion)] = None,
@@ -93,6 +97,7 @@ def convert(
     at_cuts: Annotated[Literal["repeat", "blend", "extrapolate"], Parameter(group=cuts)] = "repeat",
     cut_threshold: Annotated[float | None, Parameter(group=cuts)] = None,
     no_cuts: Annotated[bool, Parameter(group=cuts)] = False,
+    cuts: Annotated[str | None, Parameter(group=cuts)] = None,
     codec: Annotated[str | None, Parameter(group=video)] = None,
     crf: Annotated[int | None, Parameter(group=video)] = None,
     preset: Annotated[str | None, Parameter(group=video)] = None,
@@ -119,6 +124,10 @@ def convert(
         Output frames per input frame, such as 2 or 5/2; doubles if nothing is said.
     fps
         Output frames per second instead: 60, 59.94, 60000/1001.
+    keep_timing
+        Multiply the frames of each interval; else the output rate is constant.
+    slow_motion
+        Keep the rate, or that of --fps, and last --factor times as long; without sound.
     input_fps
         Frames per second of input images.
     stream
@@ -127,6 +136,10 @@ def convert(
         Make a frame of each field first, 50 a second of 25i; of every frame, flagged or not.
     size_change
         Where the size changes within the video: stop, or scale to the first frame's.
+    start
+        Where to begin: seconds, a time like 1:30.5, or a frame like 120f.
+    end
+        Where to stop, the same; that frame is no part of it.
     method
         nlm, nlm-fast, nlm-best (slower), nlm-exhaustive and nlm-brute-force (the report's), blend or nearest; to
         compare with: dis, farneback, tvl1, dis-warp, farneback-warp, tvl1-warp, block or codec, and with --vectors
@@ -161,6 +174,8 @@ def convert(
         Likeness below which a pair is a cut, 0 to 1; else 0.48.
     no_cuts
         Take everything for one scene.
+    cuts
+        File with a cut on each line, as for --start, or PySceneDetect's list; no others are looked for.
     codec
         h264, hevc, vp9, av1 or any FFmpeg encoder; else h264, in webm vp9.
     crf
@@ -191,10 +206,12 @@ def convert(
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
+    from fpsboost.media.excerpt import Excerpt  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
     from fpsboost.media.reading import Reading  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
+    from fpsboost.position import parse_position  # noqa: PLC0415
     from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
 
     options = {
@@ -213,12 +230,16 @@ def convert(
         raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
     folder = None if vectors is None else VectorFolder(vectors, depth)
     interpolator = configure(find_method(method, folder), method, given)
-    interpolator = with_cut_options(interpolator, at_cuts, cut_threshold, no_cuts)
+    interpolator = with_cut_options(interpolator, at_cuts, cut_threshold, no_cuts, cuts)
     schedule_options = {
         "factor": None if factor is None else parse_number(factor, "--factor"),
         "fps": None if fps is None else parse_rate(fps, "--fps"),
         "input_fps": None if input_fps is None else parse_rate(input_fps, "--input-fps"),
     }
+    excerpt = Excerpt(
+        None if start is None else parse_position(start, "--start"),
+        None if end is None else parse_position(end, "--end"),
+    )
     encoding = Encoding(
         codec,
         crf,
@@ -238,6 +259,9 @@ def convert(
             input,
             output,
             **schedule_options,
+            keep_timing=keep_timing,
+            slow_motion=slow_motion,
+            excerpt=excerpt,
             method=interpolator,
             duplicates=duplicates,
             reading=Reading(stream, deinterlace, size_change),
@@ -269,23 +293,32 @@ app.command(
 
 
 def with_cut_options(
-    interpolator: Interpolator, at_cuts: AtCuts, threshold: float | None, no_cuts: bool
+    interpolator: Interpolator, at_cuts: AtCuts, threshold: float | None, no_cuts: bool, cut_list: str | None
 ) -> Interpolator:
     """The interpolator with the cut options of the command line.
 
     Raises
     ------
     OptionError
-        They contradict each other.
+        They contradict each other, or the list of cuts is none.
+    InputError
+        That cannot be read.
     """
-    if no_cuts and threshold is not None:
-        raise OptionError("--no-cuts and --cut-threshold contradict each other; give one of them.")
-    detector = interpolator.cuts
+    from fpsboost.cut_list import read_cuts  # noqa: PLC0415
+    from fpsboost.scenes import CutDetector  # noqa: PLC0415
+
+    given = {"--no-cuts": no_cuts, "--cut-threshold": threshold is not None, "--cuts": cut_list is not None}
+    names = [name for name, is_given in given.items() if is_given]
+    if len(names) > 1:
+        raise OptionError(f"{' and '.join(names)} contradict each other; give one of them.")
+    policy = interpolator.cuts
     if no_cuts:
-        detector = None
-    elif threshold is not None and detector is not None:
-        detector = replace(detector, threshold=threshold)
-    return replace(interpolator, cuts=detector, at_cuts=at_cuts)
+        policy = None
+    elif cut_list is not None:
+        policy = read_cuts(cut_list)
+    elif threshold is not None and isinstance(policy, CutDetector):
+        policy = replace(policy, threshold=threshold)
+    return replace(interpolator, cuts=policy, at_cuts=at_cuts)
 
 
 class FramesPerSecondColumn(ProgressColumn):

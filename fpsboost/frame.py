@@ -71,6 +71,8 @@ class ClipInfo:
         Seconds per tick: every frame time is a multiple of it.
     frame_count : int or None
         Frames that the source declares; None where it does not say.
+    duration : Fraction or None
+        Seconds that it declares; None where it does not say.
     """
 
     name: str
@@ -79,6 +81,7 @@ class ClipInfo:
     rate: Fraction
     time_base: Fraction
     frame_count: int | None
+    duration: Fraction | None = None
 
 
 def check_pair(image0: Image, image1: Image) -> None:

@@ -21,7 +21,7 @@ from fpsboost.motion.opencv import Still
 from fpsboost.motion.trajectory import Neighbour, find_acceleration
 from fpsboost.motion.vectors import RenderedMotion
 from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import CutDetector
+from fpsboost.scenes import CutDetector, CutPolicy
 from fpsboost.synthesis import Synthesizer, Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.overlay import find_overlay, keep_overlay
@@ -84,8 +84,8 @@ class Pair:
         if self.lighting is None:
             return self.image0, self.image1
         return (
-            PreparedImage(normalised(self.image0.pixels), self.image0.place),
-            PreparedImage(self.lighting.undo(self.image1.pixels), self.image1.place),
+            PreparedImage(normalised(self.image0.pixels), self.image0.place, self.image0.moment),
+            PreparedImage(self.lighting.undo(self.image1.pixels), self.image1.place, self.image1.moment),
         )
 
     @cached_property
@@ -125,8 +125,8 @@ class Interpolator:
         Finds the motion, once for each pair.
     synthesizer : Synthesizer
         Makes the image at each time.
-    cuts : CutDetector or None
-        Finds scene cuts; None takes every pair for one scene.
+    cuts : CutPolicy or None
+        Finds scene cuts, or knows them; None takes every pair for one scene.
     at_cuts : {'repeat', 'blend', 'extrapolate'}
         Across a cut, repeat the nearer frame, mix the two, or let each go on along the motion that it has.
     curved : bool
@@ -147,7 +147,7 @@ class Interpolator:
 
     estimator: MotionEstimator
     synthesizer: Synthesizer
-    cuts: CutDetector | None = CutDetector()
+    cuts: CutPolicy | None = CutDetector()
     at_cuts: AtCuts = "repeat"
     curved: bool = True
     relight: bool = True

@@ -7,6 +7,7 @@ frames that are made.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,19 +15,24 @@ from fractions import Fraction
 from itertools import chain, pairwise
 from typing import Literal, NamedTuple, Protocol, get_args
 
-from fpsboost.errors import InputError, OptionError, check_choice
+from fpsboost.cut_list import CutList
+from fpsboost.errors import InputError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
-from fpsboost.media import FrameSink, FrameSource, OutputTiming, Resuming, Waiting
+from fpsboost.media import FrameSink, FrameSource, Resuming, Waiting
 from fpsboost.media.encoding import Encoding
-from fpsboost.media.opening import describe_job, makes_video, open_sink, open_source
+from fpsboost.media.excerpt import Excerpt, ExcerptSource
+from fpsboost.media.images import ImageSource
+from fpsboost.media.opening import cut_out, describe_job, makes_video, open_sink, open_source
 from fpsboost.media.reading import Reading
+from fpsboost.media.video_source import VideoSource
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
-from fpsboost.prepared import PreparedImage
+from fpsboost.pace import Pace, Rhythm, stretched
+from fpsboost.prepared import Moment, PreparedImage
 from fpsboost.scenes import DuplicateDetector
-from fpsboost.timing import ByFactor, ByRate, Schedule, Step
+from fpsboost.timing import ByRate, Schedule, Step
 
 READ_AHEAD = 4
 WRITE_BEHIND = 4
@@ -59,6 +65,8 @@ class Summary:
         Sentences about everything that was lost or guessed.
     details : str
         How the target was written, for someone who wants to know; empty where there was no choice.
+    rhythm : Rhythm
+        How far apart the frames of the source are.
     """
 
     frames_in: int = 0
@@ -70,6 +78,7 @@ class Summary:
     seconds: float = 0.0
     remarks: list[str] = field(default_factory=list)
     details: str = ""
+    rhythm: Rhythm = field(default_factory=Rhythm)
 
 
 class Observer(Protocol):
@@ -107,8 +116,11 @@ def convert(
     *,
     factor: Fraction | int | None = None,
     fps: Fraction | int | None = None,
+    keep_timing: bool = False,
+    slow_motion: bool = False,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
+    excerpt: Excerpt | None = None,
     duplicates: Duplicates = "interpolate",
     reading: Reading | None = None,
     encoding: Encoding | None = None,
@@ -127,10 +139,17 @@ def convert(
         Output frames per source frame; 2 where neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
         Output frames per second, instead of `factor`.
+    keep_timing : bool
+        Multiply the frames of each interval by `factor`. Otherwise a video comes out at a constant rate, whatever the
+        source does, and frames are made for the times of that.
+    slow_motion : bool
+        Last `factor` times as long, at the source's rate or at `fps`. Sound is left out.
     method : str or Interpolator
         A name of `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
         Frames per second of input images.
+    excerpt : Excerpt, optional
+        Which part of the input to convert; all of it where it is not given.
     duplicates : {'interpolate', 'keep'}
         Frames that show the same as the one before, as in animation on threes, pulldown and captures that missed some:
         make the moving picture at their times, or keep them. Stills, and pictures held until a cut, are always kept.
@@ -165,29 +184,45 @@ def convert(
     """
     options = {name: value for name, value in locals().items() if name not in SHAPES_NOTHING}
     check_choice("--duplicates", duplicates, get_args(Duplicates))
-    schedule = make_schedule(factor, fps)
+    pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion)
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
-    needs_rate = to_video or fps is not None
+    excerpt = excerpt or Excerpt()
+    needs_rate = to_video or fps is not None or excerpt.needs_rate
     with open_source(
         input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video, reading=reading
-    ) as source:
+    ) as whole:
+        may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
+        source = cut_out(whole, excerpt, may_skip=may_skip, stretch=pace.stretch)
         info = source.info
-        timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
+        encoding, lost = _with_sound_that_fits(encoding or Encoding(), whole, pace)
+        schedule = pace.schedule(info, has_clock=to_video)
         sink = open_sink(
             output,
-            source=source,
-            timing=timing,
-            encoding=encoding or Encoding(),
+            source=whole,
+            timing=pace.timing(info, schedule),
+            encoding=encoding,
             expected_frames=count_frames(schedule, info, holds_last_frame=to_video),
             overwrite=overwrite,
-            job=describe_job(source, resume=resume, **options),
+            job=describe_job(whole, resume=resume, **options),
+            window=source.window if isinstance(source, ExcerptSource) else None,
         )
         observer = observer or Silent()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:
             there = sink.frames_there if isinstance(sink, Resuming) else 0
-            return boost(source, interpolator, sink, schedule, observer, duplicates=duplicates, skip=there)
+            summary = boost(
+                source,
+                interpolator,
+                sink,
+                schedule,
+                observer,
+                duplicates=duplicates,
+                stretch=pace.stretch,
+                skip=there,
+            )
+    summary.remarks += [*lost, *pace.remarks(info, schedule, summary.rhythm)]
+    return summary
 
 
 def boost(
@@ -198,6 +233,7 @@ def boost(
     observer: Observer | None = None,
     *,
     duplicates: Duplicates = "interpolate",
+    stretch: Fraction = Fraction(1),
     skip: int = 0,
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
@@ -217,6 +253,8 @@ def boost(
     skip : int
         Output frames, from the first, that the sink has already; see `fpsboost.media.Resuming`. They are counted and
         handed over in their turn, but where an image would have to be made, one of the source stands in for it.
+    stretch : Fraction
+        How many times as long the output lasts; the schedule does not know of it.
 
     Returns
     -------
@@ -243,9 +281,9 @@ def boost(
         observer.ready()
         begin = time.perf_counter()
         frames = arriving if first is None else chain([first], arriving)
-        clip = _Clip(source.info, schedule, interpolator, summary, skip)
+        clip = _Clip(source.info, schedule, interpolator, summary, _beginning(source), skip)
         outputs = _output_frames(frames, clip, detector, sink.holds_last_frame)
-        for frame in _with_durations(outputs):
+        for frame in stretched(_with_durations(outputs), stretch):
             write(frame)
             summary.frames_out += 1
             summary.seconds = time.perf_counter() - begin
@@ -253,6 +291,23 @@ def boost(
     summary.remarks += [*source.remarks, *sink.remarks]
     summary.details = getattr(sink, "details", "")
     return summary
+
+
+def _with_sound_that_fits(encoding: Encoding, source: FrameSource, pace: Pace) -> tuple[Encoding, list[str]]:
+    """Sound lasts as long as it lasts, so that slow motion has none; and a remark where that is a loss."""
+    if pace.stretch == 1 or not encoding.audio:
+        return encoding, []
+    has_sound = isinstance(source, VideoSource) and "sound" in source.companions
+    lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []
+    return replace(encoding, audio=False), lost
+
+
+def _beginning(source: FrameSource) -> Moment:
+    """When the first frame of a source is shown in its clip; asked for when that has been read."""
+    if isinstance(source, ExcerptSource):
+        return Moment(source.window.skipped, source.window.begin - source.window.origin)
+    skipped = source.skipped if isinstance(source, ImageSource) else 0
+    return Moment(skipped, skipped / source.info.rate)
 
 
 def _give_up(end: FrameSource | FrameSink) -> Callable[[], None]:
@@ -277,6 +332,7 @@ class _Clip:
     schedule: Schedule
     interpolator: Interpolator
     summary: Summary
+    beginning: Moment
     skip: int = 0
     """Output frames still to come that nobody looks at."""
     start: Fraction = Fraction(0)
@@ -286,13 +342,23 @@ class _Clip:
     """What was shown last."""
 
     def shown(self, frames: Iterator[Frame]) -> Iterator[Shown]:
-        """The source's frames with their places, counted."""
+        """The source's frames with their places, counted, at the times that the schedule takes them to have."""
+        last: Fraction | None = None
         for frame in frames:
-            if self.summary.frames_in == 0:
+            if last is None:
                 self.start = frame.time
-            place = self.schedule.place(self.summary.frames_in, self.start, frame.time)
+            self.summary.rhythm.note(frame.time)
+            number = self.summary.frames_in
             self.summary.frames_in += 1
-            yield Shown(frame, PreparedImage(frame.image, place))
+            moment = self.schedule.moment(self.start, frame.time)
+            if last is not None and moment <= last:  # two frames at one place: the second comes late, or has none
+                moment = frame.time
+                if moment <= last:
+                    continue
+            last = moment
+            place = self.schedule.place(number, self.start, moment)
+            shown = Moment(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
+            yield Shown(replace(frame, time=moment), PreparedImage(frame.image, place, shown))
 
     def intervals(self, moments: Iterable[Held]) -> Iterator[_Interval]:
         """From each held picture to the next."""
@@ -337,9 +403,11 @@ def _output_frames(
         raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
     last = clip.last[-1].frame
     end = last.time + (last.duration or 1 / clip.info.rate)
+    meant = clip.schedule.moment(clip.start, end)
+    end = meant if meant > last.time else end
     for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
         if step.t == 0 or holds_last_frame:
-            clip.summary.frames_made += step.t > 0
+            clip.summary.frames_made += step.time != last.time
             yield replace(last, time=step.time)
     return end
 
@@ -365,7 +433,7 @@ def _between(interval: _Interval, before: _Interval | None, after: _Interval | N
     images, scene_cut = clip.interpolator.between(interval.pair, inner, *neighbours) if makes_any else (iter(()), False)
     clip.summary.scene_cuts += scene_cut
     for index, step in enumerate(steps):
-        clip.summary.frames_made += step.t > 0
+        clip.summary.frames_made += step.time != shown.frame.time
         if step.t == 0:
             yield replace(shown.frame, time=step.time)
         else:
@@ -397,23 +465,11 @@ def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]
         yield replace(held, duration=end - held.time)
 
 
-def make_schedule(factor: Fraction | int | None, fps: Fraction | int | None) -> Schedule:
-    """The schedule for one of the two ways to say a rate; doubling where none is given.
-
-    Raises
-    ------
-    OptionError
-        Both are given, or one is out of range.
-    """
-    if factor is not None and fps is not None:
-        raise OptionError("--factor and --fps say the same thing in two ways; give one of them.")
-    if fps is not None:
-        return ByRate(Fraction(fps))
-    return ByFactor(Fraction(2 if factor is None else factor))
-
-
 def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> int | None:
     """How many frames the output will have, if the source's header is right; None where it does not say."""
+    if isinstance(schedule, ByRate) and info.duration is not None:
+        end = schedule.moment(Fraction(0), info.duration)
+        return math.ceil((end if holds_last_frame else end - 1 / info.rate) * schedule.frames_per_second)
     if info.frame_count is None:
         return None
     intervals = info.frame_count if holds_last_frame else info.frame_count - 1

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from fractions import Fraction
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from fpsboost.frame import Image
 
 Result = TypeVar("Result")
+
+
+class Moment(NamedTuple):
+    """When a source shows an image: as which frame, and how many seconds, after the first one of the clip."""
+
+    number: int
+    seconds: Fraction
 
 
 class PreparedImage:
@@ -21,6 +28,8 @@ class PreparedImage:
     place : Fraction, optional
         Where the image lies among the frames of the output, counted from 0: for motion that was rendered for each of
         those.
+    moment : Moment, optional
+        When the source shows it.
 
     Examples
     --------
@@ -30,9 +39,10 @@ class PreparedImage:
     True
     """
 
-    def __init__(self, pixels: Image, place: Fraction | None = None) -> None:
+    def __init__(self, pixels: Image, place: Fraction | None = None, moment: Moment | None = None) -> None:
         self.pixels = pixels
         self.place = place
+        self.moment = moment
         self._results: dict[tuple[Hashable, ...], Any] = {}
 
     def once(self, function: Callable[..., Result], *arguments: Hashable) -> Result:

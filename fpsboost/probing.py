@@ -24,7 +24,8 @@ from fpsboost.media.other_streams import StreamFacts, list_streams
 from fpsboost.media.reading import Reading
 from fpsboost.media.video_source import VideoSource, VideoTraits
 from fpsboost.method_table import methods
-from fpsboost.pipeline import count_frames, make_schedule
+from fpsboost.pace import Pace
+from fpsboost.pipeline import count_frames
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import Schedule
@@ -203,11 +204,11 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     OptionError, InputError
         See `fpsboost.media.opening.open_source`.
     """
-    schedule = make_schedule(None, None)
     # A size that changes is a fact to be told, though a conversion would stop there.
     reading = Reading(stream, size_change="scale" if Path(path).is_file() else "stop")
     with open_source(path, input_fps, reading=reading) as source:
         video = source if isinstance(source, VideoSource) else None
+        schedule = Pace().schedule(source.info, has_clock=video is not None)
         look = None if video is None else _look(video.traits)
         refused, losses = (None, []) if video is None else _try_sink(video, schedule)
         findings = _Findings()
@@ -220,7 +221,8 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
         if video is not None:
             refused = refused or video.stopped_by
         info, times = source.info, findings.times
-        frames = count_frames(schedule, replace(info, frame_count=len(times)), holds_last_frame=video is not None)
+        counted = replace(info, frame_count=len(times), duration=findings.end - times[0])
+        frames = count_frames(schedule, counted, holds_last_frame=video is not None)
         intervals = [later - earlier for earlier, later in pairwise(times)] or [1 / info.rate]
         median, spread = statistics.median(intervals), max(intervals) - min(intervals)
         return Probe(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -15,6 +16,18 @@ from fpsboost.frame import Image
 from fpsboost.motion.colour import Components, colour_components, contrast_components, gray, small_copy
 from fpsboost.motion.exhaustive import search_fused
 from fpsboost.prepared import PreparedImage
+
+
+class CutPolicy(Protocol):
+    """Contract: says where scenes end, pair by pair. `CutDetector` finds out, `fpsboost.cut_list.CutList` knows."""
+
+    def likeness(self, image0: PreparedImage, image1: PreparedImage) -> float:
+        """How much of two frames that follow each other speaks for one scene, 0 to 1."""
+        ...
+
+    def is_cut(self, likeness: float, *neighbours: float) -> bool:
+        """Whether a scene ends in a pair, given its likeness and those of the pairs before and after."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 from fpsboost.errors import OptionError
 
 LARGEST_FACTOR = 1000
 LARGEST_RATE = 100_000
 LARGEST_TICKS_PER_SECOND = 2**31 - 1  # containers keep the time scale in 32 bits
+LONGEST_FILLED = Fraction(600)
+"""Seconds that a picture is repeated for at most; one that stands longer, most likely a damaged time, is one frame."""
 
 
 class Step(NamedTuple):
@@ -32,6 +34,18 @@ class Step(NamedTuple):
 class Schedule(Protocol):
     """Contract: where output frames lie. Implementations are `ByFactor` and `ByRate`."""
 
+    def moment(self, start: Fraction, time: Fraction) -> Fraction:
+        """When a source frame is taken to be shown: at its time, or where that was meant to be.
+
+        All other methods take times that come from here.
+
+        Parameters
+        ----------
+        start, time : Fraction
+            Times of source frame 0 and of this one as the source says, seconds.
+        """
+        ...
+
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         """Yield the output frames in [time0, time1), in order.
 
@@ -43,6 +57,11 @@ class Schedule(Protocol):
             Time of source frame 0, seconds.
         time0, time1 : Fraction
             Times of this source frame and the next one, seconds; time0 < time1.
+
+        Yields
+        ------
+        Step
+            A frame whose t is 0 shows the source frame itself.
         """
         ...
 
@@ -96,6 +115,9 @@ class ByFactor:
         if not 0 < self.factor <= LARGEST_FACTOR:
             raise OptionError(f"--factor must be above 0 and at most {LARGEST_FACTOR}, not {self.factor}.")
 
+    def moment(self, start: Fraction, time: Fraction) -> Fraction:
+        return time
+
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         for k in range(math.ceil(index * self.factor), math.ceil((index + 1) * self.factor)):
             t = k / self.factor - index
@@ -119,6 +141,13 @@ class ByRate:
     ----------
     frames_per_second : Fraction
         Output rate, above 0 and at most 100000.
+    source_rate : Fraction, optional
+        Nominal rate of the source, for `tolerance`.
+    tolerance : Fraction
+        Seconds by which a source frame may miss its place in the nominal rate and still be taken to be shown there.
+    longest : Fraction, optional
+        Seconds between two source frames up to which frames are made between them; across a longer pause the first is
+        repeated. No limit where it is not given.
 
     Raises
     ------
@@ -132,17 +161,52 @@ class ByRate:
     """
 
     frames_per_second: Fraction
+    source_rate: Fraction | None = None
+    tolerance: Fraction = Fraction(0)
+    longest: Fraction | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.frames_per_second <= LARGEST_RATE:
             raise OptionError(f"--fps must be above 0 and at most {LARGEST_RATE}, not {self.frames_per_second}.")
 
+    @classmethod
+    def forgiving(cls, frames_per_second: Fraction, source_rate: Fraction, tick: Fraction) -> Self:
+        """For a source whose clock rounds, jitters or pauses.
+
+        A frame may miss its place by a tick of the clock, or by an eighth of a frame, as phones and browsers do; never
+        by half a frame of the source or of the output. Across more than a second that is ten frames too, nothing is
+        made: whatever happened there, it was no motion from the one picture to the other.
+
+        Parameters
+        ----------
+        frames_per_second, source_rate : Fraction
+            Of the output and of the source.
+        tick : Fraction
+            Seconds per tick of the source's clock.
+        """
+        shorter = min(1 / source_rate, 1 / frames_per_second)
+        tolerance = min(max(tick, 1 / source_rate / 8), shorter * 2 / 5)
+        return cls(frames_per_second, source_rate, tolerance, max(Fraction(1), 10 / source_rate))
+
+    def moment(self, start: Fraction, time: Fraction) -> Fraction:
+        if self.source_rate is None:
+            return time
+        nominal = start + round((time - start) * self.source_rate) / self.source_rate
+        return nominal if abs(time - nominal) <= self.tolerance else time
+
+    def is_pause(self, interval: Fraction) -> bool:
+        """Whether nothing is made between two frames, because they lie too far apart."""
+        return self.longest is not None and interval > self.longest
+
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
         first = math.ceil((time0 - start) * self.frames_per_second)
         last = math.ceil((time1 - start) * self.frames_per_second)
+        is_pause = self.is_pause(time1 - time0)
+        if is_pause and time1 - time0 > LONGEST_FILLED:
+            last = min(last, first + 1)
         for k in range(first, last):
             time = start + k / self.frames_per_second
-            yield Step(time, (time - time0) / (time1 - time0))
+            yield Step(time, Fraction(0) if is_pause else (time - time0) / (time1 - time0))
 
     def place(self, index: int, start: Fraction, time: Fraction) -> Fraction:
         return (time - start) * self.frames_per_second

@@ -28,7 +28,7 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.media.encoding import Encoding
 from fpsboost.method_table import methods
 from fpsboost.motion.opencv import Still
-from fpsboost.pipeline import Summary, boost, convert, count_frames, make_schedule
+from fpsboost.pipeline import Summary, boost, convert, count_frames
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing import ByFactor, ByRate, Schedule
 
@@ -540,10 +540,10 @@ def test_film_to_ntsc(tmp_path):
 
 
 def test_variable_rate_video(tmp_path):
-    """Uneven frames from a file are halved one by one, up to the end."""
+    """With --keep-timing, uneven frames from a file are halved one by one, up to the end."""
     times = [0, 3, 4, 9, 10, 16]
     clip = write_clip(tmp_path / "in.mp4", times=times, end=20, time_base=Fraction(1, 100), sound="aac")
-    convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+    convert(str(clip), str(tmp_path / "out.mp4"), keep_timing=True, method="nearest", encoding=FAST)
     halves = [time for a, b in pairwise([*times, 20]) for time in (Fraction(a, 100), Fraction(a + b, 200))]
     assert times_of(tmp_path / "out.mp4") == halves
     assert length_of(tmp_path / "out.mp4") == Fraction(20, 100)
@@ -674,10 +674,3 @@ def test_bad_arguments_cost_nothing(tmp_path, snapshot):
         with pytest.raises(OptionError):
             convert(str(clip), str(tmp_path / "out.mp4"), **bad)
     assert snapshot(tmp_path) == before
-
-
-def test_schedule_of_the_two_ways():
-    """Doubling if nothing is said, else what is said."""
-    assert make_schedule(None, None) == ByFactor(Fraction(2))
-    assert make_schedule(3, None) == ByFactor(Fraction(3))
-    assert make_schedule(None, 60) == ByRate(Fraction(60))

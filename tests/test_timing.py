@@ -16,7 +16,7 @@ from fpsboost import overlap
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.method_table import methods
-from fpsboost.pipeline import boost, count_frames, make_schedule
+from fpsboost.pipeline import boost, count_frames
 from fpsboost.timing import LARGEST_TICKS_PER_SECOND, ByFactor, ByRate, Schedule, Step, parse_number, parse_rate
 
 factors = st.fractions(Fraction(1, 8), 12, max_denominator=9)
@@ -87,18 +87,6 @@ def test_a_rate_hits_every_tick_of_its_own_clock(rate, start, gaps):
         pair = max(index for index, frame_time in enumerate(times) if frame_time <= time)
         expected.append((pair, time, (time - times[pair]) / (times[pair + 1] - times[pair])))
     assert [(k, *step) for k, step in all_steps(ByRate(rate), times)] == expected
-
-
-def test_ten_hours_of_film_stay_exact():
-    """23.976 to 59.94 for ten hours: 5 frames for every 2, and the last one without a tick of drift."""
-    source, target = Fraction(24000, 1001), Fraction(60000, 1001)
-    schedule = ByRate(target)
-    count = math.floor(10 * 3600 * source)
-    assert count > 860_000
-    for index in [*range(0, count, 4999), *range(count - 1000, count)]:
-        steps = list(schedule.steps(index, Fraction(0), index / source, (index + 1) / source))
-        expected = range(math.ceil(Fraction(index * 5, 2)), math.ceil(Fraction((index + 1) * 5, 2)))
-        assert steps == [(Fraction(k * 1001, 60000), Fraction(k * 2, 5) - index) for k in expected]
 
 
 def test_an_equal_rate_changes_nothing():
@@ -191,15 +179,6 @@ def test_rates_out_of_range_are_refused(rate):
     """Above 0 and at most 100000."""
     with pytest.raises(OptionError, match="--fps"):
         ByRate(Fraction(rate))
-
-
-def test_a_schedule_is_a_factor_or_a_rate():
-    """Doubling unless told; both at once contradict each other."""
-    assert make_schedule(None, None) == ByFactor(Fraction(2))
-    assert make_schedule(3, None) == ByFactor(Fraction(3))
-    assert make_schedule(None, 60) == ByRate(Fraction(60))
-    with pytest.raises(OptionError, match="--fps"):
-        make_schedule(2, 60)
 
 
 class Clip:

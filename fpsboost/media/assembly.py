@@ -16,6 +16,7 @@ import av.error
 from fpsboost.errors import OutputError
 from fpsboost.media.chunks import Chunk
 from fpsboost.media.encoding import EXACT_CLOCKS, Encoding
+from fpsboost.media.excerpt import Window
 from fpsboost.media.other_streams import OtherStreams
 from fpsboost.media.unfinished import sync
 from fpsboost.media.video_source import VideoSource
@@ -40,6 +41,8 @@ class Assembly:
     encoding : Encoding
     container, name : str
         FFmpeg's name of the container, and what messages call the output.
+    window : Window, optional
+        Which part of the source is written.
     """
 
     def __init__(
@@ -53,6 +56,7 @@ class Assembly:
         encoding: Encoding,
         container: str,
         name: str,
+        window: Window | None = None,
     ) -> None:
         self._path, self._time_base, self._container, self._name = path, time_base, container, name
         options = {"movflags": "+faststart"} if container in EXACT_CLOCKS else {}
@@ -65,7 +69,13 @@ class Assembly:
             self._stream = self._add_video(self._output, template, display_matrix)
             if source is not None:
                 self._others = OtherStreams(
-                    source, self._output, self._stream, encoding=encoding, container=container, name=name
+                    source,
+                    self._output,
+                    self._stream,
+                    encoding=encoding,
+                    container=container,
+                    name=name,
+                    window=window,
                 )
                 if container in EXACT_CLOCKS:
                     self._output.container_options["movie_timescale"] = str(self._others.clock)

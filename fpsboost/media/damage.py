@@ -17,6 +17,8 @@ class Damage:
         Frames that decoded with errors.
     misplaced : int
         Frames shown no later than the one before, and left out.
+    far_ahead : int
+        Frames with a time far behind that of the next one, and put back before it.
     untimed : int
         Frames without a time.
     """
@@ -25,6 +27,7 @@ class Damage:
     unreadable: int = 0
     corrupt: int = 0
     misplaced: int = 0
+    far_ahead: int = 0
     untimed: int = 0
 
     def remarks(self, name: str, frames: int) -> list[str]:
@@ -41,6 +44,11 @@ class Damage:
             said.append(f"{name} is damaged: {' and '.join(parts)}; {counted(frames, 'frame')} were converted.")
         if self.misplaced:
             said.append(f"{name} shows {counted(self.misplaced, 'frame')} no later than the one before; left out.")
+        if self.far_ahead:
+            said.append(
+                f"{name} gives {counted(self.far_ahead, 'frame')} a time far ahead of the next; put back between its "
+                "neighbours."
+            )
         if self.untimed:
             said.append(f"{name} gives no time for {counted(self.untimed, 'frame')}; the nominal rate was used.")
         return said

@@ -50,6 +50,8 @@ class ImageSource:
         The images in order.
     numbering : Numbering or None
         How they are named; None where the names have no numbers.
+    skipped : int
+        Files before these that are not read.
     first_number : int
         Number of the first image; 1 where there are none.
     suffix : str
@@ -81,6 +83,7 @@ class ImageSource:
                 raise InputError(f"{path} is a single file; give a folder of images or a pattern like shot_####.png.")
             else:
                 raise InputError(f"{path} does not exist; check the path.")
+        self.skipped = 0
         self.suffix = self.files[0].suffix
         if self.suffix.lower() not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
@@ -113,6 +116,20 @@ class ImageSource:
                     "make all images one size and type."
                 )
             yield Frame(image, index / self.info.rate, 1 / self.info.rate)
+
+    def keep(self, first: int, last: int | None) -> None:
+        """Read only the files from one place to before another.
+
+        Raises
+        ------
+        InputError
+            There are none.
+        """
+        count = len(self.files)
+        self.files, self.skipped = self.files[first:last], first
+        if not self.files:
+            raise InputError(f"{self.info.name} has {count} images and ends before --start; name an earlier one.")
+        self.info = replace(self.info, frame_count=len(self.files))
 
     def close(self) -> None:
         """Do nothing: no file stays open."""

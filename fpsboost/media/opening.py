@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from importlib.metadata import version
 from pathlib import Path
@@ -11,6 +12,7 @@ from fpsboost import __version__
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.media.excerpt import Excerpt, ExcerptSource, Window
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.images import ImageSink, ImageSource
 from fpsboost.media.numbering import is_pattern
@@ -93,6 +95,21 @@ def _check_reading(reading: Reading | None, what: str, advice: str) -> None:
         raise OptionError(f"{' and '.join(reading.given)} is for video files and not for {what}; {advice}.")
 
 
+def cut_out(
+    source: FrameSource, excerpt: Excerpt, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
+) -> FrameSource:
+    """A part of a clip; see `fpsboost.media.excerpt.ExcerptSource`. Of images, no others are read."""
+    if excerpt.is_whole and stretch == 1:
+        return source
+    if isinstance(source, ImageSource):
+        begin, end = (
+            None if time is None else math.ceil(time * source.info.rate) for time in excerpt.seconds(source.info)
+        )
+        source.keep(begin or 0, end)
+        return source
+    return ExcerptSource(source, excerpt, may_skip=may_skip, stretch=stretch)
+
+
 def makes_video(path: str) -> bool:
     """Whether an output path names a video file or a pipe rather than images.
 
@@ -128,6 +145,7 @@ def open_sink(
     expected_frames: int | None,
     overwrite: bool,
     job: Job | None = None,
+    window: Window | None = None,
 ) -> FrameSink:
     """Prepare a target for writing; it appears when the sink is left without an error.
 
@@ -147,6 +165,8 @@ def open_sink(
         Replace what exists.
     job : Job, optional
         What a later run must have in common with this one to go on with it.
+    window : Window, optional
+        Which part of the clip is written, for its other streams.
 
     Returns
     -------
@@ -166,7 +186,15 @@ def open_sink(
         return PipeSink(source.info, timing, encoding, video)
     if makes_video(path):
         return VideoSink(
-            path, source.info, timing, encoding, video, overwrite=overwrite, job=job, frame_count=expected_frames
+            path,
+            source.info,
+            timing,
+            encoding,
+            video,
+            overwrite=overwrite,
+            job=job,
+            frame_count=expected_frames,
+            window=window,
         )
     images = source if isinstance(source, ImageSource) else None
     return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite, job=job)

@@ -21,6 +21,7 @@ import av.error
 
 from fpsboost.errors import OutputError
 from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
+from fpsboost.media.excerpt import Window
 from fpsboost.media.stream_choice import is_cover_art
 from fpsboost.media.subtitles import TextConverter, formats, is_text
 from fpsboost.media.timecode import at_rate, find_timecode
@@ -28,6 +29,8 @@ from fpsboost.media.video_source import VideoSource, open_video
 
 SOON = 200
 """Packets among which each stream's first is looked for."""
+WOVEN = 10
+"""Seconds by which packets of one file may lie out of order between streams."""
 
 
 class OtherStreams:
@@ -45,6 +48,8 @@ class OtherStreams:
     encoding : Encoding
     container, name : str
         FFmpeg's name of the output's container, and the path for messages.
+    window : Window, optional
+        Which part of the source is written. What overlaps it is copied, and moved in time as the pictures are.
     """
 
     def __init__(
@@ -56,7 +61,9 @@ class OtherStreams:
         encoding: Encoding,
         container: str,
         name: str,
+        window: Window | None = None,
     ) -> None:
+        self._window = window
         self.remarks: list[str] = []
         self._output, self._name, self._container, self._source = output, name, container, source
         self._input = open_video(source.path, source.info.name)
@@ -65,6 +72,10 @@ class OtherStreams:
         self._covers: list[av.stream.Stream] = []
         self._converters: dict[int, TextConverter] = {}
         _copy_titles(self._input, output)
+        if window is None:
+            output.set_chapters(self._input.chapters())
+        else:
+            output.set_chapters(_chapters_within(self._input, window))
         _copy_labels(self._input.streams[source.stream_index], video)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
@@ -82,9 +93,13 @@ class OtherStreams:
         """Write what is due before `time` in seconds; everything for None."""
         while True:
             packet, self._ahead = self._ahead or next(self._packets, None), None
-            if packet is None:
+            if packet is None or (time is None and self._is_past(packet)):
                 return
-            if time is not None and packet.dts is not None and packet.dts * Fraction(packet.time_base) > time:
+            if (
+                time is not None
+                and packet.dts is not None
+                and self._due(packet.dts * Fraction(packet.time_base)) > time
+            ):
                 self._ahead = packet
                 return
             self._copy(packet)
@@ -176,9 +191,39 @@ class OtherStreams:
                 f"{self._source.info.name} is damaged, so sound and subtitles end early in {self._name}; listen to it."
             )
 
+    def _due(self, time: Fraction) -> Fraction:
+        """When something of the source happens in the output."""
+        window = self._window
+        return time if window is None else (time - window.begin) * window.stretch
+
+    def _is_past(self, packet: av.Packet[av.stream.Stream]) -> bool:
+        """Whether everything from here on lies far behind the window, however the streams are woven together."""
+        end = None if self._window is None else self._window.end
+        return end is not None and packet.dts is not None and packet.dts * Fraction(packet.time_base) > end + WOVEN
+
+    def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
+        """Move a packet in time as the pictures are; whether any of it falls into the window."""
+        assert packet.dts is not None
+        tick = Fraction(packet.time_base)
+        pts = packet.dts if packet.pts is None else packet.pts
+        begin, end = pts * tick, (pts + max(packet.duration or 0, 1)) * tick
+        if end <= window.begin or (window.end is not None and begin >= window.end):
+            return False
+        moved = round(window.begin / tick)
+        packet.pts, packet.dts = pts - moved, packet.dts - moved
+        if packet.stream.type == "subtitle":
+            begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
+            packet.pts = packet.dts = round(self._due(begin) / tick)
+            if packet.duration:
+                packet.duration = round(self._due(end) / tick) - packet.pts
+        # Matroska has no time before 0, and would move everything else instead
+        return packet.pts >= 0 or self._container in EXACT_CLOCKS
+
     def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
         """Mux one packet, unless its time runs backwards, which no container takes."""
         assert packet.dts is not None
+        if self._window is not None and not self._move(packet, self._window):
+            return
         index, kind = packet.stream.index, packet.stream.type
         last = self._last_dts.get(index)
         equal_is_fine = kind == "subtitle" or self._container not in EXACT_CLOCKS
@@ -357,10 +402,25 @@ def _takes(container: str, stream: av.stream.Stream, sample: bytes | None) -> bo
 
 
 def _copy_titles(file: av.container.InputContainer, output: av.container.OutputContainer) -> None:
-    """Title, artist and chapters; not what describes the old file's making."""
+    """Title and artist; not what describes the old file's making."""
     skipped = {"major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"}
     output.metadata.update({key: value for key, value in file.metadata.items() if key.lower() not in skipped})
-    output.set_chapters(file.chapters())
+
+
+def _chapters_within(file: av.container.InputContainer, window: Window) -> list[Any]:
+    """The chapters that overlap a window, as far as they do."""
+    kept = []
+    for chapter in file.chapters():
+        tick = Fraction(chapter["time_base"] or 1)
+        begin, end = max(chapter["start"] * tick, window.begin), chapter["end"] * tick
+        end = end if window.planned_end is None else min(end, window.planned_end)
+        if begin < end:
+            times = {
+                name: round((time - window.begin) * window.stretch / tick)
+                for name, time in (("start", begin), ("end", end))
+            }
+            kept.append({**chapter, **times})
+    return kept
 
 
 def _copy_labels(stream: av.stream.Stream, target: av.stream.Stream) -> None:

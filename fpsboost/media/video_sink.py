@@ -32,6 +32,7 @@ from fpsboost.media.encoding import (
     choose_encoder,
     containers,
 )
+from fpsboost.media.excerpt import Window
 from fpsboost.media.other_streams import check_streams
 from fpsboost.media.pipe import PipeSource
 from fpsboost.media.unfinished import Job, Unfinished, note_on_resuming
@@ -62,6 +63,8 @@ class VideoSink:
         Expected number of frames, for messages.
     chunk_frames : int
         Frames that are encoded together, which a later run takes over all or none.
+    window : Window, optional
+        Which part of the source is written.
 
     Raises
     ------
@@ -86,7 +89,9 @@ class VideoSink:
         job: Job | None = None,
         frame_count: int | None = None,
         chunk_frames: int = CHUNK_FRAMES,
+        window: Window | None = None,
     ) -> None:
+        self._window = window
         self._name = os.fspath(path)
         self._path = Path(path)
         self._timing, self._encoding = timing, encoding
@@ -215,6 +220,7 @@ class VideoSink:
             encoding=self._encoding,
             container=self._format,
             name=self._name,
+            window=self._window,
         )
 
     def _encode(self, frame: Frame, pts: int) -> None:

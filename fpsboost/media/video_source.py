@@ -6,10 +6,13 @@ packet.
 
 from __future__ import annotations
 
+import math
 import os
+import statistics
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import islice, pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, cast
@@ -31,10 +34,15 @@ from fpsboost.media.stream_choice import choose_video, left_out_remarks
 from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range, to_bgr
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
+SEEKABLE = ("matroska", "mov")
+"""Containers whose index says which frames decoding can begin at."""
+STEPS_BACK = (0, 1, 10)
 HIGHEST_RATE = 1000
 ASSUMED_RATE = Fraction(25)
 DEMUX_RETRIES = 10
 DYNAMIC_HDR = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
+FRAMES_LOOKED_AT = 10_000
+"""Entries of a file's index that its usual rate is taken from."""
 
 
 @dataclass(frozen=True)
@@ -135,8 +143,7 @@ class VideoSource:
         self._ticks = _fraction(self._stream.time_base) or 1 / self._rate
         fields = 2 if self._reading.deinterlace else 1
         self._rate *= fields
-        self._pictures = self._decode()
-        self._progressive = frames_of_fields(self._pictures, self._ticks, self._name) if fields == 2 else self._pictures
+        self._begin()
         self._started = False
         self._traits: VideoTraits | None = None
         context = self._stream.codec_context
@@ -147,6 +154,7 @@ class VideoSource:
             rate=self._rate,
             time_base=self._ticks / fields,
             frame_count=fields * self._stream.frames or None,
+            duration=_duration(self._stream),
         )
         if for_images:
             self._prepare_for_images()
@@ -203,6 +211,60 @@ class VideoSource:
         self._started = True
         return self._frames()
 
+    def first_time(self) -> Fraction:
+        """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
+        assert self.traits is not None
+        picture = self._ahead[0]
+        return Fraction(0) if picture.pts is None else self._time_of(picture, None)
+
+    def skip_to(self, time: Fraction) -> None:
+        """Go to the key frame before a time, where the file's index is to be trusted.
+
+        Not where fields become frames, which hang on those before.
+
+        Raises
+        ------
+        InputError
+            Nothing decodes.
+        """
+        first = self.first_time()
+        seekable = self._container.format.name.startswith(SEEKABLE) and not self._reading.deinterlace
+        if time <= first or not seekable or self._ahead[0].pts is None:
+            return
+        for earlier in STEPS_BACK:  # some indexes count decoding times, which come before those of showing
+            picture = self._picture_after_seek(max(first, time - earlier))
+            if picture is None or picture.pts is None or picture.is_corrupt:
+                continue  # what follows would hang on what came before
+            if first <= self._time_of(picture, None) <= time:
+                self._ahead = [picture]
+                return
+        self._reopen()
+
+    def _picture_after_seek(self, time: Fraction) -> av.VideoFrame | None:
+        try:
+            self._container.seek(math.floor(time / self._ticks), stream=self._stream, backward=True)
+        except av.error.FFmpegError:
+            return None
+        self._begin()
+        return next(self._progressive, None)
+
+    def _begin(self) -> None:
+        """Decode from where the file is."""
+        self._pictures = self._decode()
+        fields = self._reading.deinterlace
+        self._progressive = frames_of_fields(self._pictures, self._ticks, self._name) if fields else self._pictures
+
+    def _reopen(self) -> None:
+        """Begin again at the very first frame."""
+        index, threads = self._stream.index, self._stream.thread_type
+        self._pictures.close()
+        self._container.close()
+        self._container = open_video(self.path, self._name)
+        self._stream = cast(av.VideoStream, self._container.streams[index])
+        self._stream.thread_type = threads
+        self._ahead = []
+        self._begin()
+
     def close(self) -> None:
         self._pictures.close()
         self._container.close()
@@ -218,27 +280,36 @@ class VideoSource:
     def _frames(self) -> Iterator[Frame]:
         """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
         traits = self.traits
-        first = last = None
+        first: Fraction | None = None
+        before: Fraction | None = None
+        last: Frame | None = None
         count = 0
-        for decoded in self._in_order():
-            picture = self._made_alike(decoded, count)
-            time = self._time_of(picture, last)
-            if last is not None and time <= last.time:
-                self._damage.misplaced += 1
-                continue
-            if last is not None:
-                yield last
-            count += 1
-            image = self._convert(picture)
-            original: av.VideoFrame | None = picture
-            if self._for_images:
-                image, original = turned_upright(image, traits.display_matrix), None
-            last = Frame(image, time, self._duration_of(picture), original)
-            first = time if first is None else first
-        assert last is not None  # `traits` has found a frame, and the first one is never left out
-        assert first is not None
-        yield Frame(last.image, last.time, self._last_duration(last), last.original)
-        self._conclude(count, first, last.time + last.duration)
+        try:
+            for decoded in self._in_order():
+                picture = self._made_alike(decoded, count)
+                time = self._time_of(picture, last)
+                if last is not None and before is not None and self._is_far_ahead(before, last.time, time):
+                    last = replace(last, time=before + min(1 / self._rate, (time - before) / 2))
+                    self._damage.far_ahead += 1
+                if last is not None and time <= last.time:
+                    self._damage.misplaced += 1
+                    continue
+                if last is not None:
+                    yield last
+                    before = last.time
+                count += 1
+                image = self._convert(picture)
+                original: av.VideoFrame | None = picture
+                if self._for_images:
+                    image, original = turned_upright(image, traits.display_matrix), None
+                last = Frame(image, time, self._duration_of(picture), original)
+                first = time if first is None else first
+            assert last is not None  # `traits` has found a frame, and the first one is never left out
+            assert first is not None
+            yield Frame(last.image, last.time, self._last_duration(last), last.original)
+        finally:  # also where not all of the clip was asked for
+            self._conclude(count)
+        self._compare_with_header(first, last.time + last.duration)
 
     def _prepare_for_images(self) -> None:
         traits = self.traits
@@ -310,6 +381,10 @@ class VideoSource:
         ticks = max(1, round((last.duration or 1 / self._rate) / self._info.time_base))
         return last.time + ticks * self._info.time_base
 
+    def _is_far_ahead(self, before: Fraction, time: Fraction, after: Fraction) -> bool:
+        """Whether the time of the frame in the middle is damaged, so that the one after it seems to come too early."""
+        return before < after <= time and time - before > max(Fraction(1), 10 / self._rate)
+
     def _duration_of(self, picture: av.VideoFrame) -> Fraction:
         time_base = _fraction(picture.time_base) or self._info.time_base
         return picture.duration * time_base if picture.duration > 0 else 1 / self._rate
@@ -372,12 +447,15 @@ class VideoSource:
         self._alike = Alike(picture.width, picture.height, traits)
         return traits
 
-    def _conclude(self, count: int, start: Fraction, end: Fraction) -> None:
-        """Say what was wrong with the file, now that all of it was read."""
+    def _conclude(self, count: int) -> None:
+        """Say what was wrong with the file, now that as much of it was read as is wanted."""
         self._remarks += self._interlacing_remarks()
         if self._alike is not None:
             self._remarks += self._alike.remarks(self._name)
         self._remarks += self._damage.remarks(self._name, count)
+
+    def _compare_with_header(self, start: Fraction, end: Fraction) -> None:
+        """Say whether the file ends before its time."""
         promised, got = self._promise(start, end)
         if promised - got > max(5 / self._rate, promised / 20):
             self._remarks.append(
@@ -477,11 +555,33 @@ def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
 
 
 def _nominal_rate(stream: av.VideoStream) -> tuple[Fraction, bool]:
+    """The rate that a stream has or, where it varies, most of it; and whether that is more than a guess."""
     average, guessed = _fraction(stream.average_rate), _fraction(stream.guessed_rate)
     sane = [rate for rate in (average, guessed) if rate is not None and 0 < rate <= HIGHEST_RATE]
-    if len(sane) == 2 and abs(sane[0] - sane[1]) * 100 < sane[1]:
+    if len(sane) < 2:
+        return (sane[0], True) if sane else (ASSUMED_RATE, False)
+    if (
+        abs(sane[0] - sane[1]) * 100 < sane[1] or stream.start_time is None
+    ):  # without times, the codec's own headers say
         return sane[1], True
-    return (sane[0], True) if sane else (ASSUMED_RATE, False)
+    usual = _usual_rate(stream) or sane[0]
+    return next((rate for rate in sane if abs(rate - usual) * 100 < usual), usual), True
+
+
+def _usual_rate(stream: av.VideoStream) -> Fraction | None:
+    """The rate by the usual distance between frames, where the file lists them all."""
+    if not stream.frames or len(stream.index_entries) != stream.frames or stream.time_base is None:
+        return None
+    listed = [entry.timestamp for entry in islice(stream.index_entries, FRAMES_LOOKED_AT)]
+    usual = statistics.median_low([after - before for before, after in pairwise(listed) if after > before] or [0])
+    rate = 1 / (usual * Fraction(stream.time_base)) if usual else Fraction(0)
+    return rate if 0 < rate <= HIGHEST_RATE else None
+
+
+def _duration(stream: av.VideoStream) -> Fraction | None:
+    if stream.duration is None or stream.time_base is None or stream.duration <= 0:
+        return None
+    return stream.duration * Fraction(stream.time_base)
 
 
 def _side_data(picture: av.VideoFrame) -> list[Any]:

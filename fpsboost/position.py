@@ -1,0 +1,69 @@
+"""A place in a clip as people say it: a time, or the number of a frame."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+
+from fpsboost.errors import OptionError
+
+
+@dataclass(frozen=True)
+class Position:
+    """A place in a clip, counted from its first frame.
+
+    Parameters
+    ----------
+    value : Fraction
+        Seconds, or a frame's number, counted from 0.
+    is_frame : bool
+        Which of the two.
+    """
+
+    value: Fraction
+    is_frame: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.value}f" if self.is_frame else f"{float(self.value):g} s"
+
+    def is_reached(self, number: int, seconds: Fraction) -> bool:
+        """Whether a frame lies there or behind."""
+        return self.value <= (number if self.is_frame else seconds)
+
+    def seconds(self, rate: Fraction) -> Fraction:
+        """When that is at a constant rate."""
+        return self.value / rate if self.is_frame else self.value
+
+
+def parse_position(text: str, option: str) -> Position:
+    """Read ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``.
+
+    Parameters
+    ----------
+    text : str
+    option : str
+        What the message calls it.
+
+    Raises
+    ------
+    OptionError
+        None of these.
+
+    Examples
+    --------
+    >>> parse_position("1:30.5", "--start")
+    Position(value=Fraction(181, 2), is_frame=False)
+    >>> parse_position("120f", "--start")
+    Position(value=Fraction(120, 1), is_frame=True)
+    """
+    word = text.strip()
+    if re.fullmatch(r"[0-9]{1,15}f", word):
+        return Position(Fraction(word[:-1]), is_frame=True)
+    found = re.fullmatch(r"(?:(?:([0-9]{1,9}):)?([0-9]{1,9}):)?([0-9]{1,15}(?:\.[0-9]{1,15})?|\.[0-9]{1,15})", word)
+    if found is None or (found[2] and Fraction(found[3]) >= 60) or (found[1] and int(found[2]) >= 60):
+        raise OptionError(
+            f"{option} {text!r} is no place in a clip; write seconds (90.5), a time (1:30 or 00:01:30.5), or the "
+            "number of a frame (2700f)."
+        )
+    return Position(int(found[1] or 0) * 3600 + int(found[2] or 0) * 60 + Fraction(found[3]))

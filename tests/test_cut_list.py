@@ -1,0 +1,126 @@
+"""Cuts from a list: read as people and PySceneDetect write them, believed, and nothing else."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from video_truth import write_clip
+
+from fpsboost.cut_list import CutList, read_cuts
+from fpsboost.errors import InputError, OptionError
+from fpsboost.interpolator import Interpolator
+from fpsboost.media.encoding import Encoding
+from fpsboost.media.excerpt import Excerpt
+from fpsboost.motion.opencv import Still
+from fpsboost.pipeline import convert
+from fpsboost.position import Position, parse_position
+from fpsboost.prepared import Moment, PreparedImage
+from fpsboost.synthesis.blend import Blend
+
+pytestmark = pytest.mark.usefixtures("impatient")
+
+SCENES = """Timecode List:,00:00:00.417
+Scene Number,Start Frame,Start Timecode,Start Time (seconds),End Frame,End Timecode,End Time (seconds)
+1,1,00:00:00.000,0.000,10,00:00:00.417,0.417
+2,11,00:00:00.417,0.417,30,00:00:01.251,1.251
+"""
+
+
+def cuts_of(*texts: str) -> CutList:
+    return CutList(tuple(parse_position(text, "--cuts") for text in texts))
+
+
+def found(cuts: CutList, count: int, rate: Fraction) -> list[int]:
+    """Numbers of the frames that a scene begins with."""
+    images = [PreparedImage(np.zeros((2, 2, 3), np.uint8), moment=Moment(k, Fraction(k) / rate)) for k in range(count)]
+    return [k for k, pair in enumerate(pairwise(images), 1) if cuts.is_cut(cuts.likeness(*pair), 0.0, 1.0)]
+
+
+def test_a_list_as_people_write_it(tmp_path):
+    """Times, frames, comments and empty lines."""
+    (tmp_path / "cuts.txt").write_text("\ufeff# reel 1\n0:01.5\n\n 120f  # the door\r\n7.25\n", encoding="utf-8")
+    expected = [Position(Fraction(3, 2)), Position(Fraction(120), is_frame=True), Position(Fraction(29, 4))]
+    assert list(read_cuts(tmp_path / "cuts.txt").positions) == expected
+    (tmp_path / "cuts.txt").write_text("")
+    assert read_cuts(tmp_path / "cuts.txt") == CutList(())
+
+
+@pytest.mark.parametrize("skipped_lines", [0, 1], ids=["with the list of times", "without"])
+def test_the_list_of_pyscenedetect(tmp_path, skipped_lines):
+    """Its column of seconds says where scenes begin; at 23.976 frames a second that is frame 10."""
+    (tmp_path / "scenes.csv").write_text("".join(SCENES.splitlines(keepends=True)[skipped_lines:]))
+    cuts = read_cuts(tmp_path / "scenes.csv")
+    assert [place.value for place in cuts.positions] == [0, Fraction(417, 1000)]
+    assert found(cuts, 30, Fraction(24000, 1001)) == [10]
+
+
+def test_what_is_no_list_is_refused(tmp_path):
+    """The sentence names the file, and the line where it can."""
+    with pytest.raises(InputError, match=r"Cannot read .*none\.txt"):
+        read_cuts(tmp_path / "none.txt")
+    (tmp_path / "cuts.txt").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"cuts\.txt is no text; give --cuts a file"):
+        read_cuts(tmp_path / "cuts.txt")
+    (tmp_path / "cuts.txt").write_text("1.5\nsoon\n")
+    with pytest.raises(OptionError, match=r"cuts\.txt, line 2: 'soon' is no place in a clip"):
+        read_cuts(tmp_path / "cuts.txt")
+    (tmp_path / "cuts.txt").write_text(SCENES + "3,31\n")
+    with pytest.raises(OptionError, match=r"cuts\.txt, line 5: '' is no place"):
+        read_cuts(tmp_path / "cuts.txt")
+
+
+@pytest.mark.parametrize("rate", [Fraction(25), Fraction(24000, 1001), Fraction(60000, 1001)])
+@pytest.mark.parametrize("way", ["{frame}f", "{seconds:.3f}", "{seconds:.6f}"])
+def test_a_cut_lies_before_the_frame_that_is_named(rate, way):
+    """By number, and by a time that is rounded up or down; the first frame of all begins no scene."""
+    wanted = [7, 8, 100, 333]
+    texts = [way.format(frame=k, seconds=float(k / rate)) for k in [*wanted, 0]]
+    assert found(cuts_of(*texts), 400, rate) == wanted
+
+
+def test_a_time_between_two_frames_is_a_cut_between_them():
+    """Somebody who scrubs to a cut may name any time of the way."""
+    assert found(cuts_of("0.27"), 20, Fraction(25)) == [7]
+
+
+def cuts_in(path: Path, cuts: CutList, start: str | None) -> int:
+    """How many cuts a conversion comes across."""
+    part = Excerpt(None if start is None else parse_position(start, "--start"))
+    method, encoding = Interpolator(Still(), Blend(), cuts=cuts), Encoding(preset="ultrafast")
+    target = str(path.with_name("out.mp4"))
+    return convert(str(path), target, method=method, excerpt=part, encoding=encoding, overwrite=True).scene_cuts
+
+
+@pytest.mark.parametrize("cut", ["12f", "0.48", "0.47"])
+@pytest.mark.parametrize("start", [None, "0.2", "5f", "0.44"])
+def test_a_list_counts_from_the_first_frame_of_the_clip(tmp_path, cut, start):
+    """Also where only a part of it is converted, whether what is before was read or passed over."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(100, 130), options={"preset": "ultrafast", "g": "4"})
+    assert cuts_in(clip, cuts_of(cut), start) == 1
+    assert cuts_in(clip, cuts_of("31f", "99"), start) == 0
+    assert cuts_in(clip, cuts_of("3f"), start) == (start is None)
+
+
+def test_cuts_of_images_count_from_their_first(tmp_path, save_images):
+    """A part of a folder knows what number it begins with."""
+    save_images(tmp_path / "in", count=8)
+    method = Interpolator(Still(), Blend(), cuts=cuts_of("5f"))
+    for start, count in (("3f", 1), ("5f", 0)):
+        part = Excerpt(parse_position(start, "--start"))
+        summary = convert(str(tmp_path / "in"), str(tmp_path / start), method=method, excerpt=part)
+        assert summary.scene_cuts == count
+
+
+def test_the_command_line_takes_a_list(fpsboost_, tmp_path):
+    """--cuts, which contradicts the other two options."""
+    write_clip(tmp_path / "in.mp4", times=range(20))
+    (tmp_path / "cuts.txt").write_text("7f\n0:00.5\n")
+    result = fpsboost_("in.mp4", "out.mp4", "--cuts", "cuts.txt", "-m", "blend", "--preset", "ultrafast", "--verbose")
+    assert (result.code, "2 scene cuts" in result.err, "CutList of 2 cuts" in result.err) == (0, True, True)
+    for others in (["--no-cuts"], ["--cut-threshold", "0.3"]):
+        result = fpsboost_("in.mp4", "new.mp4", "--cuts", "cuts.txt", *others)
+        assert (result.code, f"{others[0]} and --cuts contradict each other" in result.err) == (2, True)

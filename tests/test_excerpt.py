@@ -1,0 +1,334 @@
+"""A part of a clip: the right frames, the same as of the whole clip, with the sound that belongs to them."""
+
+from __future__ import annotations
+
+import os
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pytest
+from video_truth import packets_of, pictures_of, stream_of, write_clip
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.interpolator import Interpolator
+from fpsboost.media.encoding import Encoding
+from fpsboost.media.excerpt import Excerpt, ExcerptSource
+from fpsboost.media.opening import cut_out, open_source
+from fpsboost.media.video_source import VideoSource
+from fpsboost.motion.opencv import Still
+from fpsboost.pipeline import convert
+from fpsboost.position import Position, parse_position
+from fpsboost.synthesis.blend import Blend
+
+pytestmark = pytest.mark.usefixtures("impatient")
+
+BLEND = Interpolator(Still(), Blend(), cuts=None)
+FAST = Encoding(preset="ultrafast")
+GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}
+
+
+def excerpt(start: str | None = None, end: str | None = None) -> Excerpt:
+    """As the command line makes it."""
+    places = [None if text is None else parse_position(text, "--x") for text in (start, end)]
+    return Excerpt(*places)
+
+
+# -------------------------------------------------------------------------------------------------- how it is written
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("90", Fraction(90)),
+        ("0", Fraction(0)),
+        (".5", Fraction(1, 2)),
+        ("90.25", Fraction(361, 4)),
+        ("1:30", Fraction(90)),
+        ("00:01:30.5", Fraction(181, 2)),
+        ("100:00:00", Fraction(360000)),
+        (" 90:59.001 ", Fraction(5459001, 1000)),
+    ],
+)
+def test_times_are_read_as_people_write_them(text, seconds):
+    """Seconds, minutes and hours, exactly."""
+    assert parse_position(text, "--start") == Position(seconds)
+
+
+def test_frames_are_numbers_with_an_f():
+    """Counted from 0."""
+    assert parse_position("120f", "--start") == Position(Fraction(120), is_frame=True)
+
+
+@pytest.mark.parametrize("text", ["", "f", "-1", "-5f", "1.5f", "1:60", "1:75:00", "1:2:3:4", "1,5", "abc", "1e9", "٣"])
+def test_other_words_are_refused(text):
+    """The sentence names the option and shows how to write it."""
+    with pytest.raises(OptionError, match=r"--end .* is no place in a clip; write seconds \(90\.5\)"):
+        parse_position(text, "--end")
+
+
+@pytest.mark.parametrize(
+    ("start", "end"), [("2", "1"), ("2", "2"), ("7f", "7f"), (None, "0"), (None, "0f"), ("0f", "0")]
+)
+def test_an_end_that_is_no_end_is_refused(start, end):
+    """It must lie behind the start, where the two can be compared."""
+    with pytest.raises(OptionError, match=r"--end .* does not lie behind --start"):
+        excerpt(start, end)
+    assert excerpt("2", "10f").end == Position(Fraction(10), is_frame=True)
+
+
+# --------------------------------------------------------------------------------------------------------- the frames
+
+
+def frames_of(path: Path, part: Excerpt, **options: Any) -> tuple[list[Fraction], list[bytes], ExcerptSource]:
+    """Times and pixels of a part of a video."""
+    with VideoSource(path) as whole:
+        source = ExcerptSource(whole, part, **options)
+        frames = list(source)
+    return [frame.time for frame in frames], [frame.image.tobytes() for frame in frames], source
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "numbers"),
+    [
+        ("0.4", None, range(10, 30)),
+        ("0.41", None, range(11, 30)),
+        ("0.4", "0.8", range(10, 20)),
+        (None, "0.8", range(20)),
+        (None, "0.81", range(21)),
+        ("10f", "20f", range(10, 20)),
+        ("0.4", "20f", range(10, 20)),
+        ("10f", "99", range(10, 30)),
+        ("29f", None, range(29, 30)),
+    ],
+)
+@pytest.mark.parametrize("first", [0, 125], ids=["starts at 0", "starts at 5 s"])
+def test_frames_in_the_range(tmp_path, start, end, numbers, first):
+    """From the start to before the end, counted from the first frame, shown from 0 on, pixels as in the whole clip."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(first, first + 30), options=GROUPS)
+    with VideoSource(clip) as source:
+        whole = [frame.image.tobytes() for frame in source]
+    times, pixels, part = frames_of(clip, excerpt(start, end))
+    assert times == [Fraction(k, 25) for k in range(len(numbers))]
+    assert pixels == [whole[number] for number in numbers]
+    assert part.window.begin == Fraction(first + numbers[0], 25)
+
+
+@pytest.mark.parametrize("name", ["in.mp4", "in.mkv", "in.mov", "in.webm", "in.avi", "in.ts", "in.flv", "in.h264"])
+@pytest.mark.parametrize("start", [1, 12, 17])
+def test_going_there_gives_the_frames_of_reading_there(tmp_path, name, start):
+    """With an index or without: the same frames at the same times as if everything before had been decoded."""
+    codec: dict[str, Any] = {"codec": "libvpx", "options": {"g": "6"}} if name == "in.webm" else {"options": GROUPS}
+    clip = write_clip(tmp_path / name, times=range(30), container="h264" if name == "in.h264" else None, **codec)
+    part = excerpt(str(start / 25))
+    assert frames_of(clip, part)[:2] == frames_of(clip, part, may_skip=False)[:2]
+
+
+@pytest.mark.parametrize("name", ["in.mp4", "in.mkv"])
+def test_what_lies_before_is_not_decoded(tmp_path, name):
+    """Of 30 frames in groups of 6, those of the last group are read, and the very first one."""
+    clip = write_clip(tmp_path / name, times=range(30), options=GROUPS)
+    with VideoSource(clip) as source:
+        source.skip_to(Fraction(26, 25))
+        assert next(iter(source)).time == Fraction(24, 25)
+
+
+def test_the_last_frame_ends_where_the_range_does(tmp_path):
+    """A picture that is shown beyond the end is cut off there; one before the clip's own end keeps its duration."""
+    clip = write_clip(tmp_path / "in.mp4", times=[0, 4, 8, 12, 50, 54], end=58, time_base=Fraction(1, 100))
+    with VideoSource(clip) as whole:
+        frames = list(ExcerptSource(whole, excerpt("0.04", "0.3")))
+    assert [frame.time for frame in frames] == [0, Fraction(4, 100), Fraction(8, 100)]
+    assert frames[-1].time + frames[-1].duration == Fraction(26, 100)
+    with VideoSource(clip) as whole:
+        frames = list(ExcerptSource(whole, excerpt("0.5", "99")))
+    assert frames[-1].time + frames[-1].duration == Fraction(8, 100)
+
+
+def test_what_is_known_beforehand(tmp_path):
+    """Count and duration of the part, and nothing where the whole clip does not say."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(30))
+    with VideoSource(clip) as whole:
+        info = ExcerptSource(whole, excerpt("0.41", "20f")).info
+        assert (info.frame_count, info.duration) == (9, Fraction(39, 100))
+        info = ExcerptSource(whole, excerpt("10f", "99")).info
+        assert (info.frame_count, info.duration) == (20, Fraction(20, 25))
+    raw = write_clip(tmp_path / "in.h264", times=range(30), container="h264")
+    with VideoSource(raw) as whole:
+        info = ExcerptSource(whole, excerpt("0.4", "0.8")).info
+        assert (info.frame_count, info.duration) == (None, None)
+
+
+@pytest.mark.parametrize("start", ["2", "30f", "1:00:00"])
+@pytest.mark.parametrize("name", ["in.mp4", "in.avi"])
+def test_a_start_behind_the_end_is_an_error(tmp_path, snapshot, name, start):
+    """The sentence names the file and the option, and nothing is written."""
+    clip = write_clip(tmp_path / name, times=range(30))
+    before = snapshot(tmp_path)
+    with pytest.raises(InputError, match=rf"{name} has ended where --start .* would be; name an earlier one"):
+        convert(str(clip), str(tmp_path / "out.mp4"), excerpt=excerpt(start), method=BLEND, encoding=FAST)
+    assert snapshot(tmp_path) == before
+
+
+def test_damage_in_the_range_is_told_though_the_rest_is_not_read(tmp_path):
+    """What was wrong with the part that was read is said also where reading ends early."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(60), options={"preset": "ultrafast", "crf": "0", "g": "1"})
+    data = bytearray(clip.read_bytes())
+    with av.open(str(clip)) as file:
+        packet = list(file.demux(video=0))[5]
+    assert packet.pos is not None
+    data[packet.pos : packet.pos + packet.size] = b"\xff" * packet.size
+    clip.write_bytes(bytes(data))
+    summary = convert(str(clip), str(tmp_path / "o.mp4"), excerpt=excerpt(None, "1"), method=BLEND, encoding=FAST)
+    assert any("in.mp4 is damaged" in remark for remark in summary.remarks)
+
+
+# --------------------------------------------------------------------------------------------------- sound and the rest
+
+
+def clicks_and_flashes(path: Path, seconds: int = 6, codec: str = "pcm_s16le") -> Path:
+    """A clip whose picture flashes and whose sound clicks at each whole second."""
+    with av.open(str(path), "w") as output:
+        video = output.add_stream("libx264", rate=25, width=64, height=48, options={**GROUPS, "bf": "0"})
+        video.pix_fmt = "yuv420p"
+        audio: Any = output.add_stream(codec, rate=48000, layout="mono")
+        second = Fraction(1, 1000)
+        chapters: Any = [
+            {"id": k, "start": 2000 * k, "end": 2000 * (k + 1), "time_base": second, "metadata": {"title": f"part {k}"}}
+            for k in range(3)
+        ]
+        output.set_chapters(chapters)
+        for number in range(25 * seconds):
+            level = 235 if number % 25 == 0 else 16
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64), level, np.uint8), format="gray")
+            frame = frame.reformat(format="yuv420p")
+            frame.pts, frame.time_base = number, Fraction(1, 25)
+            output.mux(video.encode(frame))
+            samples = np.zeros((1, 1920), np.int16)
+            samples[0, :20] = 30000 if number % 25 == 0 else 0
+            sound = av.AudioFrame.from_ndarray(samples, format="s16", layout="mono")
+            sound.sample_rate, sound.pts, sound.time_base = 48000, number * 1920, Fraction(1, 48000)
+            output.mux(audio.encode(sound))
+        output.mux(video.encode(None))
+        output.mux(audio.encode(None))
+    return path
+
+
+def flashes(path: Path) -> list[Fraction]:
+    """When bright pictures begin."""
+    pictures = [(p.pts * Fraction(p.time_base), p.to_ndarray(format="gray").mean() > 100) for p in pictures_of(path)]
+    return [time for k, (time, bright) in enumerate(pictures) if bright and (k == 0 or not pictures[k - 1][1])]
+
+
+def clicks(path: Path) -> list[float]:
+    """When the sound gets loud after silence."""
+    found: list[float] = []
+    with av.open(str(path)) as file:
+        for frame in file.decode(audio=0):
+            assert frame.time is not None
+            loud = np.flatnonzero(np.abs(frame.to_ndarray()[0].astype(float)) > 3000)
+            if loud.size and (not found or frame.time + loud[0] / 48000 > found[-1] + 0.5):
+                found.append(frame.time + float(loud[0]) / 48000)
+    return found
+
+
+@pytest.mark.parametrize("name", ["out.mkv", "out.mov"])
+@pytest.mark.parametrize(
+    ("start", "end"), [("1.5", "4.5"), ("37f", "113f"), ("0.01", "3.99"), (None, "3"), ("2.04", None)]
+)
+def test_sound_stays_in_step(tmp_path, name, start, end):
+    """Every click of the part comes with its flash, to a sample or the container's millisecond, and no other one."""
+    clip = clicks_and_flashes(tmp_path / "in.mkv")
+    convert(str(clip), str(tmp_path / name), excerpt=excerpt(start, end), method="nearest", encoding=FAST)
+    seen, heard = flashes(tmp_path / name), clicks(tmp_path / name)
+    assert len(seen) == len(heard) >= 2
+    assert all(abs(float(flash) - click) < 0.0015 for flash, click in zip(seen, heard, strict=True))
+    assert packets_of(tmp_path / name, "video")[0][0] == 0
+
+
+def test_packets_of_sound_are_those_that_overlap(tmp_path):
+    """Copied bit for bit, from the packet that the pictures begin in to the one that they end in."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(100), sound="aac")
+    convert(str(clip), str(tmp_path / "out.mp4"), excerpt=excerpt("1", "3"), method="nearest", encoding=FAST)
+    length = Fraction(1024, 48000)
+    overlapping = [(t - 1, data) for t, data in packets_of(clip, "audio") if t + length > 1 and t < 3]
+    assert packets_of(tmp_path / "out.mp4", "audio") == overlapping
+    with av.open(str(tmp_path / "out.mp4")) as file:
+        video = file.streams.video[0]
+        assert (video.duration or 0) * Fraction(video.time_base or 1) == 2
+
+
+def test_chapters_of_the_part(tmp_path):
+    """Those that overlap it, cut to it."""
+    clip = clicks_and_flashes(tmp_path / "in.mkv")
+    convert(str(clip), str(tmp_path / "out.mkv"), excerpt=excerpt("1.4", "3.2"), method="nearest", encoding=FAST)
+    with av.open(str(tmp_path / "out.mkv")) as file:
+        found = [
+            (each["metadata"]["title"], each["start"] * each["time_base"], each["end"] * each["time_base"])
+            for each in file.chapters()
+        ]
+    assert found == [("part 0", 0, Fraction(6, 10)), ("part 1", Fraction(6, 10), Fraction(18, 10))]
+
+
+def test_subtitles_of_the_part(tmp_path):
+    """Lines that overlap it are shown as long as they did within it; the others are left out."""
+    lines = [
+        (0, 500, b"before"),
+        (800, 600, b"into"),
+        (1500, 200, b"within"),
+        (1900, 900, b"out of"),
+        (3000, 500, b"after"),
+    ]
+    clip = write_clip(tmp_path / "in.mkv", times=range(100), subtitles=lines)
+    convert(str(clip), str(tmp_path / "out.mkv"), excerpt=excerpt("1", "2"), method="nearest", encoding=FAST)
+    with av.open(str(tmp_path / "out.mkv")) as file:
+        found = [(p.pts, p.duration, bytes(p)) for p in file.demux(subtitles=0) if p.size]
+    assert found == [(0, 400, b"into"), (500, 200, b"within"), (900, 100, b"out of")]
+
+
+# -------------------------------------------------------------------------------------------------------- other sources
+
+
+def test_images_of_the_part(tmp_path, save_images):
+    """Only those files are read; numbering begins as the input's does."""
+    images = save_images(tmp_path / "in", count=8)
+    (tmp_path / "in" / "shot_0002.png").write_bytes(b"broken")
+    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), excerpt=excerpt("3f", "6f"), method=BLEND)
+    names = sorted(os.listdir(tmp_path / "out"))
+    assert (summary.frames_in, names) == (3, [f"shot_{number:04d}.png" for number in range(1, 6)])
+    for name, image in zip(names[::2], images[3:6], strict=True):
+        assert np.array_equal(cv2.imread(str(tmp_path / "out" / name), cv2.IMREAD_UNCHANGED), image)
+
+
+def test_times_of_images_need_a_rate(tmp_path, save_images):
+    """Frames have numbers without one; seconds need --input-fps."""
+    save_images(tmp_path / "in", count=8)
+    with pytest.raises(OptionError, match="--input-fps"):
+        convert(str(tmp_path / "in"), str(tmp_path / "out"), excerpt=excerpt("0.1"), method=BLEND)
+    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), excerpt=excerpt("0.1"), input_fps=25, method=BLEND)
+    assert summary.frames_in == 5
+    with pytest.raises(InputError, match="has 8 images and ends before --start"):
+        cut_out(open_source(str(tmp_path / "in")), excerpt("8f"))
+
+
+def test_a_part_of_a_pipe(fpsboost_, tmp_path, monkeypatch):
+    """What comes in is counted, what lies outside is passed over."""
+    (tmp_path / "in.y4m").write_bytes(stream_of(20))
+    with (tmp_path / "in.y4m").open() as stream:
+        monkeypatch.setattr("sys.stdin", stream)
+        result = fpsboost_("-", "out.mp4", "--start", "0.2", "--end", "10f", "-m", "nearest", "--preset", "ultrafast")
+    assert result.code == 0
+    assert len(pictures_of(tmp_path / "out.mp4")) == 10
+
+
+def test_the_command_line_names_a_part(fpsboost_, tmp_path):
+    """--start and --end, and a wrong one is a wrong usage."""
+    write_clip(tmp_path / "in.mp4", times=range(30))
+    cheap = ("-m", "nearest", "--preset", "ultrafast")
+    assert fpsboost_("in.mp4", "out.mp4", "--start", "0:00.4", "--end", "0.8", *cheap).code == 0
+    assert len(pictures_of(tmp_path / "out.mp4")) == 20
+    result = fpsboost_("in.mp4", "new.mp4", "--start", "soon", *cheap)
+    assert (result.code, "--start 'soon' is no place in a clip" in result.err) == (2, True)

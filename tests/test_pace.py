@@ -1,0 +1,434 @@
+"""What a pace means for a clip: constant rates, clocks that round, pauses, ten hours of frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from video_truth import pictures_of, samples_of, scene, write_clip
+
+from fpsboost.errors import OptionError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.interpolator import Interpolator
+from fpsboost.media.encoding import Encoding
+from fpsboost.media.video_source import VideoSource
+from fpsboost.motion.opencv import Still
+from fpsboost.pace import Pace, Rhythm
+from fpsboost.pipeline import Summary, boost, convert, count_frames
+from fpsboost.synthesis.blend import Blend
+from fpsboost.timing import LONGEST_FILLED, ByFactor, ByRate, Step
+
+pytestmark = pytest.mark.usefixtures("impatient")
+
+MILLISECOND = Fraction(1, 1000)
+BLEND = Interpolator(Still(), Blend(), cuts=None)
+LOSSLESS = Encoding(crf=0, preset="ultrafast")
+FILM, NTSC = Fraction(24000, 1001), Fraction(60000, 1001)
+
+
+def info_of(rate: Fraction, time_base: Fraction = Fraction(1, 90000), duration: Fraction | None = None) -> ClipInfo:
+    count = None if duration is None else round(duration * rate)
+    return ClipInfo("clip.mp4", 4, 6, rate, time_base, count, duration)
+
+
+@dataclass
+class Clip:
+    """Flat frames at the given times, each brighter than the one before."""
+
+    info: ClipInfo
+    times: list[Fraction]
+    end: Fraction
+
+    def __post_init__(self) -> None:
+        self.remarks: list[str] = []
+
+    def __iter__(self):
+        for number, (time, after) in enumerate(pairwise([*self.times, self.end])):
+            yield Frame(np.full((4, 6, 3), 10 * number % 256, np.uint8), time, after - time, original=number)
+
+
+class Shelf:
+    """Keeps what it gets."""
+
+    holds_last_frame = True
+
+    def __init__(self) -> None:
+        self.remarks: list[str] = []
+        self.frames: list[Frame] = []
+
+    def write(self, frame: Frame) -> None:
+        self.frames.append(frame)
+
+
+def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: Pace) -> tuple[list[Frame], Summary]:
+    """What comes out, with the remarks of the pace."""
+    clip, shelf, schedule = Clip(info, list(times), end), Shelf(), pace.schedule(info)
+    summary = boost(clip, BLEND, shelf, schedule, duplicates="keep")
+    summary.remarks += pace.remarks(info, schedule, summary.rhythm)
+    return shelf.frames, summary
+
+
+# ------------------------------------------------------------------------------------------------------------- options
+
+
+def test_twice_the_rate_unless_told():
+    """A factor of the source's rate, a rate, or the frames of each interval; images have no clock."""
+    info = info_of(Fraction(24))
+    forgiving = ByRate.forgiving
+    tick = info.time_base
+    assert Pace().schedule(info) == forgiving(Fraction(48), Fraction(24), tick)
+    assert Pace(Fraction(5, 2)).schedule(info) == forgiving(Fraction(60), Fraction(24), tick)
+    assert Pace(fps=NTSC).schedule(info) == forgiving(NTSC, Fraction(24), tick)
+    assert Pace(keep_timing=True).schedule(info) == ByFactor(Fraction(2))
+    assert Pace(Fraction(3)).schedule(info, has_clock=False) == ByFactor(Fraction(3))
+    assert Pace(fps=NTSC).schedule(info, has_clock=False) == forgiving(NTSC, Fraction(24), tick)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"factor": 2, "fps": 60}, "--factor and --fps say the same"),
+        ({"fps": 60, "keep_timing": True}, "--fps makes the rate constant and --keep-timing does not"),
+        ({"factor": 0}, "--factor must be"),
+        ({"fps": 0}, "--fps must be"),
+    ],
+)
+def test_contradictions_are_refused(wrong, message):
+    """A sentence about the options, before any file is opened."""
+    with pytest.raises(OptionError, match=message):
+        Pace(**wrong)
+
+
+def test_a_rate_beyond_all_measure_is_refused():
+    """A factor within its bounds can still ask for too much of a clip."""
+    with pytest.raises(OptionError, match=r"--factor 900 makes 108000 frames per second of clip\.mp4"):
+        Pace(Fraction(900)).schedule(info_of(Fraction(120)))
+
+
+# --------------------------------------------------------------------------------------- ten hours, by exact arithmetic
+
+
+@pytest.mark.parametrize(
+    ("pace", "source"),
+    [
+        (Pace(fps=NTSC), FILM),
+        (Pace(Fraction(5, 2)), FILM),
+        (Pace(Fraction(3, 2)), Fraction(25)),
+        (Pace(Fraction(2, 3)), Fraction(60)),
+        (Pace(fps=Fraction(24)), Fraction(30000, 1001)),
+        (Pace(Fraction(5, 2), keep_timing=True), FILM),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("clock", [Fraction(1, 24000 * 25), MILLISECOND], ids=["exact", "milliseconds"])
+def test_ten_hours_stay_exact(pace, source, clock):
+    """All frames counted by arithmetic, thousands looked at: times on the grid, in order, t exact, to the very end."""
+    count = math.floor(36000 * source)
+    info = info_of(source, clock)
+    schedule = pace.schedule(info)
+    rate = schedule.rate(source)
+    exact = clock != MILLISECOND
+
+    def time_of(index: int) -> Fraction:
+        return schedule.moment(Fraction(0), index / source if exact else Fraction(round(index / source * 1000), 1000))
+
+    total = math.ceil(count * rate / source)
+    assert count_frames(schedule, info_of(source, clock, count / source), True) == total
+    seen = 0
+    for index in [*range(0, count, 997), *range(count - 300, count)]:
+        steps = list(schedule.steps(index, Fraction(0), time_of(index), time_of(index + 1)))
+        numbers = range(math.ceil(index * rate / source), math.ceil((index + 1) * rate / source))
+        if exact or not pace.keep_timing:
+            assert steps == [Step(k / rate, k * source / rate - index) for k in numbers]
+        assert len(steps) == len(numbers)
+        assert all(a.time < b.time for a, b in pairwise(steps))
+        seen += len(steps)
+    assert seen > 500
+    assert numbers.stop == total
+
+
+def recorded(ticks: list[int]) -> list[Fraction]:
+    """Times of a screen recording: intervals in milliseconds."""
+    return [Fraction(sum(ticks[:place]), 1000) for place in range(len(ticks) + 1)]
+
+
+def test_ten_hours_of_uneven_frames_come_out_even():
+    """At any hour of a recording with uneven intervals, the output has the frames of its own clock and no others."""
+    schedule = Pace(fps=Fraction(60)).schedule(info_of(Fraction(30), MILLISECOND))
+    rhythm = recorded([33, 34, 17, 100, 16, 400, 50, 33, 7, 310] * 10)  # a second of ten, ten times
+    for hour in range(10):
+        begin = 3600 * hour
+        times = [schedule.moment(Fraction(0), begin + time) for time in rhythm]
+        assert all(a < b for a, b in pairwise(times))
+        steps = [step for a, b in pairwise(times) for step in schedule.steps(0, Fraction(0), a, b)]
+        assert [step.time for step in steps] == [begin + Fraction(k, 60) for k in range(600)]
+        assert all(0 <= step.t < 1 for step in steps)
+
+
+@given(
+    st.sampled_from([Fraction(15), FILM, Fraction(25), Fraction(30), NTSC]),
+    st.sampled_from([Fraction(1, 2), Fraction(3, 2), Fraction(2), Fraction(5, 2), Fraction(8)]),
+    st.sampled_from([MILLISECOND, Fraction(1, 600), Fraction(1, 90000)]),
+    st.lists(st.integers(1, 400), min_size=1, max_size=30),
+)
+def test_times_increase_whatever_the_clock(rate, factor, tick, intervals):
+    """Where a frame is taken to be is never before the place of an earlier one, and half a frame away at most."""
+    schedule = Pace(factor).schedule(info_of(rate, tick))
+    times = [Fraction(0)]
+    for interval in intervals:
+        times.append(times[-1] + interval * tick)
+    moments = [schedule.moment(Fraction(0), time) for time in times]
+    assert all(a <= b for a, b in pairwise(moments))
+    bound = min(1 / rate, 1 / (rate * factor)) / 2
+    assert all(abs(moment - time) < bound for moment, time in zip(moments, times, strict=True))
+
+
+# ------------------------------------------------------------------------------------- clocks that round, and that vary
+
+
+@pytest.mark.parametrize("start", [Fraction(0), Fraction(23, 1000), Fraction(-1, 50)])
+@pytest.mark.parametrize("factor", [Fraction(2), Fraction(3), Fraction(8)])
+def test_milliseconds_mean_the_rate_that_was_rounded(start, factor):
+    """23.976 frames a second in whole milliseconds: every original is there, at its true place, and none is mixed."""
+    times = [start + Fraction(round(k / FILM * 1000), 1000) for k in range(40)]
+    end = start + Fraction(round(40 / FILM * 1000), 1000)
+    frames, summary = play(info_of(FILM, MILLISECOND), times, end, Pace(factor))
+    assert [frame.time for frame in frames] == [start + k / (FILM * factor) for k in range(40 * int(factor))]
+    assert [frame.original for frame in frames[:: int(factor)]] == list(range(40))
+    assert all(frame.original is None for k, frame in enumerate(frames[:-1]) if k % factor and k < 39 * factor)
+    assert summary.remarks == []
+
+
+def test_a_phone_that_jitters_keeps_its_frames():
+    """Ticks of 1/600 s, some intervals a tick short: all originals pass, and nobody is told that the rate varies."""
+    intervals = [20] * 20 + [19] + [20] * 20 + [21] + [20] * 20
+    times = [Fraction(sum(intervals[:k]), 600) for k in range(len(intervals) + 1)]
+    frames, summary = play(info_of(Fraction(30), Fraction(1, 600)), times, times[-1] + Fraction(1, 30), Pace())
+    assert [frame.original for frame in frames[::2]] == list(range(len(times)))
+    assert summary.remarks == []
+
+
+def test_a_variable_rate_becomes_constant_and_is_said():
+    """Even times, each frame mixed by its true time, as long as the source, and a remark that says so."""
+    times = [Fraction(t, 100) for t in (0, 4, 8, 18, 22, 30, 34)]
+    info = info_of(Fraction(25), Fraction(1, 100))
+    frames, summary = play(info, times, Fraction(38, 100), Pace())
+    assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(19)]
+    assert frames[-1].time + frames[-1].duration == Fraction(38, 100)
+    assert [int(frame.image[0, 0, 0]) for frame in frames[4:10]] == [20, 22, 24, 26, 28, 30]
+    assert summary.remarks == [
+        "clip.mp4 varies from 10 to 25 frames per second; the output is constant at 50, and --keep-timing keeps the "
+        "rhythm."
+    ]
+    assert play(info, times, Fraction(38, 100), Pace(keep_timing=True))[1].remarks == []
+    assert play(info, times, Fraction(38, 100), Pace(fps=Fraction(60)))[1].remarks == []
+
+
+def test_two_frames_at_one_place_become_one():
+    """Where two frames lie closer than the clock can mean, the first is shown, and times still increase."""
+    times = [Fraction(t, 1000) for t in (0, 39, 40, 80, 120)]
+    frames, summary = play(info_of(Fraction(25), MILLISECOND), times, Fraction(160, 1000), Pace())
+    assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(8)]
+    assert [frame.original for frame in frames[::2]] == [0, 1, 3, 4]
+    assert summary.frames_in == 5
+
+
+def test_across_a_pause_the_picture_is_repeated():
+    """Three seconds without a frame: no motion is made up for them, the picture stands, and that is said."""
+    times = [Fraction(k, 25) for k in range(5)] + [3 + Fraction(k, 25) for k in range(5, 10)]
+    frames, summary = play(info_of(Fraction(25)), times, 3 + Fraction(10, 25), Pace())
+    assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(170)]
+    assert {frame.original for frame in frames[8:160]} == {4}
+    assert frames[160].original == 5
+    assert summary.frames_made == summary.frames_out - 10
+    assert any(
+        "clip.mp4 shows nothing new for 3.0 s from 0.2 s on; the picture was held there" in remark
+        for remark in summary.remarks
+    )
+
+
+def test_a_second_without_a_frame_is_still_interpolated():
+    """Up to a second, or ten frames of a slow clip, is no pause."""
+    assert not ByRate.forgiving(Fraction(60), Fraction(30), MILLISECOND).is_pause(Fraction(1))
+    assert not ByRate.forgiving(Fraction(4), Fraction(2), MILLISECOND).is_pause(Fraction(5))
+    assert ByRate.forgiving(Fraction(4), Fraction(2), MILLISECOND).is_pause(Fraction(501, 100))
+
+
+def test_a_damaged_time_does_not_fill_the_disk():
+    """Days without a frame become one long frame and a remark; what comes after keeps its times."""
+    gap = 100 * LONGEST_FILLED
+    times = [Fraction(k, 25) for k in range(5)] + [gap + Fraction(k, 25) for k in range(5)]
+    frames, summary = play(info_of(Fraction(25)), times, gap + Fraction(5, 25), Pace())
+    assert len(frames) == 9 + 10
+    assert frames[8].duration == gap - Fraction(4, 25)
+    assert any("59999.8 s" in remark and "as one long frame" in remark for remark in summary.remarks)
+
+
+def test_the_rhythm_of_a_clip():
+    """The shortest and longest interval, and where that begins, seconds after the first frame."""
+    rhythm = Rhythm()
+    for tick in (100, 104, 110, 113):
+        rhythm.note(Fraction(tick, 100))
+    assert (rhythm.shortest, rhythm.longest, rhythm.begin) == (Fraction(3, 100), Fraction(6, 100), Fraction(4, 100))
+
+
+# --------------------------------------------------------------------------------------------------------- slow motion
+
+
+@pytest.mark.parametrize(
+    ("pace", "rate", "stretch"),
+    [
+        (Pace(slow_motion=True), FILM, Fraction(2)),
+        (Pace(Fraction(4), slow_motion=True), FILM, Fraction(4)),
+        (Pace(Fraction(5, 2), slow_motion=True), FILM, Fraction(5, 2)),
+        (Pace(Fraction(4), Fraction(60), slow_motion=True), Fraction(60), Fraction(4)),
+        (Pace(None, Fraction(60), slow_motion=True), Fraction(60), Fraction(2)),
+        (Pace(Fraction(3), keep_timing=True, slow_motion=True), FILM, Fraction(3)),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("start", [Fraction(0), Fraction(1, 3)])
+def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start):
+    """Frames at the rate of the source, or at --fps, from its first time on, and originals at their stretched times."""
+    info = info_of(FILM, Fraction(1, 24000))
+    times = [start + k / FILM for k in range(12)]
+    clip, shelf, schedule = Clip(info, times, start + 12 / FILM), Shelf(), pace.schedule(info)
+    boost(clip, BLEND, shelf, schedule, stretch=pace.stretch)
+    assert pace.timing(info, schedule).rate == rate
+    assert [frame.time for frame in shelf.frames] == [
+        start + k / rate for k in range(math.ceil(12 / FILM * stretch * rate))
+    ]
+    assert shelf.frames[-1].time + shelf.frames[-1].duration == start + 12 / FILM * stretch
+    shown = [(frame.time - start, frame.original) for frame in shelf.frames]
+    passed = [(time, number) for time, number in shown if number is not None and time <= 11 / FILM * stretch]
+    assert passed
+    assert all(time == number / FILM * stretch for time, number in passed)
+
+
+@pytest.mark.parametrize("factor", [Fraction(5, 2), Fraction(7, 3), Fraction(4)])
+@pytest.mark.parametrize("keep_timing", [False, True])
+def test_the_clock_of_slow_motion_holds_every_time(factor, keep_timing):
+    """Every stretched time is a whole number of ticks."""
+    pace, info = Pace(factor, keep_timing=keep_timing, slow_motion=True), info_of(Fraction(25), Fraction(1, 100))
+    schedule = pace.schedule(info)
+    tick = pace.timing(info, schedule).time_base
+    steps = [*schedule.steps(0, Fraction(0), Fraction(0), Fraction(1, 25))]
+    steps += schedule.steps(1, Fraction(0), Fraction(1, 25), Fraction(9, 100))
+    assert all((step.time * factor / tick).denominator == 1 for step in steps)
+
+
+def test_slow_motion_of_a_file(tmp_path):
+    """Four times as long at the same rate, subtitles and chapters in step, sound left out and said."""
+    clip = write_clip(
+        tmp_path / "in.mkv", times=range(25), sound="aac", subtitles=[(100, 200, b"words")], chapters=True
+    )
+    pace: dict[str, Any] = {"factor": 4, "slow_motion": True}
+    summary = convert(str(clip), str(tmp_path / "out.mkv"), **pace, method="nearest", encoding=LOSSLESS)
+    assert times_of(tmp_path / "out.mkv") == [Fraction(k, 25) for k in range(100)]
+    assert summary.remarks == [f"{clip} has sound, which slow motion leaves out."]
+    with av.open(str(tmp_path / "out.mkv")) as file:
+        assert [(p.pts, p.duration) for p in file.demux(subtitles=0) if p.size] == [(400, 800)]
+        assert [(each["start"], each["end"]) for each in file.chapters()] == [(0, 800 * 10**6)]
+        assert not file.streams.audio
+
+
+def test_a_part_in_slow_motion(fpsboost_, tmp_path):
+    """--start and --end are those of the source; --fps says the rate where --slow-motion takes the factor."""
+    write_clip(tmp_path / "in.mp4", times=range(50), sound="aac")
+    part = ("--start", "0.4", "--end", "1.2", "--slow-motion", "--factor", "5/2", "--fps", "50")
+    result = fpsboost_("in.mp4", "out.mp4", *part, "-m", "nearest", "--preset", "ultrafast")
+    assert result.code == 0
+    assert times_of(tmp_path / "out.mp4") == [Fraction(k, 50) for k in range(100)]
+
+
+# --------------------------------------------------------------------------------------------------------------- files
+
+
+def times_of(path: Path) -> list[Fraction]:
+    """Presentation times of a file's pictures."""
+    pictures = pictures_of(path)
+    assert all(picture.pts is not None and picture.time_base for picture in pictures)
+    return [(picture.pts or 0) * Fraction(picture.time_base or 1) for picture in pictures]
+
+
+@pytest.mark.parametrize("name", ["in.mkv", "in.flv", "in.mp4", "in.avi", "in.ts", "in.h264"])
+def test_film_in_any_container_keeps_its_pictures(tmp_path, name):
+    """23.976 frames a second, in exact ticks, milliseconds, or no times at all: constant, originals untouched."""
+    clip = write_clip(
+        tmp_path / name, times=range(12), time_base=1 / FILM, container="h264" if name.endswith("h264") else None
+    )
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=LOSSLESS)
+    times = times_of(tmp_path / "out.mp4")
+    assert [time - times[0] for time in times] == [k / (2 * FILM) for k in range(24)]
+    assert summary.frames_made == 12
+    assert not any("varies" in remark for remark in summary.remarks)
+    for original, kept in zip(pictures_of(clip), pictures_of(tmp_path / "out.mp4")[::2], strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(samples_of(original), samples_of(kept), strict=True))
+
+
+def test_a_variable_file_comes_out_constant(tmp_path):
+    """From a file with its header's words: the usual rate times the factor, the length of the source, and a note."""
+    times = [0, 4, 8, 12, 16, 46, 50, 54, 58, 62]
+    clip = write_clip(tmp_path / "in.mp4", times=times, end=66, time_base=Fraction(1, 100), rate=Fraction(25))
+    with VideoSource(clip) as source:
+        assert source.info.rate == 25
+        assert source.info.duration == Fraction(66, 100)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=LOSSLESS)
+    assert times_of(tmp_path / "out.mp4") == [Fraction(k, 50) for k in range(33)]
+    assert summary.remarks[0].startswith(
+        f"{clip} varies from 3.333 to 25 frames per second; the output is constant at 50"
+    )
+
+
+def with_times(path: Path, times: list[int]) -> Path:
+    """A Matroska clip whose frames have these times, in milliseconds and in any order."""
+    with av.open(str(path), "w") as output:
+        video = output.add_stream("ffv1", rate=25, width=64, height=48)
+        video.pix_fmt = "yuv420p"
+        packets = []
+        for number in range(len(times)):
+            frame = av.VideoFrame.from_ndarray(scene(number), format="bgr24").reformat(format="yuv420p")
+            frame.pts, frame.time_base = number, Fraction(1, 25)
+            packets += video.encode(frame)
+        for packet, time in zip([*packets, *video.encode(None)], times, strict=True):
+            packet.time_base, packet.dts, packet.pts = MILLISECOND, packet.dts * 40, time
+            output.mux(packet)
+    return path
+
+
+def test_one_time_far_ahead_loses_nothing(tmp_path):
+    """A single damaged time is put back between its neighbours, and the frames after it are not too late."""
+    times = [40 * k for k in range(12)]
+    path = with_times(tmp_path / "in.mkv", [*times[:5], 9_000_000, *times[6:]])
+    with VideoSource(path) as source:
+        assert [frame.time for frame in source] == [Fraction(time, 1000) for time in times]
+        assert any("gives 1 frame a time far ahead of the next" in remark for remark in source.remarks)
+
+
+def test_timestamps_that_wrap(tmp_path):
+    """A transport stream whose 33 bits run over in the middle is one clip without a gap."""
+    tick = Fraction(1, 90000)
+    path = tmp_path / "in.ts"
+    with av.open(str(path), "w") as output:
+        video = output.add_stream("libx264", rate=25, width=64, height=48)
+        video.pix_fmt, video.time_base = "yuv420p", tick
+        video.codec_context.time_base = tick
+        packets = []
+        for number in range(20):
+            frame = av.VideoFrame.from_ndarray(scene(number), format="bgr24").reformat(format="yuv420p")
+            frame.pts, frame.time_base = 2**33 - 126000 - 36000 + 3600 * number, tick
+            packets += video.encode(frame)
+        output.mux([*packets, *video.encode(None)])
+    with VideoSource(path) as source:
+        times = [frame.time for frame in source]
+    assert [time - times[0] for time in times] == [Fraction(k, 25) for k in range(20)]
