@@ -36,6 +36,7 @@ EXAMPLES = """
     fpsboost renders/ doubled/ --factor 2         a folder of images
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
+    fpsboost a.mp4 b.mov renders/ out/            several, each by its name into a folder
     fpsboost probe in.mp4                         what a clip is
     ffmpeg -i in.avi -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
     fpsboost compare in.mp4 --report page/        which method is best for a clip
@@ -56,6 +57,7 @@ general = Group("Files and messages", sort_key=5)
 app = App(
     name="fpsboost",
     help="Raise the frame rate of a video or an image sequence.",
+    usage="Usage: fpsboost [OPTIONS] IN OUT\n       fpsboost [OPTIONS] IN... FOLDER\n       fpsboost COMMAND",
     help_epilogue=EXAMPLES,
     help_format="markdown",
     suppress_keyboard_interrupt=False,
@@ -69,7 +71,7 @@ def convert(
     input: Annotated[str, Parameter(name="IN")],
     output: Annotated[str, Parameter(name="OUT")],
     /,
-    *,
+    *more: Annotated[str, Parameter(show=False)],
     factor: Annotated[str | None, Parameter(group=rate, name=["--factor", "-f"])] = None,
     fps: Annotated[str | None, Parameter(group=rate)] = None,
     input_fps: Annotated[str | None, Parameter(group=rate)] = None,
@@ -109,7 +111,9 @@ def convert(
     input
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png; or - for YUV4MPEG2 from a pipe.
     output
-        The same. Video: mp4, m4v, mov, mkv or webm.
+        The same. Video: mp4, m4v, mov, mkv or webm. For several inputs a folder, made if it is missing.
+    more
+        Further names; the last one is the folder.
     factor
         Output frames per input frame, such as 2 or 5/2; doubles if nothing is said.
     fps
@@ -177,6 +181,7 @@ def convert(
     """
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
+    from fpsboost.cli_many import convert_each  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
@@ -216,21 +221,32 @@ def convert(
         lossless=lossless,
         encoder_options=parse_encoder_options(encoder_option or ()),
     )
-    if encoding.given and not makes_video(output):
-        raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
-    with Reporter("standard output" if output == PIPE else output, quiet=quiet, verbose=verbose) as reporter:
-        reporter.say_settings(method, interpolator)
-        summary = pipeline.convert(
-            input,
-            output,
-            **schedule_options,
-            method=interpolator,
-            duplicates=duplicates,
-            encoding=encoding,
-            overwrite=overwrite,
-            observer=reporter,
-        )
-    reporter.say_summary(summary)
+
+    def run(input: str, output: str, place: str = "") -> None:
+        if encoding.given and not makes_video(output):
+            raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
+        called = "standard output" if output == PIPE else output
+        with Reporter(place + called, quiet=quiet, verbose=verbose) as reporter:
+            reporter.say_settings(method, interpolator)
+            summary = pipeline.convert(
+                input,
+                output,
+                **schedule_options,
+                method=interpolator,
+                duplicates=duplicates,
+                encoding=encoding,
+                overwrite=overwrite,
+                observer=reporter,
+            )
+        reporter.say_summary(summary)
+
+    if not more:
+        run(input, output)
+        return
+    if vectors is not None:
+        raise OptionError("--vectors belongs to one clip; convert several inputs with vectors one by one.")
+    paths = [input, output, *more]
+    convert_each(paths[:-1], paths[-1], run, quiet=quiet, verbose=verbose)
 
 
 app.command(
@@ -381,8 +397,8 @@ def main() -> None:
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]]
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-    except KeyboardInterrupt:
-        errors.print("Stopped." if PIPE in tokens else "Stopped; nothing was written.")
+    except KeyboardInterrupt as interruption:
+        errors.print("Stopped." if PIPE in tokens else f"Stopped; {str(interruption) or 'nothing was written'}.")
         sys.exit(130)
     except ReaderGoneError:  # as other filters, without a word
         sys.exit(1)
