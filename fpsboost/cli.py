@@ -101,6 +101,7 @@ def convert(
     no_audio: Annotated[bool, Parameter(group=video)] = False,
     no_subtitles: Annotated[bool, Parameter(group=video)] = False,
     overwrite: Annotated[bool, Parameter(group=general, name=["--overwrite", "-y"])] = False,
+    max_memory: Annotated[str | None, Parameter(group=general)] = None,
     verbose: Annotated[bool, Parameter(group=general)] = False,
     quiet: Annotated[bool, Parameter(group=general, name=["--quiet", "-q"])] = False,
 ) -> None:
@@ -174,6 +175,8 @@ def convert(
         Leave the subtitles out.
     overwrite
         Replace an existing output.
+    max_memory
+        Refuse what would need more, such as 8G; else what is available.
     verbose
         Say what is used, and show a traceback if something fails.
     quiet
@@ -184,6 +187,7 @@ def convert(
     from fpsboost.cli_many import convert_each  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
+    from fpsboost.memory_limit import parse_memory  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
     from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
@@ -221,6 +225,7 @@ def convert(
         lossless=lossless,
         encoder_options=parse_encoder_options(encoder_option or ()),
     )
+    limit = None if max_memory is None else parse_memory(max_memory)
 
     def run(input: str, output: str, place: str = "") -> None:
         if encoding.given and not makes_video(output):
@@ -236,6 +241,7 @@ def convert(
                 duplicates=duplicates,
                 encoding=encoding,
                 overwrite=overwrite,
+                limit=limit,
                 observer=reporter,
             )
         reporter.say_summary(summary)

@@ -21,6 +21,7 @@ from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_sink, open_source
+from fpsboost.memory_limit import MemoryLimit
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.prepared import PreparedImage
@@ -105,6 +106,7 @@ def convert(
     duplicates: Duplicates = "interpolate",
     encoding: Encoding | None = None,
     overwrite: bool = False,
+    limit: MemoryLimit | None = None,
     observer: Observer | None = None,
 ) -> Summary:
     """Convert a clip to a higher frame rate.
@@ -130,6 +132,8 @@ def convert(
         How to encode video, and which streams to keep.
     overwrite : bool
         Replace an existing output.
+    limit : MemoryLimit, optional
+        What may be taken: a clip that needs more is refused before it is decoded. What is available without it.
     observer : Observer, optional
         Told how it goes.
 
@@ -151,7 +155,9 @@ def convert(
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
     needs_rate = to_video or fps is not None
-    with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as source:
+    with open_source(
+        input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video, limit=limit
+    ) as source:
         info = source.info
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
         sink = open_sink(

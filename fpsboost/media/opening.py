@@ -14,6 +14,7 @@ from fpsboost.media.numbering import is_pattern
 from fpsboost.media.pipe import PipeSink, PipeSource
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
+from fpsboost.memory_limit import MemoryLimit
 
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""
@@ -25,7 +26,12 @@ SLOWEST, FASTEST = Fraction(1, 1000), Fraction(100_000)
 
 
 def open_source(
-    path: str, input_fps: Fraction | None = None, *, needs_rate: bool = False, for_images: bool = False
+    path: str,
+    input_fps: Fraction | None = None,
+    *,
+    needs_rate: bool = False,
+    for_images: bool = False,
+    limit: MemoryLimit | None = None,
 ) -> FrameSource:
     """Open a clip for reading.
 
@@ -39,6 +45,8 @@ def open_source(
         Whether images must say how fast they play.
     for_images : bool
         The target will be images, which hold no rotation and no sound.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Returns
     -------
@@ -47,7 +55,7 @@ def open_source(
     Raises
     ------
     InputError
-        Missing or unreadable.
+        Missing, unreadable, or too large.
     OptionError
         `input_fps` is missing for images, or given for a video.
     """
@@ -58,20 +66,20 @@ def open_source(
     if path in PIPES:
         if input_fps is not None:
             raise OptionError("--input-fps is for images; standard input is a video and has its own frame rate.")
-        return PipeSource(for_images=for_images)
+        return PipeSource(for_images=for_images, limit=limit)
     if Path(path).is_dir() or is_pattern(path):
         if input_fps is None and needs_rate:
             raise OptionError(
                 f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
             )
-        return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps)
+        return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps, limit)
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
     if Path(path).suffix.lower() in IMAGE_SUFFIXES:
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     if input_fps is not None:
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
-    return VideoSource(path, for_images=for_images)
+    return VideoSource(path, for_images=for_images, limit=limit)
 
 
 def makes_video(path: str) -> bool:

@@ -23,6 +23,7 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range, to_bgr
+from fpsboost.memory_limit import MemoryLimit
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
@@ -84,6 +85,8 @@ class VideoSource:
     for_images : bool
         For targets that hold pictures and nothing else: turn them upright as the file's display matrix says, and remark
         what is left behind. Decodes the first picture at once to know the size; frames keep no decoder's picture.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Raises
     ------
@@ -92,13 +95,17 @@ class VideoSource:
         picture's size or pixel format changes.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, for_images: bool = False) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], *, for_images: bool = False, limit: MemoryLimit | None = None
+    ) -> None:
         self._name = os.fspath(path)
         self._for_images = for_images
+        self._limit = limit or MemoryLimit()
         self.path = Path(path)
         self._container = open_video(self.path, self._name)
         try:
             self._stream = _first_video(self._container, self._name)
+            self._limit.check(self._name, self._stream.codec_context.width, self._stream.codec_context.height)
             self._rate, rate_is_known = _nominal_rate(self._stream)
         except BaseException:
             self._container.close()
@@ -298,6 +305,7 @@ class VideoSource:
     def _read_traits(self, picture: av.VideoFrame) -> VideoTraits:
         context = self._stream.codec_context
         # The header may be wrong or silent about the size; the first picture is not.
+        self._limit.check(self._name, picture.width, picture.height)
         self._coded_size = picture.width, picture.height
         self._info = replace(self._info, width=picture.width, height=picture.height)
         sides = {side.type.name: bytes(side) for side in _side_data(picture)}
