@@ -416,3 +416,14 @@ def main() -> None:
             traceback.print_exc()
         errors.print(f"[red]fpsboost:[/] {escape(str(error))}")
         sys.exit(2 if isinstance(error, OptionError) else 1)
+    except OSError as error:  # a name or a place that nobody looked at
+        if verbose:
+            traceback.print_exc()
+        place = error.filename or "A file"
+        errors.print(
+            f"[red]fpsboost:[/] {escape(f'{place} cannot be used ({error.strerror}); check its name and place.')}"
+        )
+        sys.exit(1)
+    except MemoryError:
+        errors.print("[red]fpsboost:[/] There is not enough memory for this; scale it down, or close other programs.")
+        sys.exit(1)

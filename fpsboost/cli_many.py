@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -46,8 +47,9 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     """
     if folder in PIPES or any(path in PIPES for path in inputs):
         raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
-    is_file = Path(folder).exists() and not Path(folder).is_dir()
-    looks_like_file = not Path(folder).is_dir() and extension_of(folder) in (*VIDEO_SUFFIXES, *IMAGE_SUFFIXES)
+    is_folder = os.path.isdir(folder)  # unlike pathlib's, without an exception for names that cannot be
+    is_file = os.path.exists(folder) and not is_folder
+    looks_like_file = not is_folder and extension_of(folder) in (*VIDEO_SUFFIXES, *IMAGE_SUFFIXES)
     if is_file or looks_like_file or is_pattern(folder):
         raise OptionError(f"{folder} is no folder, and {len(inputs)} inputs need one; name a folder last.")
     outputs: dict[str, str] = {}
@@ -62,8 +64,8 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
 
 
 def _place_of(path: str, folder: Path) -> str:
-    if Path(path).is_dir() or is_pattern(path):
-        images = Path(path) if Path(path).is_dir() else Path(path).parent
+    if os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)):
+        images = Path(path) if os.path.isdir(path) else Path(path).parent
         return f"{folder / images.resolve().name}/"
     suffix = extension_of(path)
     return str(folder / f"{Path(path).stem}{Path(path).suffix if suffix in VIDEO_SUFFIXES else OTHER_VIDEOS_BECOME}")
@@ -94,8 +96,8 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
         With a text about what is done.
     """
     outputs = plan_outputs(inputs, folder)
-    is_new = not Path(folder).is_dir()
-    if is_new and not Path(folder).absolute().parent.is_dir():
+    is_new = not os.path.isdir(folder)
+    if is_new and not os.path.isdir(Path(folder).absolute().parent):
         raise OutputError(f"The folder {Path(folder).parent} does not exist; create it first.")
     with explained(OutputError, "make the folder", folder, "check the path and the permissions"):
         Path(folder).mkdir(exist_ok=True)

@@ -181,7 +181,9 @@ class ImageSink:
             folder, token = self._numbering.folder, secrets.token_hex(4)
             # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
             self._is_new = not folder.is_dir()
-            self._stage = folder.parent / f".{folder.name}.{token}" if self._is_new else folder / f".fpsboost.{token}"
+            self._stage = (
+                folder.parent / f".{folder.name[:50]}.{token}" if self._is_new else folder / f".fpsboost.{token}"
+            )
 
     @property
     def numbering(self) -> Numbering:

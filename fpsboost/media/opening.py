@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from fractions import Fraction
 from pathlib import Path
 
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
 from fpsboost.media.image_files import IMAGE_SUFFIXES
@@ -63,11 +64,18 @@ def open_source(
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
     if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
+    with explained(InputError, "read", path, "check the name and the permissions"):
+        return _open_source(path, input_fps, needs_rate, for_images, limit)
+
+
+def _open_source(
+    path: str, input_fps: Fraction | None, needs_rate: bool, for_images: bool, limit: MemoryLimit | None
+) -> FrameSource:
     if path in PIPES:
         if input_fps is not None:
             raise OptionError("--input-fps is for images; standard input is a video and has its own frame rate.")
         return PipeSource(for_images=for_images, limit=limit)
-    if Path(path).is_dir() or is_pattern(path):
+    if Path(path).is_dir() or (is_pattern(path) and not Path(path).is_file()):
         if input_fps is None and needs_rate:
             raise OptionError(
                 f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
@@ -75,6 +83,8 @@ def open_source(
         return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps, limit)
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
+    if Path(path).is_fifo():
+        raise InputError(f"{path} is a named pipe, which can be read only once; give - and lead it there: < {path}.")
     if Path(path).suffix.lower() in IMAGE_SUFFIXES:
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     if input_fps is not None:
@@ -94,7 +104,7 @@ def makes_video(path: str) -> bool:
         raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
     if path in PIPES:
         return True
-    if is_pattern(path) or Path(path).is_dir():
+    if is_pattern(path) or os.path.isdir(path):
         return False
     suffix = Path(path).suffix.lower()
     if suffix in VIDEO_SUFFIXES:
@@ -149,6 +159,7 @@ def open_sink(
     if path in PIPES:
         return PipeSink(source.info, timing, encoding, video)
     if makes_video(path):
-        return VideoSink(path, source.info, timing, encoding, video, overwrite=overwrite)
+        with explained(OutputError, "write to", path, "check the name and the permissions"):
+            return VideoSink(path, source.info, timing, encoding, video, overwrite=overwrite)
     images = source if isinstance(source, ImageSource) else None
     return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite)

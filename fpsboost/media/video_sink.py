@@ -43,6 +43,9 @@ from fpsboost.media.pipe import PipeSource
 from fpsboost.media.video_source import VideoSource, VideoTraits
 from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture
 
+LONGEST_HINT = 50
+"""Letters of a file's name in that of its unfinished self."""
+
 
 class VideoSink:
     """A video file, which appears under its name when it is complete.
@@ -161,7 +164,8 @@ class VideoSink:
             self._encode(frame)
 
     def _open(self) -> None:
-        temporary = self._path.with_name(f".{self._path.name}.partial-{secrets.token_hex(4)}")
+        # a name may be 255 bytes long and no more
+        temporary = self._path.with_name(f".{self._path.name[:LONGEST_HINT]}.partial-{secrets.token_hex(4)}")
         # Created here and not by FFmpeg, so that a folder that may not be written is noticed before any work is done.
         temporary.open("xb").close()
         self._temporary = temporary
@@ -391,8 +395,10 @@ def _check_target(path: Path, name: str, source: VideoSource | None, overwrite: 
         raise OutputError(f"{name} is a folder; name a file in it.")
     if not path.parent.is_dir():
         raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
-    if path.exists():
-        if source is not None and source.path.exists() and path.samefile(source.path):
+    if os.path.lexists(path):
+        if path.exists() and not path.is_file():
+            raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
+        if source is not None and path.exists() and source.path.exists() and path.samefile(source.path):
             raise OutputError(f"{name} is the input itself; write to another name.")
         if not overwrite:
             raise OutputError(f"{name} exists already; choose another name or pass --overwrite.")
