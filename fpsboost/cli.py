@@ -420,9 +420,7 @@ def main() -> None:
         if verbose:
             traceback.print_exc()
         place = error.filename or "A file"
-        errors.print(
-            f"[red]fpsboost:[/] {escape(f'{place} cannot be used ({error.strerror}); check its name and place.')}"
-        )
+        errors.print(f"[red]fpsboost:[/] {escape(f'{place} cannot be used ({error.strerror}); check the place.')}")
         sys.exit(1)
     except MemoryError:
         errors.print("[red]fpsboost:[/] There is not enough memory for this; scale it down, or close other programs.")

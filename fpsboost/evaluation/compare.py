@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost import __version__
+from fpsboost.errors import OutputError, explained
 from fpsboost.evaluation.hiding import Hidden, Hiding, Interval
 from fpsboost.evaluation.making import Made, Maker
 from fpsboost.evaluation.metrics import Scores, absolute_error, mean, mean_scores, score
@@ -171,7 +172,10 @@ class _Areas:
     def add(self, regions: Regions) -> None:
         """Keep those of one more frame."""
         self._shape = (len(regions), *regions[0].shape)
-        self._file.write(np.packbits(np.stack(regions)).tobytes())
+        folder = tempfile.gettempdir()
+        with explained(OutputError, "write to", folder, "free some space there, or name another place with TMPDIR"):
+            self._file.write(np.packbits(np.stack(regions)).tobytes())
+            self._file.flush()
 
     def of(self, index: int) -> NDArray[Any]:
         """Those of the frame with this place among the hidden ones, (areas, H, W) bool."""
