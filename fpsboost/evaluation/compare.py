@@ -172,10 +172,7 @@ class _Areas:
     def add(self, regions: Regions) -> None:
         """Keep those of one more frame."""
         self._shape = (len(regions), *regions[0].shape)
-        folder = tempfile.gettempdir()
-        with explained(OutputError, "write to", folder, "free some space there, or name another place with TMPDIR"):
-            self._file.write(np.packbits(np.stack(regions)).tobytes())
-            self._file.flush()
+        self._file.write(np.packbits(np.stack(regions)).tobytes())
 
     def of(self, index: int) -> NDArray[Any]:
         """Those of the frame with this place among the hidden ones, (areas, H, W) bool."""
@@ -222,8 +219,11 @@ def compare(
     ------
     InputError
         The clip cannot be read, is too short, or holds what cannot be compared.
+    OutputError
+        There is no space for what is kept meanwhile.
     """
-    with tempfile.TemporaryFile() as file:
+    advice = "free some space there, or name another folder with TMPDIR"
+    with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begun("reading", None)
         overview = _look(hiding.intervals(path, input_fps), _Areas(file), observer)
         results = []

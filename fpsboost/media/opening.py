@@ -104,14 +104,14 @@ def makes_video(path: str) -> bool:
         raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
     if path in PIPES:
         return True
-    if is_pattern(path) or os.path.isdir(path):
+    if is_pattern(path) or os.path.isdir(path) or path.endswith(("/", "\\")):
         return False
     suffix = Path(path).suffix.lower()
     if suffix in VIDEO_SUFFIXES:
         return True
     if suffix in IMAGE_SUFFIXES:
         raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
-    if suffix and not path.endswith(("/", "\\")):
+    if suffix:
         raise OptionError(
             f"{path} has an ending that cannot be written; choose {', '.join(VIDEO_SUFFIXES)}, or a folder for images."
         )
