@@ -36,6 +36,7 @@ EXAMPLES = """
     fpsboost renders/ doubled/ --factor 2         a folder of images
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
+    fpsboost a.mp4 b.mov renders/ out/            several, each by its name into a folder
     fpsboost probe in.mp4                         what a clip is
     ffmpeg -i in.avi -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
     fpsboost compare in.mp4 --report page/        which method is best for a clip
@@ -57,6 +58,7 @@ general = Group("Files and messages", sort_key=6)
 app = App(
     name="fpsboost",
     help="Raise the frame rate of a video or an image sequence.",
+    usage="Usage: fpsboost [OPTIONS] IN OUT\n       fpsboost [OPTIONS] IN... FOLDER\n       fpsboost COMMAND",
     help_epilogue=EXAMPLES,
     help_format="markdown",
     suppress_keyboard_interrupt=False,
@@ -70,7 +72,7 @@ def convert(
     input: Annotated[str, Parameter(name="IN")],
     output: Annotated[str, Parameter(name="OUT")],
     /,
-    *,
+    *more: Annotated[str, Parameter(show=False)],
     factor: Annotated[str | None, Parameter(group=rate, name=["--factor", "-f"])] = None,
     fps: Annotated[str | None, Parameter(group=rate)] = None,
     keep_timing: Annotated[bool, Parameter(group=rate)] = False,
@@ -109,6 +111,7 @@ def convert(
     no_subtitles: Annotated[bool, Parameter(group=video)] = False,
     overwrite: Annotated[bool, Parameter(group=general, name=["--overwrite", "-y"])] = False,
     resume: Annotated[bool, Parameter(group=general)] = False,
+    max_memory: Annotated[str | None, Parameter(group=general)] = None,
     verbose: Annotated[bool, Parameter(group=general)] = False,
     quiet: Annotated[bool, Parameter(group=general, name=["--quiet", "-q"])] = False,
 ) -> None:
@@ -119,7 +122,9 @@ def convert(
     input
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png; or - for YUV4MPEG2 from a pipe.
     output
-        The same. Video: mp4, m4v, mov, mkv or webm.
+        The same. Video: mp4, m4v, mov, mkv or webm. For several inputs a folder, made if it is missing.
+    more
+        Further names; the last one is the folder.
     factor
         Output frames per input frame, such as 2 or 5/2; doubles if nothing is said.
     fps
@@ -198,6 +203,8 @@ def convert(
         Replace an existing output.
     resume
         Go on where an earlier run with the same input and options was stopped; if there was none, start.
+    max_memory
+        Refuse what would need more, such as 8G; else what is available.
     verbose
         Say what is used, and show a traceback if something fails.
     quiet
@@ -205,10 +212,12 @@ def convert(
     """
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
+    from fpsboost.cli_many import convert_each  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
     from fpsboost.media.excerpt import Excerpt  # noqa: PLC0415
     from fpsboost.media.opening import makes_video  # noqa: PLC0415
     from fpsboost.media.reading import Reading  # noqa: PLC0415
+    from fpsboost.memory_limit import parse_memory  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
     from fpsboost.position import parse_position  # noqa: PLC0415
@@ -251,26 +260,39 @@ def convert(
         lossless=lossless,
         encoder_options=parse_encoder_options(encoder_option or ()),
     )
-    if encoding.given and not makes_video(output):
-        raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
-    with Reporter("standard output" if output == PIPE else output, quiet=quiet, verbose=verbose) as reporter:
-        reporter.say_settings(method, interpolator)
-        summary = pipeline.convert(
-            input,
-            output,
-            **schedule_options,
-            keep_timing=keep_timing,
-            slow_motion=slow_motion,
-            excerpt=excerpt,
-            method=interpolator,
-            duplicates=duplicates,
-            reading=Reading(stream, deinterlace, size_change),
-            encoding=encoding,
-            overwrite=overwrite,
-            resume=resume,
-            observer=reporter,
-        )
-    reporter.say_summary(summary)
+    limit = None if max_memory is None else parse_memory(max_memory)
+
+    def run(input: str, output: str, place: str = "") -> None:
+        if encoding.given and not makes_video(output):
+            raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
+        called = "standard output" if output == PIPE else output
+        with Reporter(place + called, quiet=quiet, verbose=verbose) as reporter:
+            reporter.say_settings(method, interpolator)
+            summary = pipeline.convert(
+                input,
+                output,
+                **schedule_options,
+                keep_timing=keep_timing,
+                slow_motion=slow_motion,
+                excerpt=excerpt,
+                method=interpolator,
+                duplicates=duplicates,
+                reading=Reading(stream, deinterlace, size_change),
+                encoding=encoding,
+                overwrite=overwrite,
+                resume=resume,
+                limit=limit,
+                observer=reporter,
+            )
+        reporter.say_summary(summary)
+
+    if not more:
+        run(input, output)
+        return
+    if vectors is not None:
+        raise OptionError("--vectors belongs to one clip; convert several inputs with vectors one by one.")
+    paths = [input, output, *more]
+    convert_each(paths[:-1], paths[-1], run, quiet=quiet, verbose=verbose)
 
 
 app.command(
@@ -454,3 +476,12 @@ def main() -> None:
             traceback.print_exc()
         errors.print(f"[red]fpsboost:[/] {escape(' '.join(filter(None, (str(error), notes_of(error)))))}")
         sys.exit(2 if isinstance(error, OptionError) else 1)
+    except OSError as error:  # a name or a place that nobody looked at
+        if verbose:
+            traceback.print_exc()
+        place = error.filename or "A file"
+        errors.print(f"[red]fpsboost:[/] {escape(f'{place} cannot be used ({error.strerror}); check the place.')}")
+        sys.exit(1)
+    except MemoryError:
+        errors.print("[red]fpsboost:[/] There is not enough memory for this; scale it down, or close other programs.")
+        sys.exit(1)

@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OutputError, explained
+from fpsboost.memory_limit import MemoryLimit
 
 MAGIC = b"v/1\x01"
-LARGEST_PIXELS = 10**9
+MOST_CHANNELS = 1024
 
 TILED, DEEP, SEVERAL_PARTS = 0x200, 0x800, 0x1000
 """Flags of the version."""
@@ -77,13 +78,15 @@ def read_exr_header(path: Path) -> ExrHeader:
     Raises
     ------
     InputError
-        It cannot be read, is damaged or too large, or is of a kind that holds no plain image.
+        It cannot be read, is damaged, or is of a kind that holds no plain image.
     """
     return _parse(_content(path), path)
 
 
 def read_exr(
-    path: Path, choose: Callable[[Collection[str]], Collection[str]] = lambda names: names
+    path: Path,
+    choose: Callable[[Collection[str]], Collection[str]] = lambda names: names,
+    limit: MemoryLimit | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Read channels of a file with one part, in scanlines or tiles.
 
@@ -92,6 +95,8 @@ def read_exr(
     path : Path
     choose : callable, optional
         Told the names of all channels, names the ones to read; all without it.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Returns
     -------
@@ -106,6 +111,9 @@ def read_exr(
     """
     data = _content(path)
     header = _parse(data, path)
+    limit = limit or MemoryLimit()
+    for window in (header.data, header.display):
+        limit.check(path, window.width, window.height)
     names = list(choose(list(header.channels)))
     if header.subsampled.intersection(names):
         raise InputError(f"{path} has channels with fewer pixels than the image; save it as RGB or gray.")
@@ -207,7 +215,8 @@ def _parse(data: bytes, path: Path) -> ExrHeader:
             Window(*struct.unpack("<4i", attributes["dataWindow"])),
             Window(*struct.unpack("<4i", attributes["displayWindow"])),
         )
-        _check_size(header, path)
+        if min(side for window in (header.data, header.display) for side in (window.height, window.width)) < 1:
+            raise ValueError("a window without pixels")
         is_whole = _has_all_chunks(data, end, header.data, attributes, bool(version & TILED))
     except (KeyError, IndexError, ValueError, ZeroDivisionError, struct.error) as error:
         raise _damaged(path) from error
@@ -249,17 +258,9 @@ def _channels(data: bytes) -> tuple[dict[str, Precision], frozenset[str]]:
         if sampling != [1, 1]:
             subsampled.add(name)
         place += 16
+        if len(channels) > MOST_CHANNELS:
+            raise ValueError("more channels than any program writes")
     return channels, frozenset(subsampled)
-
-
-def _check_size(header: ExrHeader, path: Path) -> None:
-    for window in (header.data, header.display):
-        if window.height < 1 or window.width < 1:
-            raise ValueError("a window without pixels")
-        if window.height * window.width > LARGEST_PIXELS:
-            raise InputError(
-                f"{path} promises {window.width}x{window.height} pixels, more than 1000 million; save it smaller."
-            )
 
 
 def _has_all_chunks(data: bytes, table: int, window: Window, attributes: Mapping[str, bytes], is_tiled: bool) -> bool:

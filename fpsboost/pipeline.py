@@ -27,6 +27,7 @@ from fpsboost.media.images import ImageSource
 from fpsboost.media.opening import cut_out, describe_job, makes_video, open_sink, open_source
 from fpsboost.media.reading import Reading
 from fpsboost.media.video_source import VideoSource
+from fpsboost.memory_limit import MemoryLimit
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.pace import Pace, Rhythm, stretched
@@ -39,7 +40,7 @@ WRITE_BEHIND = 4
 
 Duplicates = Literal["interpolate", "keep"]
 
-SHAPES_NOTHING = ("input", "output", "overwrite", "resume", "observer")
+SHAPES_NOTHING = ("input", "output", "overwrite", "resume", "limit", "observer")
 """Arguments of `convert` that a run may change which goes on with another; every other one shapes the output."""
 
 
@@ -126,6 +127,7 @@ def convert(
     encoding: Encoding | None = None,
     overwrite: bool = False,
     resume: bool = False,
+    limit: MemoryLimit | None = None,
     observer: Observer | None = None,
 ) -> Summary:
     """Convert a clip to a higher frame rate.
@@ -164,6 +166,8 @@ def convert(
     resume : bool
         Go on with what an earlier run of the same input and options had finished when it was stopped; where there is
         nothing, start.
+    limit : MemoryLimit, optional
+        What may be taken: a clip that needs more is refused before it is decoded. What is available without it.
     observer : Observer, optional
         Told how it goes.
 
@@ -190,7 +194,7 @@ def convert(
     excerpt = excerpt or Excerpt()
     needs_rate = to_video or fps is not None or excerpt.needs_rate
     with open_source(
-        input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video, reading=reading
+        input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video, reading=reading, limit=limit
     ) as whole:
         may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
         source = cut_out(whole, excerpt, may_skip=may_skip, stretch=pace.stretch)

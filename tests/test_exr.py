@@ -206,8 +206,8 @@ def with_window(data: bytes, name: bytes, *corners: int) -> bytes:
 @pytest.mark.parametrize(
     ("corners", "message"),
     [
-        ((0, 0, 99_999, 99_999), r"promises 100000x100000 pixels, more than 1000 million"),
-        ((-(2**31), -(2**31), 2**31 - 1, 2**31 - 1), r"promises 4294967296x4294967296"),
+        ((0, 0, 99_999, 99_999), r"100000x100000, which takes about 4\.0 TB of memory|damaged"),
+        ((-(2**31), -(2**31), 2**31 - 1, 2**31 - 1), r"4294967296x4294967296, which takes|damaged"),
         ((0, 0, -1, 10), "damaged"),
         ((10, 10, 0, 0), "damaged"),
     ],
@@ -215,7 +215,7 @@ def with_window(data: bytes, name: bytes, *corners: int) -> bytes:
 def test_impossible_sizes_are_refused(tmp_path, name, corners, message):
     """Before any memory is taken for them."""
     (tmp_path / "a.exr").write_bytes(with_window(encode_exr(planes("Y")), name, *corners))
-    with pytest.raises(InputError, match=rf"a\.exr {message}|a\.exr is {message}"):
+    with pytest.raises(InputError, match=rf"a\.exr is ({message})"):
         read_exr(tmp_path / "a.exr")
 
 

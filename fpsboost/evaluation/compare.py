@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost import __version__
+from fpsboost.errors import OutputError, explained
 from fpsboost.evaluation.hiding import Hidden, Hiding, Interval
 from fpsboost.evaluation.making import Made, Maker
 from fpsboost.evaluation.metrics import Scores, absolute_error, mean, mean_scores, score
@@ -218,8 +219,11 @@ def compare(
     ------
     InputError
         The clip cannot be read, is too short, or holds what cannot be compared.
+    OutputError
+        There is no space for what is kept meanwhile.
     """
-    with tempfile.TemporaryFile() as file:
+    advice = "free some space there, or name another folder with TMPDIR"
+    with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begun("reading", None)
         overview = _look(hiding.intervals(path, input_fps), _Areas(file), observer)
         results = []

@@ -24,7 +24,7 @@ def appearing(path: Path) -> Iterator[Path]:
     OutputError
         It cannot be written.
     """
-    unfinished = path.with_name(f".unfinished-{path.name}")  # the ending stays: it may say the format
+    unfinished = path.with_name(f".unfinished-{path.name[-50:]}")  # the ending stays: it may say the format
     try:
         yield unfinished
         unfinished.replace(path)

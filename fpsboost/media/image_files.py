@@ -22,6 +22,8 @@ import numpy as np
 from fpsboost.errors import InputError, OutputError, explained
 from fpsboost.exr import encode_exr, find_layer, read_exr, read_exr_header
 from fpsboost.frame import ClipInfo, Image, describe, type_names
+from fpsboost.media.image_sizes import declared_size
+from fpsboost.memory_limit import MemoryLimit
 
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp", ".exr")
 
@@ -48,8 +50,14 @@ def extension_of(name: str) -> str:
     return os.path.splitext(name)[1].lower()
 
 
-def read_image(path: Path) -> Image:
+def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
     """Read one image as it is stored.
+
+    Parameters
+    ----------
+    path : Path
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Returns
     -------
@@ -58,12 +66,15 @@ def read_image(path: Path) -> Image:
     Raises
     ------
     InputError
-        It cannot be read, is damaged, or has another type of pixels.
+        It cannot be read, is damaged or too large, or has another type of pixels.
     """
     if extension_of(path.name) == ".exr":
-        return _read_exr_image(path)
+        return _read_exr_image(path, limit)
     with explained(InputError, "read", path, "check that it exists and that you may read it"):
         data = path.read_bytes()  # not cv2.imread, which knows no Unicode names on Windows and gives no reasons
+    size = declared_size(data)
+    if size is not None:
+        (limit or MemoryLimit()).check(path, *size)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     except cv2.error:
@@ -80,7 +91,7 @@ def read_image(path: Path) -> Image:
     return image
 
 
-def _read_exr_image(path: Path) -> Image:
+def _read_exr_image(path: Path, limit: MemoryLimit | None) -> Image:
     def choose(names: Collection[str]) -> list[str]:
         chosen = _choose_colours(names)
         if not chosen:
@@ -89,7 +100,7 @@ def _read_exr_image(path: Path) -> Image:
             )
         return chosen
 
-    planes = list(read_exr(path, choose).values())
+    planes = list(read_exr(path, choose, limit).values())
     if len(planes) == 2:  # gray and alpha
         planes = [planes[0]] * 3 + planes[1:]
     return np.stack(planes, axis=-1)

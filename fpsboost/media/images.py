@@ -27,7 +27,8 @@ from fpsboost.media.image_files import (
     unread_channels,
 )
 from fpsboost.media.numbering import is_pattern, scan_folder
-from fpsboost.media.unfinished import Job, Unfinished, note_on_resuming, sync, write_safely
+from fpsboost.media.unfinished import Job, Unfinished, hidden_place, note_on_resuming, sync, write_safely
+from fpsboost.memory_limit import MemoryLimit
 from fpsboost.sequence import Numbering, find_without_gap
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
@@ -43,6 +44,8 @@ class ImageSource:
         ignored.
     rate : Fraction
         Frames per second; images do not say.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Attributes
     ----------
@@ -68,7 +71,7 @@ class ImageSource:
         that differs from the first in size or type.
     """
 
-    def __init__(self, path: str, rate: Fraction) -> None:
+    def __init__(self, path: str, rate: Fraction, limit: MemoryLimit | None = None) -> None:
         if rate <= 0:
             raise OptionError(f"The frame rate of images must be above 0, not {rate}.")
         place = Path(path)
@@ -89,7 +92,8 @@ class ImageSource:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
         number = None if self.numbering is None else self.numbering.number_in(self.files[0].name)
         self.first_number = 1 if number is None else number
-        first = read_image(self.files[0])
+        self._limit = limit or MemoryLimit()
+        first = read_image(self.files[0], self._limit)
         self.needs_float = needs_float(self.files[0], first)
         self._unread = unread_channels(self.files[0])
         height, width, _ = first.shape
@@ -107,7 +111,7 @@ class ImageSource:
     def __iter__(self) -> Iterator[Frame]:
         first = None
         for index, path in enumerate(self.files):
-            image = read_image(path)
+            image = read_image(path, self._limit)
             if first is None:
                 first = image
             if image.shape != first.shape or image.dtype != first.dtype:
@@ -207,7 +211,7 @@ class ImageSink:
             # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
             self._is_new = not folder.is_dir()
             called = folder.name if self._is_new else "fpsboost" if self._is_folder else self._numbering.pattern
-            place = (folder.parent if self._is_new else folder) / f".{called}.unfinished"
+            place = hidden_place(folder.parent if self._is_new else folder, called)
             self._unfinished = Unfinished(place, "output", path, job)
             self._replaced = place / "replaced"
             self._moving = place / "moving.json"

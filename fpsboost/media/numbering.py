@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from fpsboost.errors import InputError
+from fpsboost.media.encoding import VIDEO_SUFFIXES
 from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of
 from fpsboost.sequence import Numbering, find_placeholder, list_files, order_names
 
@@ -12,8 +14,8 @@ from fpsboost.sequence import Numbering, find_placeholder, list_files, order_nam
 def is_pattern(path: str) -> bool:
     """Say whether a path stands for numbered images, by its last component alone.
 
-    ``%04d`` and two or more ``#`` always do. A lone ``%d`` or ``#`` does where the name ends like an image, so that
-    ``take #2.mp4`` and ``100%done.mkv`` stay file names.
+    ``%04d`` and two or more ``#`` do, unless the name ends like a video or with a slash. A lone ``%d`` or ``#`` does
+    where it ends like an image, so that ``take #2.mp4`` and ``100%done.mkv`` stay file names.
 
     Examples
     --------
@@ -22,7 +24,10 @@ def is_pattern(path: str) -> bool:
     """
     name = Path(path).name
     place = find_placeholder(name)
-    return place is not None and (place[0] not in ("%d", "#") or extension_of(name) in IMAGE_SUFFIXES)
+    if place is None or path.endswith(("/", os.sep)):
+        return False
+    extension = extension_of(name)
+    return extension in IMAGE_SUFFIXES or (place[0] not in ("%d", "#") and extension not in VIDEO_SUFFIXES)
 
 
 def scan_folder(folder: Path) -> tuple[list[Path], Numbering | None]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from fractions import Fraction
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from fpsboost import __version__
-from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
 from fpsboost.media.excerpt import Excerpt, ExcerptSource, Window
@@ -21,6 +22,7 @@ from fpsboost.media.reading import Reading
 from fpsboost.media.unfinished import Job, facts_of, facts_of_files
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
+from fpsboost.memory_limit import MemoryLimit
 
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""
@@ -38,6 +40,7 @@ def open_source(
     needs_rate: bool = False,
     for_images: bool = False,
     reading: Reading | None = None,
+    limit: MemoryLimit | None = None,
 ) -> FrameSource:
     """Open a clip for reading.
 
@@ -53,6 +56,8 @@ def open_source(
         The target will be images, which hold no rotation and no sound.
     reading : Reading, optional
         How a video file is read.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Returns
     -------
@@ -61,7 +66,7 @@ def open_source(
     Raises
     ------
     InputError
-        Missing or unreadable.
+        Missing, unreadable, or too large.
     OptionError
         `input_fps` is missing for images, or given for a video; or `reading` says what only video files know.
     """
@@ -69,25 +74,34 @@ def open_source(
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
     if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
+    with explained(InputError, "read", path, "check the name and the permissions"):
+        return _open_source(path, input_fps, needs_rate, for_images, limit)
+
+
+def _open_source(
+    path: str, input_fps: Fraction | None, needs_rate: bool, for_images: bool, limit: MemoryLimit | None
+) -> FrameSource:
     if path in PIPES:
         if input_fps is not None:
             raise OptionError("--input-fps is for images; standard input is a video and has its own frame rate.")
         _check_reading(reading, "standard input", "let the program before the pipe do that")
-        return PipeSource(for_images=for_images)
-    if Path(path).is_dir() or is_pattern(path):
+        return PipeSource(for_images=for_images, limit=limit)
+    if Path(path).is_dir() or (is_pattern(path) and not Path(path).is_file()):
         _check_reading(reading, f"{path}, which holds images", "leave it out")
         if input_fps is None and needs_rate:
             raise OptionError(
                 f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
             )
-        return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps)
+        return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps, limit)
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
+    if Path(path).is_fifo():
+        raise InputError(f"{path} is a named pipe, which can be read only once; give - and lead it there: < {path}.")
     if Path(path).suffix.lower() in IMAGE_SUFFIXES:
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     if input_fps is not None:
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
-    return VideoSource(path, for_images=for_images, reading=reading)
+    return VideoSource(path, for_images=for_images, reading=reading, limit=limit)
 
 
 def _check_reading(reading: Reading | None, what: str, advice: str) -> None:
@@ -122,14 +136,14 @@ def makes_video(path: str) -> bool:
         raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
     if path in PIPES:
         return True
-    if is_pattern(path) or Path(path).is_dir():
+    if is_pattern(path) or os.path.isdir(path) or path.endswith(("/", "\\")):
         return False
     suffix = Path(path).suffix.lower()
     if suffix in VIDEO_SUFFIXES:
         return True
     if suffix in IMAGE_SUFFIXES:
         raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
-    if suffix and not path.endswith(("/", "\\")):
+    if suffix:
         raise OptionError(
             f"{path} has an ending that cannot be written; choose {', '.join(VIDEO_SUFFIXES)}, or a folder for images."
         )
@@ -185,17 +199,18 @@ def open_sink(
             raise OptionError("--resume cannot go on with what went into a pipe; name a file, or leave it out.")
         return PipeSink(source.info, timing, encoding, video)
     if makes_video(path):
-        return VideoSink(
-            path,
-            source.info,
-            timing,
-            encoding,
-            video,
-            overwrite=overwrite,
-            job=job,
-            frame_count=expected_frames,
-            window=window,
-        )
+        with explained(OutputError, "write to", path, "check the name and the permissions"):
+            return VideoSink(
+                path,
+                source.info,
+                timing,
+                encoding,
+                video,
+                overwrite=overwrite,
+                job=job,
+                frame_count=expected_frames,
+                window=window,
+            )
     images = source if isinstance(source, ImageSource) else None
     return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite, job=job)
 

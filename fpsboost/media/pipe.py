@@ -49,6 +49,7 @@ from fpsboost.media.ycc import (
     to_bgr,
     with_chroma_location,
 )
+from fpsboost.memory_limit import MemoryLimit
 
 INPUT_NAME, OUTPUT_NAME = "standard input", "standard output"
 
@@ -208,6 +209,8 @@ class PipeSource:
         By default standard input. Opening reads its first line, and waits for it.
     for_images : bool
         For targets that hold pictures and nothing else: remark what is left behind; frames keep no picture of FFmpeg's.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Raises
     ------
@@ -215,12 +218,19 @@ class PipeSource:
         Empty, a terminal, or not YUV4MPEG2; while iterating also: something else between two frames.
     """
 
-    def __init__(self, stream: BinaryIO | io.BufferedReader | None = None, *, for_images: bool = False) -> None:
+    def __init__(
+        self,
+        stream: BinaryIO | io.BufferedReader | None = None,
+        *,
+        for_images: bool = False,
+        limit: MemoryLimit | None = None,
+    ) -> None:
         self._waiting = None if stream is not None else _standard_input()
         self._stream = io.BufferedReader(self._waiting) if self._waiting is not None else stream
         self._for_images = for_images
         assert self._stream is not None
         self._header = parse_header(self._stream.readline(LONGEST_LINE), INPUT_NAME)
+        (limit or MemoryLimit()).check(INPUT_NAME, self._header.width, self._header.height)
         self._started = False
         self._remarks: list[str] = []
         if self._header.rate is None:

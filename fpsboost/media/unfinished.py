@@ -27,6 +27,10 @@ else:
 
 LOCK, MANIFEST, WHOLE = "lock", "manifest.json", "whole"
 LONGEST_WORDING = 60
+LONGEST_NAME = 230
+"""Bytes of a name that leave room for what is put around it; file systems end at 255."""
+SHORTENED = 50
+"""Letters that are left of a longer one."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,13 @@ def facts_of_files(files: Iterable[Path]) -> str:
     states = [(file.name, file.stat()) for file in files]
     listed = json.dumps([(name, state.st_size, state.st_mtime_ns) for name, state in states])
     return hashlib.sha256(listed.encode()).hexdigest()
+
+
+def hidden_place(folder: Path, name: str) -> Path:
+    """Where in a folder an output of some name grows: always the same place, so that a later run finds it."""
+    if len(os.fsencode(name)) > LONGEST_NAME:
+        name = f"{name[:SHORTENED]}.{hashlib.sha256(os.fsencode(name)).hexdigest()[:16]}"
+    return folder / f".{name}.unfinished"
 
 
 class Unfinished:

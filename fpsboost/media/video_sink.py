@@ -35,9 +35,12 @@ from fpsboost.media.encoding import (
 from fpsboost.media.excerpt import Window
 from fpsboost.media.other_streams import check_streams
 from fpsboost.media.pipe import PipeSource
-from fpsboost.media.unfinished import Job, Unfinished, note_on_resuming
+from fpsboost.media.unfinished import Job, Unfinished, hidden_place, note_on_resuming
 from fpsboost.media.video_encoder import VideoEncoder, traits_of_image
 from fpsboost.media.video_source import VideoSource, VideoTraits
+
+LONGEST_HINT = 50
+"""Letters of a file's name in that of its unfinished self."""
 
 
 class VideoSink:
@@ -101,7 +104,7 @@ class VideoSink:
         self._format = containers[suffix]
         file = source if isinstance(source, VideoSource) else None
         self._unfinished = Unfinished(
-            self._path.with_name(f".{self._path.name}.unfinished"), f"output{suffix}", self._name, job
+            hidden_place(self._path.parent, self._path.name), f"output{suffix}", self._name, job
         )
         _check_target(self._path, self._name, file, overwrite, self._unfinished, job)
         self._codec, self._options = choose_encoder(encoding, self._format, self._name)
@@ -290,8 +293,10 @@ def _check_target(
         raise OutputError(f"{name} is a folder; name a file in it.")
     if not path.parent.is_dir():
         raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
-    if path.exists():
-        if source is not None and source.path.exists() and path.samefile(source.path):
+    if os.path.lexists(path):
+        if path.exists() and not path.is_file():
+            raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
+        if source is not None and path.exists() and source.path.exists() and path.samefile(source.path):
             raise OutputError(f"{name} is the input itself; write to another name.")
         if not overwrite and job is not None and job.resume and not unfinished.is_pending:
             raise CompleteAlreadyError(

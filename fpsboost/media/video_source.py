@@ -32,6 +32,7 @@ from fpsboost.media.reading import Reading
 from fpsboost.media.size_change import Alike
 from fpsboost.media.stream_choice import choose_video, left_out_remarks
 from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range, to_bgr
+from fpsboost.memory_limit import MemoryLimit
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 SEEKABLE = ("matroska", "mov")
@@ -106,6 +107,8 @@ class VideoSource:
         what is left behind. Decodes the first picture at once to know the size; frames keep no decoder's picture.
     reading : Reading, optional
         Which stream, and what is done to its pictures first.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Raises
     ------
@@ -117,15 +120,22 @@ class VideoSource:
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], *, for_images: bool = False, reading: Reading | None = None
+        self,
+        path: str | os.PathLike[str],
+        *,
+        for_images: bool = False,
+        reading: Reading | None = None,
+        limit: MemoryLimit | None = None,
     ) -> None:
         self._name = os.fspath(path)
         self._for_images = for_images
         self._reading = reading or Reading()
+        self._limit = limit or MemoryLimit()
         self.path = Path(path)
         self._container = open_video(self.path, self._name)
         try:
             self._stream = choose_video(self._container, self._name, self._reading.stream)
+            self._limit.check(self._name, self._stream.codec_context.width, self._stream.codec_context.height)
             self._rate, rate_is_known = _nominal_rate(self._stream)
         except BaseException:
             self._container.close()
@@ -413,6 +423,7 @@ class VideoSource:
     def _read_traits(self, picture: av.VideoFrame) -> VideoTraits:
         context = self._stream.codec_context
         # The header may be wrong or silent about the size; the first picture is not.
+        self._limit.check(self._name, picture.width, picture.height)
         self._info = replace(self._info, width=picture.width, height=picture.height)
         sides = {side.type.name: bytes(side) for side in _side_data(picture)}
         matrix = sides.get("DISPLAYMATRIX")

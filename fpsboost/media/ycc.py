@@ -164,7 +164,7 @@ def as_picture(
 def _as_bgr(image: Image) -> Image:
     """Three contiguous integer channels."""
     if image.dtype == np.float32:
-        image = np.rint(np.clip(image, 0, 1) * np.float32(65535)).astype(np.uint16)
+        image = np.rint(np.nan_to_num(np.clip(image, 0, 1)) * np.float32(65535)).astype(np.uint16)
     if image.shape[2] == 1:
         return np.repeat(image, 3, axis=2)
     return np.ascontiguousarray(image[..., :3])

@@ -19,6 +19,9 @@ Components = NDArray[Any]
 HIGHLIGHTS = np.float32(0.5)
 """Twice as bright as white looks brighter by 0.35, as twice as bright as a middle gray does."""
 
+BRIGHTEST = np.float32(1e6)
+"""Times white, for looking at motion."""
+
 
 def colour_components(image: Image) -> Components:
     """Colours in [0, 1] (see `seen`), multiplied by alpha so that the colour of a transparent pixel does not matter.
@@ -129,7 +132,7 @@ def seen(image: Image) -> NDArray[Any]:
     Otherwise two frames of a scene that is brightly lit would have nothing in common, and motion could not be followed
     in it.
     """
-    values = normalised(image)
+    values = _in_bounds(normalised(image))
     if image.dtype == np.float32 and values.max(initial=0) > 1:
         values = np.where(values > 1, 1 + HIGHLIGHTS * np.log(np.maximum(values, 1)), values)
     return values
@@ -152,7 +155,14 @@ def small_copy(image: Image, longer_side: int) -> NDArray[Any]:
     scale = longer_side / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    return normalised(small.reshape(size[1], size[0], -1))
+    return _in_bounds(normalised(small.reshape(size[1], size[0], -1)))
+
+
+def _in_bounds(values: NDArray[Any]) -> NDArray[Any]:
+    """Damaged files hold float32's largest numbers, which no sum or difference can be taken of."""
+    if np.abs(values).max(initial=0) <= BRIGHTEST:
+        return values
+    return values.clip(-BRIGHTEST, BRIGHTEST)
 
 
 def padded_planes(

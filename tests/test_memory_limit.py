@@ -1,0 +1,201 @@
+"""Sizes that files promise: read before anything is decoded, and refused where the machine is too small for them."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from fractions import Fraction
+from io import BytesIO
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from video_truth import scene, write_clip
+
+from fpsboost import memory_limit
+from fpsboost.errors import InputError, OptionError
+from fpsboost.exr import encode_exr, read_exr
+from fpsboost.media.image_files import read_image
+from fpsboost.media.image_sizes import declared_size
+from fpsboost.media.images import ImageSource
+from fpsboost.media.pipe import PipeSource
+from fpsboost.media.video_source import VideoSource
+from fpsboost.memory_limit import AT_LEAST, BYTES_PER_PIXEL, MemoryLimit, available_memory, parse_memory
+
+HUGE = 60000
+SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)
+"""Just enough for 64x48."""
+
+
+def chunk(name: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def encoded(ending: str, *options: int, alpha: bool = False) -> bytearray:
+    """A picture of 64x48 as a file."""
+    image = np.dstack([scene(0), scene(0)[..., :1]]) if alpha else scene(0)
+    return bytearray(cv2.imencode(ending, image, options)[1].tobytes())
+
+
+def tiff(order: str, number: str, width: int, height: int) -> bytes:
+    """The beginning of a TIFF, with sizes as `number`: H, I, or Q for the variant beyond 4 GB."""
+    magic = b"II" if order == "<" else b"MM"
+    kind = {"H": 3, "I": 4, "Q": 16}[number]
+    if number == "Q":
+        entries = b"".join(struct.pack(f"{order}2H2Q", tag, kind, 1, v) for tag, v in ((256, width), (257, height)))
+        return magic + struct.pack(f"{order}3HQQ", 43, 8, 0, 16, 2) + entries
+    value = f"{number}2x" if number == "H" else number
+    entries = b"".join(struct.pack(f"{order}2HI{value}", tag, kind, 1, v) for tag, v in ((256, width), (257, height)))
+    return magic + struct.pack(f"{order}HIH", 42, 8, 2) + entries
+
+
+def promising(ending: str, width: int, height: int) -> bytes:
+    """A file of a few bytes that says it is this large."""
+    data = encoded(ending)
+    if ending == ".png":
+        data[12:33] = chunk(b"IHDR", struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0))[4:]
+    elif ending == ".jpg":
+        place = data.index(b"\xff\xc0") + 5
+        data[place : place + 4] = struct.pack(">2H", height, width)
+    elif ending == ".bmp":
+        data[18:26] = struct.pack("<2i", width, -height)
+    else:
+        return tiff("<", "I", width, height)
+    return bytes(data)
+
+
+# --------------------------------------------------------------------------------------------------- what files promise
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        encoded(".png"),
+        encoded(".png", alpha=True),
+        encoded(".jpg"),
+        encoded(".jpg", cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_RST_INTERVAL, 4),
+        encoded(".bmp"),
+        encoded(".tif"),
+        encoded(".webp", cv2.IMWRITE_WEBP_QUALITY, 101),
+        encoded(".webp", cv2.IMWRITE_WEBP_QUALITY, 50),
+        encoded(".webp", cv2.IMWRITE_WEBP_QUALITY, 50, alpha=True),
+        *(tiff(order, number, 64, 48) for order in "<>" for number in "HIQ"),
+        b"BM" + bytes(12) + struct.pack("<I2H", 12, 64, 48),
+    ],
+)
+def test_sizes_are_read_from_every_format(data):
+    """As written by OpenCV, and the variants that it does not write."""
+    assert declared_size(bytes(data)) == (64, 48)
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg", ".bmp", ".tif", ".webp"])
+@given(data=st.data())
+def test_any_bytes_have_a_size_or_none(ending, data):
+    """Cut anywhere, with any bytes anywhere: never an exception."""
+    content = encoded(ending)
+    place = data.draw(st.integers(0, len(content) - 1))
+    content[place : place + 8] = data.draw(st.binary(max_size=8))
+    size = declared_size(bytes(content[: data.draw(st.integers(0, len(content)))]))
+    assert size is None or len(size) == 2
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg", ".bmp", ".tif"])
+def test_huge_images_are_refused_before_they_are_decoded(tmp_path, monkeypatch, ending):
+    """The sentence names size, need and option, and OpenCV never sees the file."""
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("was decoded"))
+    path = tmp_path / f"a{ending}"
+    path.write_bytes(promising(ending, HUGE, HUGE))
+    with pytest.raises(InputError, match=rf"a{ending} is 60000x60000, which takes about 1\.4 TB .*--max-memory\.$"):
+        read_image(path, MemoryLimit(8 * 10**9))
+
+
+def test_huge_openexr_is_refused_before_it_is_decoded(tmp_path):
+    """All chunks of a narrow image are there, and yet it is too large; a few channels are fine, thousands are not."""
+    plane = np.zeros((3000, 8), np.float32)
+    (tmp_path / "a.exr").write_bytes(encode_exr({"Y": plane}))
+    assert read_exr(tmp_path / "a.exr")["Y"].shape == (3000, 8)
+    with pytest.raises(InputError, match=r"a\.exr is 8x3000, which takes"):
+        read_exr(tmp_path / "a.exr", limit=SMALL)
+    (tmp_path / "b.exr").write_bytes(encode_exr({f"c{k}": plane[:2] for k in range(1025)}))
+    with pytest.raises(InputError, match=r"b\.exr is damaged"):
+        read_exr(tmp_path / "b.exr")
+
+
+def test_a_huge_image_within_a_sequence(tmp_path, save_images):
+    """The first one is small; the second is refused by its header."""
+    save_images(tmp_path / "in", count=2)
+    (tmp_path / "in" / "shot_0002.png").write_bytes(promising(".png", HUGE, HUGE))
+    with pytest.raises(InputError, match=r"shot_0002\.png is 60000x60000"):
+        list(ImageSource(str(tmp_path / "in"), Fraction(24), MemoryLimit(10**9)))
+
+
+def test_videos_are_refused_by_their_headers(tmp_path):
+    """A stream in a file, one through a pipe, and a size that only the pictures say."""
+    header = b"YUV4MPEG2 W16000 H16000 F25:1\nFRAME\n"
+    (tmp_path / "in.y4m").write_bytes(header + bytes(1000))
+    with pytest.raises(InputError, match=r"in\.y4m is 16000x16000, which takes about 102\.7 GB"):
+        VideoSource(tmp_path / "in.y4m", limit=MemoryLimit(10**9))
+    with pytest.raises(InputError, match=r"standard input is 16000x16000"):
+        PipeSource(BytesIO(header), limit=MemoryLimit(10**9))
+    data = write_clip(tmp_path / "in.avi", codec="mjpeg", pixel_format="yuvj420p", size=(96, 64)).read_bytes()
+    place = data.index(b"strf") + 12
+    (tmp_path / "in.avi").write_bytes(data[:place] + struct.pack("<2i", 64, 48) + data[place + 8 :])
+    with pytest.raises(InputError, match=r"in\.avi is 64x96"):
+        _ = VideoSource(tmp_path / "in.avi", limit=SMALL).traits
+
+
+# ----------------------------------------------------------------------------------------------------------- the limit
+
+
+def test_just_enough_is_enough():
+    """A limit holds what it says, to the pixel."""
+    SMALL.check("x", 64, 48)
+    with pytest.raises(InputError, match="x is 65x48"):
+        SMALL.check("x", 65, 48)
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [("8G", 8 * 10**9), ("500M", 5 * 10**8), ("1.5g", 15 * 10**8), ("16 GB", 16 * 10**9), ("2T", 2 * 10**12), ("7", 7)],
+)
+def test_sizes_as_people_write_them(text, size):
+    """Letters in any case, with and without B."""
+    assert parse_memory(text) == MemoryLimit(size)
+
+
+@pytest.mark.parametrize("text", ["", "much", "8X", "-1G", "G", "1e9", "0", "0G", "nan", "8GG", "9" * 30])
+def test_other_sizes_are_refused(text):
+    """With the option's name."""
+    with pytest.raises(OptionError, match="--max-memory"):
+        parse_memory(text)
+
+
+def test_available_memory_of_any_system(monkeypatch):
+    """What Linux says is available; else most of the machine's; else a fixed number."""
+    monkeypatch.setattr(Path, "read_text", lambda _: "MemTotal: 2048 kB\nMemAvailable:    1000 kB\n")
+    assert available_memory() == 1_024_000
+    monkeypatch.setattr(Path, "read_text", lambda _: "")
+    monkeypatch.setattr(memory_limit.os, "sysconf", {"SC_PHYS_PAGES": 1000, "SC_PAGE_SIZE": 4096}.__getitem__)
+    assert available_memory() == 3_072_000
+    monkeypatch.delattr(memory_limit.os, "sysconf")
+    assert available_memory() == memory_limit.UNKNOWN_MACHINE
+
+
+def test_the_option_reaches_every_kind_of_input(fpsboost_, tmp_path, save_images):
+    """Refused with it, converted with more of it; nothing is left behind."""
+    write_clip(tmp_path / "in.mp4", times=range(3))
+    save_images(tmp_path / "in", count=2)
+    for arguments in (("in.mp4", "out.mp4"), ("in", "out"), ("in.mp4", "out")):
+        refused = fpsboost_(*arguments, "--method", "nearest", "--max-memory", "1M")
+        assert refused.code == 1
+        assert refused.lines[0].startswith("fpsboost: in")
+        assert refused.lines[0].endswith(
+            "is 64x48, which takes about 301 MB of memory where 1 MB may be taken; "
+            "scale it down, or allow more with --max-memory."
+        )
+        assert not (tmp_path / arguments[1]).exists()
+    assert fpsboost_("in.mp4", "out.mp4", "--method", "nearest", "--max-memory", "1G").code == 0
+    assert fpsboost_("in.mp4", "x.mp4", "--max-memory", "lots").code == 2
