@@ -75,11 +75,16 @@ def open_source(
     if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
     with explained(InputError, "read", path, "check the name and the permissions"):
-        return _open_source(path, input_fps, needs_rate, for_images, limit)
+        return _open_source(path, input_fps, needs_rate, for_images, reading, limit)
 
 
 def _open_source(
-    path: str, input_fps: Fraction | None, needs_rate: bool, for_images: bool, limit: MemoryLimit | None
+    path: str,
+    input_fps: Fraction | None,
+    needs_rate: bool,
+    for_images: bool,
+    reading: Reading | None,
+    limit: MemoryLimit | None,
 ) -> FrameSource:
     if path in PIPES:
         if input_fps is not None:
