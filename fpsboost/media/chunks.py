@@ -10,6 +10,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, get_args
@@ -83,7 +84,8 @@ class ChunkWriter:
 
     def discard(self) -> None:
         """Close the file; it has no name that counts."""
-        self._file.close()
+        with suppress(OSError):  # what is still to be written may not fit on the disk
+            self._file.close()
 
     def _write(self, data: bytes) -> None:
         self._file.write(data)
