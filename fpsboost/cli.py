@@ -107,9 +107,10 @@ def convert(
     Parameters
     ----------
     input
-        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png; or - for YUV4MPEG2 from a pipe.
+        A video file, an animation (gif, apng, webp), a folder of images, or a pattern: shot_%04d.png, shot_####.png; or
+        - for YUV4MPEG2 from a pipe.
     output
-        The same. Video: mp4, m4v, mov, mkv or webm.
+        The same. Video: mp4, m4v, mov, mkv or webm. Animation: gif, apng or webp.
     factor
         Output frames per input frame, such as 2 or 5/2; doubles if nothing is said.
     fps
@@ -178,7 +179,7 @@ def convert(
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
-    from fpsboost.media.opening import makes_video  # noqa: PLC0415
+    from fpsboost.media.opening import makes_animation, makes_video  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
     from fpsboost.timing import parse_number, parse_rate  # noqa: PLC0415
@@ -217,7 +218,8 @@ def convert(
         encoder_options=parse_encoder_options(encoder_option or ()),
     )
     if encoding.given and not makes_video(output):
-        raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
+        kind = "an animation, which takes" if makes_animation(output) else "images, which take"
+        raise OptionError(f"{output} will be {kind} no {' or '.join(encoding.given)}; leave that out.")
     with Reporter("standard output" if output == PIPE else output, quiet=quiet, verbose=verbose) as reporter:
         reporter.say_settings(method, interpolator)
         summary = pipeline.convert(

@@ -20,7 +20,7 @@ from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
 from fpsboost.media.encoding import Encoding
-from fpsboost.media.opening import makes_video, open_sink, open_source
+from fpsboost.media.opening import makes_animation, makes_video, open_sink, open_source
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.prepared import PreparedImage
@@ -112,8 +112,8 @@ def convert(
     Parameters
     ----------
     input, output : str
-        Each a video file, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``), or ``-`` for
-        YUV4MPEG2 from standard input or to standard output.
+        Each a video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``,
+        ``shot_####.png``), or ``-`` for YUV4MPEG2 from standard input or to standard output.
     factor : Fraction or int, optional
         Output frames per source frame; 2 where neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
@@ -150,8 +150,10 @@ def convert(
     schedule = make_schedule(factor, fps)
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
-    needs_rate = to_video or fps is not None
-    with open_source(input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video) as source:
+    needs_rate = to_video or makes_animation(output) or fps is not None
+    with open_source(
+        input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video, keeps_alpha=not to_video
+    ) as source:
         info = source.info
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
         sink = open_sink(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
+from fpsboost.media.animation import ANIMATION_SUFFIXES
+from fpsboost.media.animation_sink import AnimationSink
+from fpsboost.media.animation_source import AnimationSource, animation_format
 from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.images import ImageSink, ImageSource
@@ -25,20 +29,27 @@ SLOWEST, FASTEST = Fraction(1, 1000), Fraction(100_000)
 
 
 def open_source(
-    path: str, input_fps: Fraction | None = None, *, needs_rate: bool = False, for_images: bool = False
+    path: str,
+    input_fps: Fraction | None = None,
+    *,
+    needs_rate: bool = False,
+    for_images: bool = False,
+    keeps_alpha: bool = True,
 ) -> FrameSource:
     """Open a clip for reading.
 
     Parameters
     ----------
     path : str
-        A video file, a folder of images, a pattern of images, or ``-`` for YUV4MPEG2 from standard input.
+        A video file, an animation, a folder of images, a pattern of images, or ``-`` for YUV4MPEG2 from standard input.
     input_fps : Fraction, optional
         Frames per second of images.
     needs_rate : bool
         Whether images must say how fast they play.
     for_images : bool
         The target will be images, which hold no rotation and no sound.
+    keeps_alpha : bool
+        The target can hold alpha.
 
     Returns
     -------
@@ -67,15 +78,18 @@ def open_source(
         return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps)
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
-    if Path(path).suffix.lower() in IMAGE_SUFFIXES:
+    is_animation = animation_format(Path(path)) is not None
+    if not is_animation and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     if input_fps is not None:
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
+    if is_animation:
+        return AnimationSource(path, keeps_alpha=keeps_alpha)
     return VideoSource(path, for_images=for_images)
 
 
 def makes_video(path: str) -> bool:
-    """Whether an output path names a video file or a pipe rather than images.
+    """Whether an output path names a video file or a pipe rather than an animation or images.
 
     Raises
     ------
@@ -91,13 +105,20 @@ def makes_video(path: str) -> bool:
     suffix = Path(path).suffix.lower()
     if suffix in VIDEO_SUFFIXES:
         return True
+    if suffix in ANIMATION_SUFFIXES:
+        return False
     if suffix in IMAGE_SUFFIXES:
         raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
     if suffix and not path.endswith(("/", "\\")):
-        raise OptionError(
-            f"{path} has an ending that cannot be written; choose {', '.join(VIDEO_SUFFIXES)}, or a folder for images."
-        )
+        known = ", ".join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)
+        raise OptionError(f"{path} has an ending that cannot be written; choose {known}, or a folder for images.")
     return False
+
+
+def makes_animation(path: str) -> bool:
+    """Whether an output path names an animation file."""
+    is_file = path not in PIPES and not is_pattern(path) and not Path(path).is_dir()
+    return is_file and Path(path).suffix.lower() in ANIMATION_SUFFIXES
 
 
 def open_sink(
@@ -114,7 +135,7 @@ def open_sink(
     Parameters
     ----------
     path : str
-        A video file, a folder, a pattern of images, or ``-`` for YUV4MPEG2 to standard output.
+        A video file, an animation, a folder, a pattern of images, or ``-`` for YUV4MPEG2 to standard output.
     source : FrameSource
         The clip it is made from, whose size, naming, colour and other streams carry over.
     timing : OutputTiming
@@ -143,4 +164,14 @@ def open_sink(
     if makes_video(path):
         return VideoSink(path, source.info, timing, encoding, video, overwrite=overwrite)
     images = source if isinstance(source, ImageSource) else None
+    if makes_animation(path):
+        plays = source.plays if isinstance(source, AnimationSource) else 0
+        return AnimationSink(path, source.info, timing, plays=plays, inputs=_files_of(source), overwrite=overwrite)
     return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite)
+
+
+def _files_of(source: FrameSource) -> Sequence[Path]:
+    """The files that a source reads."""
+    if isinstance(source, ImageSource):
+        return source.files
+    return [source.path] if isinstance(source, AnimationSource | VideoSource) else []

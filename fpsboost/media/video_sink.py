@@ -10,7 +10,7 @@ import contextlib
 import errno
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -90,7 +90,7 @@ class VideoSink:
             raise OutputError(f"{self._name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
         self._format = containers[suffix]
         file = source if isinstance(source, VideoSource) else None
-        _check_target(self._path, self._name, file, overwrite)
+        check_target(self._path, self._name, [] if file is None else [file.path], overwrite)
         self._encoder, self._options = choose_encoder(encoding, self._format, self._name)
         if self._format not in EXACT_CLOCKS and 1 / timing.rate < CLOCK_OF_MATROSKA:
             raise OutputError(
@@ -386,13 +386,25 @@ class VideoSink:
             raise OutputError(_explain(error, self._name)) from error
 
 
-def _check_target(path: Path, name: str, source: VideoSource | None, overwrite: bool) -> None:
+def check_target(path: Path, name: str, inputs: Iterable[Path], overwrite: bool) -> None:
+    """Raise `OutputError` unless a file can be written under this path.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        What to call it in messages.
+    inputs : iterable of Path
+        Files that are being read.
+    overwrite : bool
+        Replace what exists.
+    """
     if path.is_dir():
         raise OutputError(f"{name} is a folder; name a file in it.")
     if not path.parent.is_dir():
         raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
     if path.exists():
-        if source is not None and source.path.exists() and path.samefile(source.path):
+        if any(each.exists() and path.samefile(each) for each in inputs):
             raise OutputError(f"{name} is the input itself; write to another name.")
         if not overwrite:
             raise OutputError(f"{name} exists already; choose another name or pass --overwrite.")
