@@ -36,6 +36,7 @@ EXAMPLES = """
     fpsboost renders/ doubled/ --factor 2         a folder of images
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
+    fpsboost in.gif out.webp                      animations: gif, apng, webp
     fpsboost probe in.mp4                         what a clip is
     ffmpeg -i in.avi -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
     fpsboost compare in.mp4 --report page/        which method is best for a clip

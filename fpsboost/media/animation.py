@@ -45,6 +45,8 @@ class Outline:
         How often it is shown; 0 for ever again.
     has_alpha : bool
         Whether anything can be seen through.
+    is_whole : bool
+        Whether the file ends where it should.
     """
 
     height: int
@@ -54,6 +56,7 @@ class Outline:
     time_base: Fraction
     plays: int
     has_alpha: bool
+    is_whole: bool
 
 
 class Shown(NamedTuple):
@@ -87,7 +90,9 @@ class AnimationWriter(Protocol):
         ...
 
 
-def outline_of(size: tuple[int, int], delays: Counter[Fraction], plays: int, has_alpha: bool) -> Outline:
+def outline_of(
+    size: tuple[int, int], delays: Counter[Fraction], plays: int, *, has_alpha: bool, is_whole: bool
+) -> Outline:
     """Add up what the headers of all frames say.
 
     Parameters
@@ -97,7 +102,7 @@ def outline_of(size: tuple[int, int], delays: Counter[Fraction], plays: int, has
     delays : Counter of Fraction
         How many frames are shown for how long.
     plays : int
-    has_alpha : bool
+    has_alpha, is_whole : bool
 
     Raises
     ------
@@ -109,7 +114,7 @@ def outline_of(size: tuple[int, int], delays: Counter[Fraction], plays: int, has
         raise DamagedError
     duration = sum((delay * count for delay, count in delays.items()), Fraction(0))
     time_base = Fraction(1, int(np.lcm.reduce([delay.denominator for delay in delays], dtype=object)))
-    return Outline(height, width, delays.total(), duration, time_base, plays, has_alpha)
+    return Outline(height, width, delays.total(), duration, time_base, plays, has_alpha, is_whole)
 
 
 def composed(pieces: Iterable[Piece], height: int, width: int) -> Generator[Shown, None, None]:

@@ -116,10 +116,10 @@ class AnimationSource:
                 count += 1
         if count == 0:
             raise damaged(self._name)
-        if count < self._outline.frame_count:
+        if count < self._outline.frame_count or not self._outline.is_whole:
+            frames = f"{count} frame{'' if count == 1 else 's'}"
             self._remarks.append(
-                f"{self._name} is damaged: {count} of {self._outline.frame_count} frames could be decoded and were "
-                "converted."
+                f"{self._name} is damaged or ends early; {frames} could be decoded and were converted."
             )
 
     def _shown(self) -> Generator[Shown, None, None]:

@@ -1,7 +1,8 @@
 """Animated GIF: FFmpeg packs and unpacks the pixels, through PyAV; the blocks around them are read and written here.
 
-Every frame gets the 256 colours that suit it best, so that nothing but one frame is in memory, and a picture of a GIF
-comes back as it was. Players show what lasts less than two hundredths of a second for a tenth of one.
+Every frame gets the 256 colours that suit it best, so that nothing but one frame is in memory; a picture that has no
+more of them, such as one of another GIF, comes back as it was. Players show what lasts less
+than two hundredths of a second for a tenth of one.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections import Counter
 from collections.abc import Generator
 from contextlib import closing
 from fractions import Fraction
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 import av
 import av.error
@@ -39,6 +40,9 @@ _trailer = b";"
 _clear = 2
 """How a block of control says that its frame is cleared away afterwards."""
 
+OPAQUE = 128
+"""Alpha from which on a pixel is seen, since GIF knows only seen and unseen."""
+
 _smooth = "dither=sierra2_4a"
 
 
@@ -55,9 +59,9 @@ def read_outline(file: BinaryIO) -> Outline:
         raise DamagedError
     width, height, flags = unpacked("<HHB", head[6:])
     _skip_table(file, flags)
-    plays, delay, clears, delays = 1, DEFAULT_DELAY, False, Counter[Fraction]()
+    is_whole, plays, delay, clears, delays = True, 1, DEFAULT_DELAY, False, Counter[Fraction]()
     try:
-        while (kind := file.read(1)) not in (_trailer, b""):
+        while (kind := read_exactly(file, 1)) != _trailer:
             if kind == _image_block:
                 _skip_table(file, read_exactly(file, 9)[8])
                 file.seek(1, 1)
@@ -75,14 +79,13 @@ def read_outline(file: BinaryIO) -> Outline:
                 plays = repeats + 1 if repeats else 0
             _skip_blocks(file)
     except DamagedError:
-        if not delays:
-            raise
+        is_whole = False
     file.seek(0)
     if not clears:
         with closing(read_frames(file)) as frames:
             first = next(frames, None)
         clears = first is not None and bool((first.image[..., 3] < 255).any())
-    return outline_of((height, width), delays, plays, has_alpha=clears)
+    return outline_of((height, width), delays, plays, has_alpha=clears, is_whole=is_whole)
 
 
 def _skip_table(file: BinaryIO, flags: int) -> None:
@@ -110,10 +113,9 @@ def read_frames(file: BinaryIO) -> Generator[Shown, None, None]:
     try:
         with av.open(file, "r", format="gif") as container:
             for picture in container.decode(video=0):
-                image = picture.to_ndarray(format="bgra")
-                yield Shown(
-                    np.ascontiguousarray(image), picture.duration * Fraction(picture.time_base or Fraction(1, CLOCK))
-                )
+                delay = picture.duration * Fraction(picture.time_base or 0)
+                image = np.ascontiguousarray(picture.to_ndarray(format="bgra"))
+                yield Shown(image, delay if delay >= SHORTEST_DELAY else DEFAULT_DELAY)
     except av.error.FFmpegError as error:
         raise DamagedError from error
 
@@ -158,8 +160,12 @@ class GifWriter:
 
     def _with_palette(self, image: Image) -> av.VideoFrame:
         """The image with 256 colours of its own, one of them transparent where it is needed."""
-        transparent = image.shape[2] == 4 and bool((image[..., 3] < 128).any())
-        picture = av.VideoFrame.from_ndarray(image, format="bgra" if image.shape[2] == 4 else "bgr24")
+        image = _plain(image)
+        exact = _few_colours(image)
+        if exact is not None:
+            return exact
+        transparent = not image[..., 3].all()
+        picture = av.VideoFrame.from_ndarray(image, format="bgra")
         picture.pts, picture.time_base = self._count, Fraction(1, CLOCK)
         graph = self._graphs.get(transparent)
         if graph is None:
@@ -173,6 +179,31 @@ def _repeats(plays: int) -> bytes:
     if plays == 1:
         return b""
     return _application_block + b"\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", max(0, plays - 1)) + b"\0"
+
+
+def _plain(image: Image) -> Image:
+    """BGRA with all or nothing for alpha; what nobody sees has a colour of the rest, to take no place in a palette."""
+    if image.shape[2] == 3:
+        return np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
+    seen = image[..., 3] >= OPAQUE
+    hidden_colour = image.reshape(-1, 4)[seen.argmax(), :3]
+    colours = np.where(seen[..., np.newaxis], image[..., :3], hidden_colour)
+    return np.dstack([colours, np.where(seen, np.uint8(255), np.uint8(0))])
+
+
+def _few_colours(image: Image) -> av.VideoFrame | None:
+    """The picture as it is, where 256 colours are enough for that."""
+    pixels = image.view("<u4")[..., 0]
+    if np.unique(pixels[::8, ::8]).size > 256:
+        return None
+    colours, indices = np.unique(pixels, return_inverse=True)
+    if colours.size > 256:
+        return None
+    palette = np.zeros(256, ">u4")  # with alpha in the first byte, then red
+    palette[: colours.size] = colours
+    entries = palette.view(np.uint8).reshape(256, 4)
+    planes: Any = (indices.reshape(pixels.shape).astype(np.uint8), entries)
+    return av.VideoFrame.from_ndarray(planes, format="pal8")
 
 
 def _open_encoder(image: Image) -> av.VideoCodecContext:
@@ -192,7 +223,7 @@ def _palette_graph(picture: av.VideoFrame, transparent: bool) -> av.filter.Graph
     )
     split, sink = graph.add("split"), graph.add("buffersink")
     chosen = graph.add("palettegen", f"stats_mode=single:reserve_transparent={int(transparent)}")
-    used = graph.add("paletteuse", f"new=1:alpha_threshold=128:{_smooth}")
+    used = graph.add("paletteuse", f"new=1:alpha_threshold={OPAQUE}:{_smooth}")
     entry.link_to(split)
     split.link_to(used, 0, 0)
     split.link_to(chosen, 1, 0)

@@ -84,6 +84,7 @@ def chunks_in(file: BinaryIO, without_data: tuple[bytes, ...] = ()) -> Iterator[
         file.seek(4, 1)
         if name == b"IEND":
             return
+    raise DamagedError
 
 
 def chunk_bytes(name: bytes, data: bytes) -> bytes:
@@ -110,7 +111,8 @@ def read_outline(file: BinaryIO) -> Outline:
     DamagedError
         It is no animation, or ends too early to tell anything.
     """
-    size, plays, has_alpha, delays = (0, 0), 0, False, Counter[Fraction]()
+    size, plays, delays = (0, 0), 0, Counter[Fraction]()
+    has_alpha, is_whole = False, True
     try:
         for name, data in chunks_in(file, (b"IDAT", b"fdAT")):
             if name == b"IHDR":
@@ -126,9 +128,8 @@ def read_outline(file: BinaryIO) -> Outline:
                 # what is cleared is transparent; the first frame fills the canvas, so that nothing else is
                 has_alpha |= control.disposal == "clear" or (control.disposal == "restore" and delays.total() == 1)
     except DamagedError:
-        if not delays:
-            raise
-    return outline_of(size, delays, plays, has_alpha)
+        is_whole = False
+    return outline_of(size, delays, plays, has_alpha=has_alpha, is_whole=is_whole)
 
 
 def read_pieces(file: BinaryIO) -> Iterator[Piece]:

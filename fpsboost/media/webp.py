@@ -53,12 +53,13 @@ def chunks_in(file: BinaryIO) -> Iterator[tuple[bytes, int]]:
     head = file.read(12)
     if head[:4] != b"RIFF" or head[8:] != b"WEBP":
         raise DamagedError
-    end = file.seek(0, 2)
+    end = 8 + unpacked("<I", head[4:])[0]
+    size_of_file = file.seek(0, 2)
     place = 12
     while place < end:
         file.seek(place)
         name, size = struct.unpack("<4sI", read_exactly(file, 8))
-        if place + 8 + size > end:
+        if place + 8 + size > size_of_file:
             raise DamagedError
         yield name, size
         place += 8 + size + size % 2
@@ -83,7 +84,8 @@ def read_outline(file: BinaryIO) -> Outline:
     DamagedError
         It is no animation, or ends too early to tell anything.
     """
-    size, plays, has_alpha, delays = (0, 0), 0, False, Counter[Fraction]()
+    size, plays, delays = (0, 0), 0, Counter[Fraction]()
+    has_alpha, is_whole = False, True
     try:
         for name, _ in chunks_in(file):
             if name == b"VP8X":
@@ -96,9 +98,8 @@ def read_outline(file: BinaryIO) -> Outline:
                 delays[_delay(head)] += 1
                 has_alpha |= bool(head[15] & CLEARS) or (delays.total() == 1 and _size(head) != size)
     except DamagedError:
-        if not delays:
-            raise
-    return outline_of(size, delays, plays, has_alpha)
+        is_whole = False
+    return outline_of(size, delays, plays, has_alpha=has_alpha, is_whole=is_whole)
 
 
 def read_pieces(file: BinaryIO) -> Iterator[Piece]:
