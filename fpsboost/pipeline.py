@@ -150,9 +150,14 @@ def convert(
     schedule = make_schedule(factor, fps)
     interpolator = find_method(method) if isinstance(method, str) else method
     to_video = makes_video(output)
-    needs_rate = to_video or makes_animation(output) or fps is not None
+    is_file = to_video or makes_animation(output)
     with open_source(
-        input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video, keeps_alpha=not to_video
+        input,
+        _fraction(input_fps),
+        needs_rate=is_file or fps is not None,
+        for_images=not to_video,
+        keeps_alpha=not to_video,
+        upright=is_file,
     ) as source:
         info = source.info
         timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))

@@ -1,7 +1,7 @@
 """One image file, read and encoded: PNG, TIFF, JPEG, WebP, BMP and OpenEXR, and what each of them can hold.
 
-Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha. What describes the
-pixels is not: colour profiles and other metadata end here, and an EXIF orientation is not applied. A palette becomes
+Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha. What describes
+them is read in `image_metadata`; an EXIF orientation is not applied, that of a TIFF is. A palette becomes
 colour, gray with alpha BGRA. Alpha in OpenEXR is associated (colours are multiplied by it), which is how the package
 takes all float images; values beyond black and white stay.
 
@@ -191,7 +191,9 @@ def losses(path: Path, image: Image) -> list[str]:
     return []
 
 
-def encode_image(path: Path, image: Image, *, half: bool = True) -> bytes:
+def encode_image(
+    path: Path, image: Image, *, half: bool = True, attributes: Collection[tuple[str, tuple[float, ...]]] = ()
+) -> bytes:
     """Turn an image into the content of a file.
 
     Parameters
@@ -202,6 +204,8 @@ def encode_image(path: Path, image: Image, *, half: bool = True) -> bytes:
         Of a type that `check_format` lets pass.
     half : bool
         Write OpenEXR with 16 bits a number instead of 32.
+    attributes : collection of (str, tuple of float)
+        What else an OpenEXR file is to say; see `fpsboost.exr.encode_exr`.
 
     Raises
     ------
@@ -211,7 +215,7 @@ def encode_image(path: Path, image: Image, *, half: bool = True) -> bytes:
     extension = path.suffix.lower()
     if extension == ".exr":
         names = {1: "Y", 2: "YA", 3: "BGR", 4: "BGRA"}[image.shape[2]]
-        return encode_exr({name: image[..., i] for i, name in enumerate(names)}, half=half)
+        return encode_exr({name: image[..., i] for i, name in enumerate(names)}, half=half, attributes=attributes)
     try:
         done, data = cv2.imencode(extension, image, _options(extension, image))
     except cv2.error:

@@ -35,6 +35,7 @@ def open_source(
     needs_rate: bool = False,
     for_images: bool = False,
     keeps_alpha: bool = True,
+    upright: bool = False,
 ) -> FrameSource:
     """Open a clip for reading.
 
@@ -50,6 +51,8 @@ def open_source(
         The target will be images, which hold no rotation and no sound.
     keeps_alpha : bool
         The target can hold alpha.
+    upright : bool
+        Turn images as their EXIF orientation says, because the target will not be images.
 
     Returns
     -------
@@ -75,7 +78,8 @@ def open_source(
             raise OptionError(
                 f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
             )
-        return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps)
+        rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
+        return ImageSource(path, rate, upright=upright)
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
     is_animation = animation_format(Path(path)) is not None
