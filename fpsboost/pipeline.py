@@ -20,7 +20,7 @@ from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, OutputTiming, Waiting
 from fpsboost.media.encoding import Encoding
-from fpsboost.media.opening import makes_animation, makes_video, open_sink, open_source
+from fpsboost.media.opening import holds_alpha, makes_animation, makes_video, open_sink, open_source
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.prepared import PreparedImage
@@ -149,6 +149,7 @@ def convert(
     check_choice("--duplicates", duplicates, get_args(Duplicates))
     schedule = make_schedule(factor, fps)
     interpolator = find_method(method) if isinstance(method, str) else method
+    encoding = encoding or Encoding()
     to_video = makes_video(output)
     is_file = to_video or makes_animation(output)
     with open_source(
@@ -156,7 +157,7 @@ def convert(
         _fraction(input_fps),
         needs_rate=is_file or fps is not None,
         for_images=not to_video,
-        keeps_alpha=not to_video,
+        keeps_alpha=holds_alpha(output, encoding),
         upright=is_file,
     ) as source:
         info = source.info
@@ -165,7 +166,7 @@ def convert(
             output,
             source=source,
             timing=timing,
-            encoding=encoding or Encoding(),
+            encoding=encoding,
             expected_frames=count_frames(schedule, info, holds_last_frame=False),
             overwrite=overwrite,
         )

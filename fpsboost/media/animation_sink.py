@@ -19,6 +19,7 @@ from fpsboost.frame import ClipInfo, Frame, Image, describe
 from fpsboost.media import OutputTiming, gif, png, webp
 from fpsboost.media.animation import AnimationWriter, with_four_channels
 from fpsboost.media.video_sink import check_target
+from fpsboost.media.ycc import straight_16_bit
 
 BROWSERS_SLOW_DOWN = Fraction(1, 100)
 """Browsers show frames of this length and shorter ones for a tenth of a second."""
@@ -186,7 +187,7 @@ class AnimationSink:
         """The image with a type and channels that the file can hold; says what is lost."""
         if image.dtype == np.float32:
             self._lose("values beyond black and white, and precision beyond 16 bits" if self._type.is_deep else "depth")
-            image = _as_16_bit(image)
+            image = straight_16_bit(image)
         if image.dtype == np.uint16 and not self._type.is_deep:
             self._lose("depth")
             image = np.rint(image / np.float32(257)).astype(np.uint8)
@@ -233,13 +234,3 @@ class AnimationSink:
 
     def _explained(self) -> contextlib.AbstractContextManager[None]:
         return explained(OutputError, "write", self._name, "check the free space and the permissions")
-
-
-def _as_16_bit(image: Image) -> Image:
-    """Float as 16 bits; alpha, which floats are multiplied by, becomes straight."""
-    values = np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
-    if image.shape[2] in (2, 4):
-        alpha = values[..., -1:]
-        values = np.concatenate([values[..., :-1] / np.maximum(alpha, np.float32(1e-6)), alpha], axis=-1)
-    deep: Image = np.rint(np.clip(values, 0, 1) * np.float32(65535)).astype(np.uint16)
-    return deep

@@ -38,7 +38,7 @@ _types_kept = {
     ".bmp": (np.uint8,),
     ".exr": (np.float32,),
 }
-_keeps_alpha = (".png", ".tif", ".tiff", ".webp", ".exr")
+_types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr")
 _largest_side = {".jpg": 65500, ".jpeg": 65500, ".webp": 16383}
 _webp_keeps_hidden_colour = hasattr(cv2, "IMWRITE_WEBP_LOSSLESS_MODE")  # OpenCV 4.12 and later
 
@@ -157,6 +157,11 @@ def check_size(target: str, extension: str, info: ClipInfo) -> None:
         )
 
 
+def keeps_alpha(extension: str) -> bool:
+    """Whether a type of file, ``.png``, holds alpha."""
+    return extension in _types_with_alpha
+
+
 def check_format(path: Path, image: Image) -> None:
     """Raise `OutputError` where a type of file cannot hold the image's type or its alpha."""
     extension = path.suffix.lower()
@@ -164,7 +169,7 @@ def check_format(path: Path, image: Image) -> None:
         other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
         kind = type_names[image.dtype]
         raise OutputError(f"{path.name} cannot hold {kind} images; use {other}, as in shot_######{other[-4:]}.")
-    if image.shape[2] == 4 and extension not in _keeps_alpha:
+    if image.shape[2] == 4 and not keeps_alpha(extension):
         raise OutputError(f"{path.name} cannot hold alpha; use .png or .tif, as in shot_######.png.")
 
 

@@ -11,8 +11,8 @@ from fpsboost.media import FrameSink, FrameSource, OutputTiming
 from fpsboost.media.animation import ANIMATION_SUFFIXES
 from fpsboost.media.animation_sink import AnimationSink
 from fpsboost.media.animation_source import AnimationSource, animation_format
-from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
-from fpsboost.media.image_files import IMAGE_SUFFIXES
+from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding, containers, encodes_alpha
+from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.media.images import ImageSink, ImageSource
 from fpsboost.media.numbering import is_pattern
 from fpsboost.media.pipe import PipeSink, PipeSource
@@ -34,7 +34,7 @@ def open_source(
     *,
     needs_rate: bool = False,
     for_images: bool = False,
-    keeps_alpha: bool = True,
+    keeps_alpha: bool = False,
     upright: bool = False,
 ) -> FrameSource:
     """Open a clip for reading.
@@ -89,7 +89,7 @@ def open_source(
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
     if is_animation:
         return AnimationSource(path, keeps_alpha=keeps_alpha)
-    return VideoSource(path, for_images=for_images)
+    return VideoSource(path, for_images=for_images, keeps_alpha=keeps_alpha)
 
 
 def makes_video(path: str) -> bool:
@@ -123,6 +123,15 @@ def makes_animation(path: str) -> bool:
     """Whether an output path names an animation file."""
     is_file = path not in PIPES and not is_pattern(path) and not Path(path).is_dir()
     return is_file and Path(path).suffix.lower() in ANIMATION_SUFFIXES
+
+
+def holds_alpha(path: str, encoding: Encoding) -> bool:
+    """Whether an output can hold alpha."""
+    if path in PIPES:
+        return False
+    if makes_video(path):
+        return encodes_alpha(encoding, containers[Path(path).suffix.lower()])
+    return not is_pattern(path) or keeps_alpha(extension_of(path))
 
 
 def open_sink(

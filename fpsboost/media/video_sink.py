@@ -35,13 +35,14 @@ from fpsboost.media.encoding import (
     choose_encoder,
     containers,
     encoders,
+    encodes_alpha,
     needs_hardware,
     pixel_formats,
 )
 from fpsboost.media.other_streams import OtherStreams, check_streams
 from fpsboost.media.pipe import PipeSource
 from fpsboost.media.video_source import VideoSource, VideoTraits
-from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture
+from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
 
 class VideoSink:
@@ -196,6 +197,8 @@ class VideoSink:
             self._options["chroma_sample_location"] = traits.chroma_location
         if self._encoder == "libx265" and self._format in EXACT_CLOCKS:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players take
+        if has_alpha(self._pixel_format) and self._encoder.startswith("libvpx"):
+            self._options["auto-alt-ref"] = "0"  # libvpx cannot hide frames of a picture and of its alpha alike
         context.options = self._options
         if traits.display_matrix is not None:
             stream.set_display_matrix(traits.display_matrix)
@@ -266,7 +269,9 @@ class VideoSink:
                 f"--pix-fmt {wanted} halves an odd size, which {self._encoder} cannot do for {self._name} at "
                 f"{self._info.width}x{self._info.height}; use yuv444p, or crop to an even size."
             )
-        found, loss = find_best_pix_fmt_of_list(fitting, wanted)
+        keeps_alpha = encodes_alpha(self._encoding, self._format) and has_alpha(wanted)
+        fitting = [name for name in fitting if has_alpha(name) or not keeps_alpha] or fitting
+        found, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
         if found is None:
             raise OutputError(f"{self._name} cannot hold {wanted} with {self._encoder}; choose another --codec.")
         width, height = self._info.width, self._info.height
@@ -309,10 +314,10 @@ class VideoSink:
 
     def _picture(self, frame: Frame) -> av.VideoFrame:
         """Return the frame as the encoder wants it, from the decoder's own picture where there is one."""
-        if frame.image.shape[2] == 4 and not self._alpha_dropped:
+        if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(self._pixel_format):
             self._alpha_dropped = True
             self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")
-        return as_picture(
+        picture = as_picture(
             frame,
             self._pixel_format,
             self._color_space,
@@ -321,6 +326,12 @@ class VideoSink:
             reformatter=self._reformatter,
             keeps_original=self._traits is not None,
         )
+        if picture is not frame.original:  # ProRes looks here and not at the encoder's context
+            assert self._video is not None
+            context = self._video.codec_context
+            picture.colorspace, picture.color_range = context.colorspace, context.color_range
+            picture.color_primaries, picture.color_trc = context.color_primaries, context.color_trc
+        return picture
 
     def _mux(self, packets: list[av.Packet[Any]]) -> None:
         """Hand packets to the file, one behind, since the last one's duration is known only at the end."""
@@ -429,8 +440,9 @@ def _explain(error: Exception, name: str) -> str:
 def _traits_of_image(image: Image | None) -> VideoTraits:
     """What to write for images, which carry no tags: BT.709, limited range, 4:2:0, 10 bits for deep images."""
     deep = image is not None and image.dtype != np.uint8
+    transparent = image is not None and image.shape[2] in (2, 4)
     return VideoTraits(
-        pixel_format="yuv420p10le" if deep else "yuv420p",
+        pixel_format=("yuva420p" if transparent else "yuv420p") + ("10le" if deep else ""),
         color_space=BT709,
         tagged_color_space=BT709,
         color_range=LIMITED_RANGE,

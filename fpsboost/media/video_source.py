@@ -22,13 +22,15 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range, to_bgr
+from fpsboost.media.ycc import chroma_location_of, color_space_of, has_alpha, is_full_range, to_bgr, to_bgra
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 HIGHEST_RATE = 1000
 ASSUMED_RATE = Fraction(25)
 DEMUX_RETRIES = 10
+
+decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,8 @@ class VideoSource:
     for_images : bool
         For targets that hold pictures and nothing else: turn them upright as the file's display matrix says, and remark
         what is left behind. Decodes the first picture at once to know the size; frames keep no decoder's picture.
+    keeps_alpha : bool
+        Yield BGRA where the file has alpha; it is left out otherwise, with a remark.
 
     Raises
     ------
@@ -92,9 +96,9 @@ class VideoSource:
         picture's size or pixel format changes.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, for_images: bool = False) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, for_images: bool = False, keeps_alpha: bool = False) -> None:
         self._name = os.fspath(path)
-        self._for_images = for_images
+        self._for_images, self._keeps_alpha = for_images, keeps_alpha
         self.path = Path(path)
         self._container = open_video(self.path, self._name)
         try:
@@ -221,14 +225,17 @@ class VideoSource:
         yield from self._pictures
 
     def _decode(self) -> Generator[av.VideoFrame, None, None]:
-        hidden_alpha = False
+        seeing: av.VideoCodecContext | None = None
+        hidden_alpha = self._stream.metadata.get("alpha_mode") == "1"
+        if hidden_alpha and not self._keeps_alpha:
+            self._remarks.append(lost_alpha_remark(self._name))
+        elif hidden_alpha and self._stream.codec_context.name in decoders_of_hidden_alpha:
+            # VP8 and VP9 keep alpha beside the picture, where FFmpeg's own decoders do not look
+            name = decoders_of_hidden_alpha[self._stream.codec_context.name]
+            seeing = cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
         for packet in self._packets():
-            # VP8 and VP9 keep alpha beside the picture, where the decoder does not look.
-            if not hidden_alpha and packet.has_sidedata("matroska_block_additional"):
-                hidden_alpha = self._stream.metadata.get("alpha_mode") == "1"
-                self._remarks += [f"{self._name} has an alpha channel, which was left out."] * hidden_alpha
             try:
-                pictures = packet.decode()
+                pictures = packet.decode() if seeing is None else seeing.decode(packet if packet.size else None)
             except av.error.EOFError:
                 continue
             except av.error.FFmpegError:
@@ -258,7 +265,8 @@ class VideoSource:
 
     def _convert(self, picture: av.VideoFrame) -> Image:
         try:
-            return to_bgr(picture, self._reformatter)
+            with_alpha = self._keeps_alpha and has_alpha(picture.format.name)
+            return (to_bgra if with_alpha else to_bgr)(picture, self._reformatter)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{self._name} has the pixel format {picture.format.name}, which cannot be converted to BGR; "
@@ -305,8 +313,8 @@ class VideoSource:
         interlaced = picture.interlaced_frame
         if interlaced:
             self._remarks.append(interlaced_remark(self._name))
-        if any(component.is_alpha for component in picture.format.components):
-            self._remarks.append(f"{self._name} has an alpha channel, which was left out.")
+        if has_alpha(picture.format.name) and not self._keeps_alpha:
+            self._remarks.append(lost_alpha_remark(self._name))
         aspect = _fraction(self._stream.sample_aspect_ratio)
         try:
             color_space = color_space_of(picture)
@@ -401,6 +409,14 @@ def assumed_rate_remark(name: str) -> str:
 def interlaced_remark(name: str) -> str:
     """What to say of a clip with two fields in one picture."""
     return f"{name} is interlaced and its fields were taken as whole pictures; deinterlace it first for smooth motion."
+
+
+def lost_alpha_remark(name: str) -> str:
+    """What to say of alpha that the target cannot hold, and what can."""
+    return (
+        f"{name} has an alpha channel, which was left out; a .webm, images as .png, or --codec prores_ks in a .mov "
+        "keep it."
+    )
 
 
 def lost_companions_remark(name: str, companions: Sequence[str], target: str) -> str:
