@@ -109,6 +109,18 @@ def test_a_gif_of_few_colours_is_exact(tmp_path):
             assert np.array_equal(back[opaque][:, :3], image[opaque][:, :3])
 
 
+def test_few_and_many_colours_in_turns(tmp_path):
+    """Frames that fit a palette and others follow each other, at a width whose rows FFmpeg would pad."""
+    images = []
+    for index in range(12):
+        image = scene(index, 150, 200)
+        images.append(image if index % 2 else image // 64 * 64)
+    write(tmp_path / "out.gif", images)
+    for image, seen in zip(images, read_animation(tmp_path / "out.gif"), strict=True):
+        assert np.abs(seen.image[..., :3].astype(float) - image).mean() < 4
+        assert np.unique(image.reshape(-1, 3), axis=0).shape[0] > 256 or np.array_equal(seen.image[..., :3], image)
+
+
 def test_a_gif_of_many_colours_is_near(tmp_path):
     """A palette for each frame keeps smooth colours within a few levels, and an opaque clip stays opaque."""
     images = [scene(index) for index in range(4)]

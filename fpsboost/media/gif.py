@@ -171,7 +171,9 @@ class GifWriter:
         if graph is None:
             graph = self._graphs[transparent] = _palette_graph(picture, transparent)
         graph.push(picture)
-        return cast(av.VideoFrame, graph.pull())
+        chosen: Any = cast(av.VideoFrame, graph.pull()).to_ndarray()
+        # the encoder takes the padding of its first frame's rows for that of all, and writes past its memory otherwise
+        return av.VideoFrame.from_ndarray(chosen, format="pal8")
 
 
 def _repeats(plays: int) -> bytes:
@@ -210,8 +212,9 @@ def _open_encoder(image: Image) -> av.VideoCodecContext:
     encoder = av.CodecContext.create("gif", "w")
     encoder.height, encoder.width = image.shape[:2]
     encoder.pix_fmt, encoder.time_base = "pal8", Fraction(1, CLOCK)
-    # where there is alpha, frames are whole pictures; else only what changed is written
-    flags = "offsetting+transdiff" if image.shape[2] < 4 else "0"
+    # where there is alpha, frames are whole pictures; else the rectangle that changed is written ("transdiff", which
+    # leaves out single pixels, gets some of them wrong where palettes change, and saves nothing under dithering)
+    flags = "offsetting" if image.shape[2] < 4 else "0"
     encoder.options = {"global_palette": "0", "gifflags": flags}
     return encoder
 
