@@ -37,6 +37,7 @@ EXAMPLES = """
     fpsboost shot_####.png out.mp4 --input-fps 24  images to video
     fpsboost in.mp4 out/ --method nlm-exhaustive  the report's method, as images
     fpsboost a.mp4 b.mov renders/ out/            several, each by its name into a folder
+    fpsboost in.gif out.webp                      animations: gif, apng, webp
     fpsboost probe in.mp4                         what a clip is
     ffmpeg -i in.avi -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
     fpsboost compare in.mp4 --report page/        which method is best for a clip
@@ -120,9 +121,11 @@ def convert(
     Parameters
     ----------
     input
-        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png; or - for YUV4MPEG2 from a pipe.
+        A video file, an animation (gif, apng, webp), a folder of images, or a pattern: shot_%04d.png, shot_####.png; or
+        - for YUV4MPEG2 from a pipe.
     output
-        The same. Video: mp4, m4v, mov, mkv or webm. For several inputs a folder, made if it is missing.
+        The same. Video: mp4, m4v, mov, mkv or webm; animation: gif, apng or webp. For several inputs a folder, made
+        if it is missing.
     more
         Further names; the last one is the folder.
     factor
@@ -215,7 +218,7 @@ def convert(
     from fpsboost.cli_many import convert_each  # noqa: PLC0415
     from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
     from fpsboost.media.excerpt import Excerpt  # noqa: PLC0415
-    from fpsboost.media.opening import makes_video  # noqa: PLC0415
+    from fpsboost.media.opening import makes_animation, makes_video  # noqa: PLC0415
     from fpsboost.media.reading import Reading  # noqa: PLC0415
     from fpsboost.memory_limit import parse_memory  # noqa: PLC0415
     from fpsboost.method_table import configure, find_method  # noqa: PLC0415
@@ -264,7 +267,8 @@ def convert(
 
     def run(input: str, output: str, place: str = "") -> None:
         if encoding.given and not makes_video(output):
-            raise OptionError(f"{output} will be images, which take no {' or '.join(encoding.given)}; leave that out.")
+            kind = "an animation, which takes" if makes_animation(output) else "images, which take"
+            raise OptionError(f"{output} will be {kind} no {' or '.join(encoding.given)}; leave that out.")
         called = "standard output" if output == PIPE else output
         with Reporter(place + called, quiet=quiet, verbose=verbose) as reporter:
             reporter.say_settings(method, interpolator)

@@ -28,6 +28,7 @@ TILED, DEEP, SEVERAL_PARTS = 0x200, 0x800, 0x1000
 
 Precision = Literal["uint", "half", "float"]
 _precisions: tuple[Precision, ...] = ("uint", "half", "float")
+_kept_attributes = ("chromaticities", "whiteLuminance", "pixelAspectRatio")
 _lines_per_chunk = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256, 11: 32}
 """By compression, as numbered in the format."""
 
@@ -83,6 +84,26 @@ def read_exr_header(path: Path) -> ExrHeader:
     return _parse(_content(path), path)
 
 
+def read_exr_attributes(path: Path) -> dict[str, tuple[float, ...]]:
+    """Read what a file says of its colours and of the shape of its pixels: what `encode_exr` takes.
+
+    Raises
+    ------
+    InputError
+        As `read_exr_header`.
+    """
+    data = _content(path)
+    _parse(data, path)
+    attributes, _ = _attributes(data)
+    found = {name: attributes[name] for name in _kept_attributes if name in attributes}
+    values = {
+        name: struct.unpack(f"<{len(value) // 4}f", value) for name, value in found.items() if len(value) % 4 == 0
+    }
+    if values.get("pixelAspectRatio") == (1.0,):  # which every file says
+        del values["pixelAspectRatio"]
+    return values
+
+
 def read_exr(
     path: Path,
     choose: Callable[[Collection[str]], Collection[str]] = lambda names: names,
@@ -134,7 +155,12 @@ def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], *, half: bool = 
         path.write_bytes(data)
 
 
-def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> bytes:
+def encode_exr(
+    channels: Mapping[str, NDArray[Any]],
+    *,
+    half: bool = True,
+    attributes: Collection[tuple[str, tuple[float, ...]]] = (),
+) -> bytes:
     """Turn planes into the content of a file: scanlines, compressed without loss (ZIP).
 
     Parameters
@@ -144,6 +170,8 @@ def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> by
     half : bool
         Store 16 bits a number, which hold about three digits and end at 65504 (what is larger becomes infinity),
         instead of float32.
+    attributes : collection of (str, tuple of float)
+        What else the header is to say, as `read_exr_attributes` gives it.
 
     Returns
     -------
@@ -156,7 +184,8 @@ def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> by
             name: np.ascontiguousarray(plane, np.float16 if half else np.float32) for name, plane in channels.items()
         }
     stream = io.BytesIO()
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header |= {name: values[0] if len(values) == 1 else values for name, values in attributes}
     with OpenEXR.File(header, planes) as file:
         file.write(stream)
     return stream.getvalue()

@@ -24,7 +24,15 @@ from fpsboost.media import FrameSink, FrameSource, Resuming, Waiting
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
 from fpsboost.media.images import ImageSource
-from fpsboost.media.opening import cut_out, describe_job, makes_video, open_sink, open_source
+from fpsboost.media.opening import (
+    cut_out,
+    describe_job,
+    holds_alpha,
+    makes_animation,
+    makes_video,
+    open_sink,
+    open_source,
+)
 from fpsboost.media.reading import Reading
 from fpsboost.media.video_source import VideoSource
 from fpsboost.memory_limit import MemoryLimit
@@ -135,8 +143,8 @@ def convert(
     Parameters
     ----------
     input, output : str
-        Each a video file, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``), or ``-`` for
-        YUV4MPEG2 from standard input or to standard output.
+        Each a video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``,
+        ``shot_####.png``), or ``-`` for YUV4MPEG2 from standard input or to standard output.
     factor : Fraction or int, optional
         Output frames per source frame; 2 where neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
@@ -190,11 +198,19 @@ def convert(
     check_choice("--duplicates", duplicates, get_args(Duplicates))
     pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion)
     interpolator = find_method(method) if isinstance(method, str) else method
+    encoding = encoding or Encoding()
     to_video = makes_video(output)
     excerpt = excerpt or Excerpt()
-    needs_rate = to_video or fps is not None or excerpt.needs_rate
+    is_file = to_video or makes_animation(output)
     with open_source(
-        input, _fraction(input_fps), needs_rate=needs_rate, for_images=not to_video, reading=reading, limit=limit
+        input,
+        _fraction(input_fps),
+        needs_rate=is_file or fps is not None or excerpt.needs_rate,
+        for_images=not to_video,
+        keeps_alpha=holds_alpha(output, encoding),
+        upright=is_file,
+        reading=reading,
+        limit=limit,
     ) as whole:
         may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
         source = cut_out(whole, excerpt, may_skip=may_skip, stretch=pace.stretch)

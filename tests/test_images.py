@@ -20,7 +20,7 @@ from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import images
 from fpsboost.media.image_files import read_image
-from fpsboost.media.images import ImageSink, ImageSource
+from fpsboost.media.images import ImageFile, ImageSink, ImageSource
 from fpsboost.media.numbering import is_pattern
 from fpsboost.sequence import Numbering
 
@@ -166,7 +166,8 @@ def test_frames_and_info(tmp_path: Path) -> None:
         for _ in range(2):
             frames = list(source)
             assert [frame.time for frame in frames] == [0, 1 / RATE, 2 / RATE]
-            assert all(frame.duration == 1 / RATE and frame.original is None for frame in frames)
+            assert all(frame.duration == 1 / RATE for frame in frames)
+            assert [frame.original for frame in frames] == [ImageFile(file) for file in source.files]
             assert all(np.array_equal(frame.image, make_image(seed=i)) for i, frame in enumerate(frames))
     assert source.remarks == []
 

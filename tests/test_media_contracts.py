@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from animation_truth import write_animation
 from video_truth import packets_of, scene, write_clip, write_stream
 
 from fpsboost.errors import FpsboostError, InputError, OutputError
@@ -25,6 +26,11 @@ RATE = Fraction(24)
 COUNT = 6
 UNEVEN = (0, 3, 4, 9, 10, 16)
 GOOD_VP9 = {"crf": "4", "b": "0", "deadline": "realtime", "cpu-used": "8"}
+
+
+def scenes() -> list[np.ndarray]:
+    return [scene(index) for index in range(COUNT)]
+
 
 # How to make a clip of each kind in a folder: the path to open, and the type of its pixels.
 sources: dict[str, Callable[..., tuple[Path, type]]] = {
@@ -56,6 +62,9 @@ sources: dict[str, Callable[..., tuple[Path, type]]] = {
         save(folder, "shot_{:04d}.tif", COUNT, np.uint16) and folder / "shot_####.tif",
         np.uint16,
     ),
+    "gif": lambda folder, _: (write_animation(folder / "in.gif", scenes()), np.uint8),
+    "apng": lambda folder, _: (write_animation(folder / "in.png", scenes()), np.uint8),
+    "webp": lambda folder, _: (write_animation(folder / "in.webp", scenes()), np.uint8),
     "pipe": lambda folder, _: (write_stream(folder / "in.y4m", COUNT), np.uint8),
     "deep pipe": lambda folder, _: (write_stream(folder / "in.y4m", COUNT, "420p10"), np.uint16),
     "exr folder": lambda folder, save: (
@@ -197,6 +206,9 @@ targets = {
     "mov": ("out.mov", False),
     "mkv": ("out.mkv", False),
     "webm": ("out.webm", False),
+    "gif": ("out.gif", False),
+    "apng": ("out.apng", False),
+    "webp": ("out.webp", False),
     "new folder": ("frames", False),
     "empty folder": ("frames", True),
     "png pattern": ("out_####.png", False),
@@ -273,7 +285,7 @@ def visible(folder: Path) -> list[str]:
 
 
 def frames_of(path: Path) -> int:
-    with open_source(str(path), None if path.suffix in (".mp4", ".mov", ".mkv", ".webm") else RATE) as source:
+    with open_source(str(path), None if path.is_file() else RATE) as source:
         return len(list(source))
 
 
@@ -376,7 +388,7 @@ def test_without_frames_there_is_no_output(source_path, target, tmp_path, snapsh
     assert snapshot(tmp_path) == before
 
 
-@pytest.mark.parametrize("name", ["out.mp4", "out.mkv", "frames", "out_####.png"])
+@pytest.mark.parametrize("name", ["out.mp4", "out.mkv", "out.gif", "frames", "out_####.png"])
 def test_a_missing_folder_is_named(source_path, tmp_path, name):
     """The folder of the output must exist; the message says which one does not."""
     with pytest.raises(OutputError, match=r"none.* does not exist"):
@@ -385,23 +397,31 @@ def test_a_missing_folder_is_named(source_path, tmp_path, name):
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize("kind", ["video", "video by link", "folder", "folder by link", "pattern"])
+@pytest.mark.parametrize(
+    "kind",
+    ["video", "video by link", "animation", "animation by link", "folder", "folder by link", "pattern", "one image"],
+)
 def test_the_source_is_never_the_target(tmp_path, save_images, snapshot, kind, overwrite):
     """Writing over what is being read is refused, also with `overwrite` and under another name for it."""
     path = tmp_path / "in"
     if kind.startswith("video"):
         path.mkdir()
         path = write_clip(path / "in.mp4", times=range(COUNT))
+    elif kind.startswith("animation"):
+        path.mkdir()
+        path = write_animation(path / "in.webp", scenes())
     else:
-        save_images(path, count=COUNT)
+        save_images(path, "shot_{:04d}.webp" if kind == "one image" else "shot_{:04d}.png", count=COUNT)
     same = path
     if kind.endswith("link"):
         same = tmp_path / f"link{path.suffix}"
         same.symlink_to(path)
     elif kind == "pattern":
         path = same = path / "shot_%04d.png"
+    elif kind == "one image":
+        same = path / "shot_0002.webp"
     before = snapshot(tmp_path)
-    source = open_source(str(path), None if kind.startswith("video") else RATE)
+    source = open_source(str(path), None if path.is_file() else RATE)
     timing = OutputTiming(RATE, 1 / RATE)
     with source, pytest.raises(OutputError, match=r"input"):
         open_sink(
@@ -411,10 +431,10 @@ def test_the_source_is_never_the_target(tmp_path, save_images, snapshot, kind, o
 
 
 def test_sinks_say_whether_the_last_frame_lasts(source_path, target):
-    """Videos show their last frame for its duration; image sequences end with it."""
+    """Videos and animations show their last frame for its duration; image sequences end with it."""
     source, sink = open_pair(source_path, target)
     with source:
-        assert sink.holds_last_frame == (target[0] in ("mp4", "mov", "mkv", "webm"))
+        assert sink.holds_last_frame == (target[0] in ("mp4", "mov", "mkv", "webm", "gif", "apng", "webp"))
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv", ".webm"])

@@ -5,14 +5,18 @@ from __future__ import annotations
 from fractions import Fraction
 
 import pytest
-from video_truth import write_clip
+from animation_truth import write_animation
+from video_truth import scene, write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.media import OutputTiming
+from fpsboost.media.animation import ANIMATION_SUFFIXES
+from fpsboost.media.animation_sink import AnimationSink
+from fpsboost.media.animation_source import AnimationSource
 from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.images import ImageSink, ImageSource
-from fpsboost.media.opening import ASSUMED_IMAGE_RATE, makes_video, open_sink, open_source
+from fpsboost.media.opening import ASSUMED_IMAGE_RATE, makes_animation, makes_video, open_sink, open_source
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 
@@ -23,6 +27,7 @@ from fpsboost.media.video_source import VideoSource
         *((f"out{suffix}", True) for suffix in VIDEO_SUFFIXES),
         *((f"OUT{suffix.upper()}", True) for suffix in VIDEO_SUFFIXES),
         *((f"out_####{suffix}", False) for suffix in IMAGE_SUFFIXES),
+        *((f"out{suffix}", False) for suffix in ANIMATION_SUFFIXES),
         ("take #2.mp4", True),
         ("100%done.mkv", True),
         ("-x.mp4", True),
@@ -35,6 +40,7 @@ from fpsboost.media.video_source import VideoSource
 def test_what_an_output_path_names(path, expected):
     """The ending decides between video and images, in capitals too; patterns and folders are images."""
     assert makes_video(path) is expected
+    assert makes_animation(path) is (path in {f"out{suffix}" for suffix in ANIMATION_SUFFIXES})
 
 
 def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
@@ -45,25 +51,27 @@ def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
         open_source(str(tmp_path / "clip.mp4"), Fraction(24))
 
 
-@pytest.mark.parametrize("name", ["out.gif", "out.avi", "out.txt", "out.mp4.bak", "shot_%d.hdr"])
+@pytest.mark.parametrize("name", ["out.avi", "out.txt", "out.mp4.bak", "shot_%d.hdr"])
 def test_unknown_endings(name):
     """What cannot be written is an OptionError that lists what can."""
     with pytest.raises(OptionError, match=rf"{name} has an ending .*\.mp4.*\.webm.*folder"):
         makes_video(name)
 
 
-@pytest.mark.parametrize("suffix", IMAGE_SUFFIXES)
+@pytest.mark.parametrize("suffix", sorted({*IMAGE_SUFFIXES} - {*ANIMATION_SUFFIXES}))
 def test_a_single_image_is_no_output(suffix):
     """One image cannot hold a clip; the message shows the pattern that would."""
     with pytest.raises(OptionError, match=rf"out{suffix} would be a single image; .* shot_####{suffix}"):
         makes_video(f"out{suffix}")
 
 
-def test_a_single_image_is_no_input(tmp_path, save_images):
-    """One image is named, with what to give instead."""
+@pytest.mark.parametrize("suffix", [".png", ".webp", ".tif", ".apng"])
+def test_a_single_image_is_no_input(tmp_path, save_images, suffix):
+    """One image is named, with what to give instead, also where the file could be an animation."""
     save_images(tmp_path, count=1)
-    with pytest.raises(InputError, match=r"shot_0001\.png is a single image; give its folder, or a pattern"):
-        open_source(str(tmp_path / "shot_0001.png"))
+    path = (tmp_path / "shot_0001.png").rename(tmp_path / f"one{suffix}")
+    with pytest.raises(InputError, match=rf"one{suffix} is a single image; give its folder, or a pattern"):
+        open_source(str(path))
 
 
 def test_rates_of_images(tmp_path, save_images):
@@ -98,9 +106,14 @@ def test_kinds_of_sources_and_sinks(tmp_path, save_images):
     timing = OutputTiming(Fraction(25), Fraction(1, 25))
     for path, kind in ((tmp_path / "in", ImageSource), (tmp_path / "in" / "shot_####.png", ImageSource)):
         assert isinstance(open_source(str(path), Fraction(25)), kind)
+    for name in ("in.gif", "in.png", "in.apng", "in.webp"):
+        with open_source(str(write_animation(tmp_path / name, [scene(0), scene(1)]))) as source:
+            assert isinstance(source, AnimationSource)
+    kinds = {"out.mp4": VideoSink, "out": ImageSink, "out_%03d.jpg": ImageSink}
+    kinds |= {"out.gif": AnimationSink, "OUT.APNG": AnimationSink, "out.webp": AnimationSink, "o_##.webp": ImageSink}
     with open_source(str(clip)) as source:
         assert isinstance(source, VideoSource)
-        for name, kind in (("out.mp4", VideoSink), ("out", ImageSink), ("out_%03d.jpg", ImageSink)):
+        for name, kind in kinds.items():
             sink = open_sink(
                 str(tmp_path / name),
                 source=source,

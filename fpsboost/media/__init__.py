@@ -1,8 +1,8 @@
 """Where frames come from and go to.
 
 Two contracts, `FrameSource` and `FrameSink`. `fpsboost.media.opening` picks an implementation by looking at a path,
-which names a video file, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``), or a pipe
-(``-``).
+which names a video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``),
+or a pipe (``-``).
 """
 
 from __future__ import annotations

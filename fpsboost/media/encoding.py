@@ -14,6 +14,7 @@ from av.codec.codec import Capabilities, UnknownCodecError
 from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError
+from fpsboost.media.ycc import has_alpha
 
 containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}
 """FFmpeg's name of the container by suffix."""
@@ -227,6 +228,29 @@ def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, 
     return encoder, _joined(options, encoding.encoder_options)
 
 
+def encodes_alpha(encoding: Encoding, container: str) -> bool:
+    """Whether what is asked for can hold alpha: encoder, pixel format and container.
+
+    Parameters
+    ----------
+    encoding : Encoding
+        Of a codec that `choose_encoder` accepts; nothing else holds alpha.
+    container : str
+    """
+    asked = encoding.codec or ("vp9" if container == "webm" else "h264")
+    encoder = encoders[asked.lower()].name if asked.lower() in encoders else asked
+    try:
+        offered = pixel_formats(av.Codec(encoder, "w"))
+    except UnknownCodecError:
+        return False
+    if encoder.startswith("libvpx") and container not in ("webm", "matroska"):
+        return False  # there it stands beside the picture, where only these two look
+    if encoding.pixel_format is not None:
+        return encoding.pixel_format in offered and has_alpha(encoding.pixel_format)
+    # of HEVC's second layer few players and not even FFmpeg's containers know
+    return encoder != "libx265" and any(has_alpha(each) for each in offered)
+
+
 def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[str, str]:
     """Options for an encoder of the table."""
     crf = known.crf if encoding.crf is None else encoding.crf
@@ -311,7 +335,10 @@ def _check_encoder_options(codec: av.Codec, options: Sequence[tuple[str, str]]) 
 
 def pixel_formats(codec: av.Codec) -> list[str]:
     """Pixel formats that an encoder takes from memory; none where it does not say."""
-    return [item.name for item in codec.video_formats or () if item.components]  # those of a GPU have no components
+    names = [item.name for item in codec.video_formats or () if item.components]  # those of a GPU have no components
+    if codec.name.startswith("libvpx"):  # it lists more formats with alpha than it opens
+        return [name for name in names if name == "yuva420p" or not has_alpha(name)]
+    return names
 
 
 def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:

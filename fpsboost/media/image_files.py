@@ -1,7 +1,7 @@
 """One image file, read and encoded: PNG, TIFF, JPEG, WebP, BMP and OpenEXR, and what each of them can hold.
 
-Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha. What describes the
-pixels is not: colour profiles and other metadata end here, and an EXIF orientation is not applied. A palette becomes
+Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha. What describes
+them is read in `image_metadata`; an EXIF orientation is not applied, that of a TIFF is. A palette becomes
 colour, gray with alpha BGRA. Alpha in OpenEXR is associated (colours are multiplied by it), which is how the package
 takes all float images; values beyond black and white stay.
 
@@ -40,7 +40,7 @@ _types_kept = {
     ".bmp": (np.uint8,),
     ".exr": (np.float32,),
 }
-_keeps_alpha = (".png", ".tif", ".tiff", ".webp", ".exr")
+_types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr")
 _largest_side = {".jpg": 65500, ".jpeg": 65500, ".webp": 16383}
 _webp_keeps_hidden_colour = hasattr(cv2, "IMWRITE_WEBP_LOSSLESS_MODE")  # OpenCV 4.12 and later
 
@@ -168,6 +168,11 @@ def check_size(target: str, extension: str, info: ClipInfo) -> None:
         )
 
 
+def keeps_alpha(extension: str) -> bool:
+    """Whether a type of file, ``.png``, holds alpha."""
+    return extension in _types_with_alpha
+
+
 def check_format(path: Path, image: Image) -> None:
     """Raise `OutputError` where a type of file cannot hold the image's type or its alpha."""
     extension = path.suffix.lower()
@@ -175,7 +180,7 @@ def check_format(path: Path, image: Image) -> None:
         other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
         kind = type_names[image.dtype]
         raise OutputError(f"{path.name} cannot hold {kind} images; use {other}, as in shot_######{other[-4:]}.")
-    if image.shape[2] == 4 and extension not in _keeps_alpha:
+    if image.shape[2] == 4 and not keeps_alpha(extension):
         raise OutputError(f"{path.name} cannot hold alpha; use .png or .tif, as in shot_######.png.")
 
 
@@ -202,7 +207,9 @@ def losses(path: Path, image: Image) -> list[str]:
     return []
 
 
-def encode_image(path: Path, image: Image, *, half: bool = True) -> bytes:
+def encode_image(
+    path: Path, image: Image, *, half: bool = True, attributes: Collection[tuple[str, tuple[float, ...]]] = ()
+) -> bytes:
     """Turn an image into the content of a file.
 
     Parameters
@@ -213,6 +220,8 @@ def encode_image(path: Path, image: Image, *, half: bool = True) -> bytes:
         Of a type that `check_format` lets pass.
     half : bool
         Write OpenEXR with 16 bits a number instead of 32.
+    attributes : collection of (str, tuple of float)
+        What else an OpenEXR file is to say; see `fpsboost.exr.encode_exr`.
 
     Raises
     ------
@@ -222,7 +231,7 @@ def encode_image(path: Path, image: Image, *, half: bool = True) -> bytes:
     extension = path.suffix.lower()
     if extension == ".exr":
         names = {1: "Y", 2: "YA", 3: "BGR", 4: "BGRA"}[image.shape[2]]
-        return encode_exr({name: image[..., i] for i, name in enumerate(names)}, half=half)
+        return encode_exr({name: image[..., i] for i, name in enumerate(names)}, half=half, attributes=attributes)
     try:
         done, data = cv2.imencode(extension, image, _options(extension, image))
     except cv2.error:

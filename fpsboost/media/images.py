@@ -7,14 +7,14 @@ import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
-from fpsboost.frame import ClipInfo, Frame, describe
+from fpsboost.frame import ClipInfo, Frame, Image, describe
 from fpsboost.media.image_files import (
     IMAGE_SUFFIXES,
     check_format,
@@ -26,12 +26,28 @@ from fpsboost.media.image_files import (
     read_image,
     unread_channels,
 )
+from fpsboost.media.image_metadata import (
+    ImageMetadata,
+    can_pass,
+    content_of,
+    lost_metadata,
+    read_metadata,
+    upright,
+    with_metadata,
+)
 from fpsboost.media.numbering import is_pattern, scan_folder
 from fpsboost.media.unfinished import Job, Unfinished, hidden_place, note_on_resuming, sync, write_safely
 from fpsboost.memory_limit import MemoryLimit
 from fpsboost.sequence import Numbering, find_without_gap
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
+
+
+@dataclass(frozen=True)
+class ImageFile:
+    """The file that a frame was read from: its `Frame.original`."""
+
+    path: Path
 
 
 class ImageSource:
@@ -46,6 +62,8 @@ class ImageSource:
         Frames per second; images do not say.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
+    upright : bool
+        Turn images as their EXIF orientation says, for targets that cannot say it; frames then have no original.
 
     Attributes
     ----------
@@ -71,7 +89,7 @@ class ImageSource:
         that differs from the first in size or type.
     """
 
-    def __init__(self, path: str, rate: Fraction, limit: MemoryLimit | None = None) -> None:
+    def __init__(self, path: str, rate: Fraction, *, upright: bool = False, limit: MemoryLimit | None = None) -> None:
         if rate <= 0:
             raise OptionError(f"The frame rate of images must be above 0, not {rate}.")
         place = Path(path)
@@ -92,8 +110,8 @@ class ImageSource:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
         number = None if self.numbering is None else self.numbering.number_in(self.files[0].name)
         self.first_number = 1 if number is None else number
-        self._limit = limit or MemoryLimit()
-        first = read_image(self.files[0], self._limit)
+        self._upright, self._limit = upright, limit or MemoryLimit()
+        first = self._read(self.files[0])
         self.needs_float = needs_float(self.files[0], first)
         self._unread = unread_channels(self.files[0])
         height, width, _ = first.shape
@@ -111,7 +129,7 @@ class ImageSource:
     def __iter__(self) -> Iterator[Frame]:
         first = None
         for index, path in enumerate(self.files):
-            image = read_image(path, self._limit)
+            image = self._read(path)
             if first is None:
                 first = image
             if image.shape != first.shape or image.dtype != first.dtype:
@@ -119,7 +137,12 @@ class ImageSource:
                     f"{path} ({describe(image)}) is unlike {self.files[0]} ({describe(first)}); "
                     "make all images one size and type."
                 )
-            yield Frame(image, index / self.info.rate, 1 / self.info.rate)
+            original = None if self._upright else ImageFile(path)
+            yield Frame(image, index / self.info.rate, 1 / self.info.rate, original)
+
+    def _read(self, path: Path) -> Image:
+        image = read_image(path, self._limit)
+        return upright(image, read_metadata(path).orientation) if self._upright else image
 
     def keep(self, first: int, last: int | None) -> None:
         """Read only the files from one place to before another.
@@ -194,6 +217,7 @@ class ImageSink:
         self._overwrite = overwrite
         self._half = source is None or not source.needs_float
         self._next = 1 if source is None else source.first_number
+        self._metadata = None if source is None else read_metadata(source.files[0])
         self._names: list[str] = []
         self._frames_there = 0
         self._remarks: list[str] = []
@@ -328,11 +352,26 @@ class ImageSink:
         check_format(path, frame.image)
         self._remarks += [remark for remark in losses(path, frame.image) if remark not in self._remarks]
         if len(self._names) >= self._frames_there:
-            data = encode_image(path, frame.image, half=self._half)
+            data = self._content(path, frame)
             with explained(OutputError, "write", path, "check the free space and the permissions"):
                 write_safely(self._unfinished.staged / path.name, data)
         self._names.append(path.name)
         self._next += 1
+
+    def _content(self, path: Path, frame: Frame) -> bytes:
+        """A frame that passes into a file of its own type as that file, to the byte; others with what it says."""
+        if isinstance(frame.original, ImageFile):
+            source = frame.original.path
+            self._metadata = read_metadata(source)
+            is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
+            if is_same and can_pass(source) and not unread_channels(source):
+                return content_of(source)
+        metadata, extension = self._metadata or ImageMetadata(), extension_of(path.name)
+        for lost in lost_metadata(extension, metadata, frame.image.shape[2]):
+            remark = f"{self._path} cannot hold the {lost} of its source; left out."
+            self._remarks += [remark] * (remark not in self._remarks)
+        data = encode_image(path, frame.image, half=self._half, attributes=metadata.attributes)
+        return with_metadata(extension, data, metadata, frame.image.shape[2])
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -377,6 +416,11 @@ class ImageSink:
         self._unfinished.close(keep=keep or self._replaced.exists())
         if keep and error is not None:
             error.add_note(note_on_resuming(count, self._frame_count))
+
+
+def _one_name(extension: str) -> str:
+    """The shorter of two names that stand for one type of file."""
+    return {".jpeg": ".jpg", ".tiff": ".tif"}.get(extension, extension)
 
 
 def _name_in_folder(folder: Path, source: ImageSource | None, frame_count: int | None) -> Numbering:

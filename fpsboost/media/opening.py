@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from fractions import Fraction
 from importlib.metadata import version
 from pathlib import Path
@@ -12,9 +13,12 @@ from typing import Any
 from fpsboost import __version__
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
-from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.media.animation import ANIMATION_SUFFIXES
+from fpsboost.media.animation_sink import AnimationSink
+from fpsboost.media.animation_source import AnimationSource, animation_format
+from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding, containers, encodes_alpha
 from fpsboost.media.excerpt import Excerpt, ExcerptSource, Window
-from fpsboost.media.image_files import IMAGE_SUFFIXES
+from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.media.images import ImageSink, ImageSource
 from fpsboost.media.numbering import is_pattern
 from fpsboost.media.pipe import PipeSink, PipeSource
@@ -41,13 +45,15 @@ def open_source(
     for_images: bool = False,
     reading: Reading | None = None,
     limit: MemoryLimit | None = None,
+    keeps_alpha: bool = False,
+    upright: bool = False,
 ) -> FrameSource:
     """Open a clip for reading.
 
     Parameters
     ----------
     path : str
-        A video file, a folder of images, a pattern of images, or ``-`` for YUV4MPEG2 from standard input.
+        A video file, an animation, a folder of images, a pattern of images, or ``-`` for YUV4MPEG2 from standard input.
     input_fps : Fraction, optional
         Frames per second of images.
     needs_rate : bool
@@ -58,6 +64,10 @@ def open_source(
         How a video file is read.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
+    keeps_alpha : bool
+        The target can hold alpha.
+    upright : bool
+        Turn images as their EXIF orientation says, because the target will not be images.
 
     Returns
     -------
@@ -75,7 +85,7 @@ def open_source(
     if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
     with explained(InputError, "read", path, "check the name and the permissions"):
-        return _open_source(path, input_fps, needs_rate, for_images, reading, limit)
+        return _open_source(path, input_fps, needs_rate, for_images, keeps_alpha, upright, reading, limit)
 
 
 def _open_source(
@@ -83,6 +93,8 @@ def _open_source(
     input_fps: Fraction | None,
     needs_rate: bool,
     for_images: bool,
+    keeps_alpha: bool,
+    upright: bool,
     reading: Reading | None,
     limit: MemoryLimit | None,
 ) -> FrameSource:
@@ -97,16 +109,21 @@ def _open_source(
             raise OptionError(
                 f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
             )
-        return ImageSource(path, ASSUMED_IMAGE_RATE if input_fps is None else input_fps, limit)
+        rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
+        return ImageSource(path, rate, upright=upright, limit=limit)
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
     if Path(path).is_fifo():
         raise InputError(f"{path} is a named pipe, which can be read only once; give - and lead it there: < {path}.")
-    if Path(path).suffix.lower() in IMAGE_SUFFIXES:
+    is_animation = animation_format(Path(path)) is not None
+    if not is_animation and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     if input_fps is not None:
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
-    return VideoSource(path, for_images=for_images, reading=reading, limit=limit)
+    if is_animation:
+        _check_reading(reading, f"{path}, which is an animation", "leave it out")
+        return AnimationSource(path, keeps_alpha=keeps_alpha)
+    return VideoSource(path, for_images=for_images, keeps_alpha=keeps_alpha, reading=reading, limit=limit)
 
 
 def _check_reading(reading: Reading | None, what: str, advice: str) -> None:
@@ -130,7 +147,7 @@ def cut_out(
 
 
 def makes_video(path: str) -> bool:
-    """Whether an output path names a video file or a pipe rather than images.
+    """Whether an output path names a video file or a pipe rather than an animation or images.
 
     Raises
     ------
@@ -146,13 +163,29 @@ def makes_video(path: str) -> bool:
     suffix = Path(path).suffix.lower()
     if suffix in VIDEO_SUFFIXES:
         return True
+    if suffix in ANIMATION_SUFFIXES:
+        return False
     if suffix in IMAGE_SUFFIXES:
         raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
     if suffix:
-        raise OptionError(
-            f"{path} has an ending that cannot be written; choose {', '.join(VIDEO_SUFFIXES)}, or a folder for images."
-        )
+        known = ", ".join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)
+        raise OptionError(f"{path} has an ending that cannot be written; choose {known}, or a folder for images.")
     return False
+
+
+def makes_animation(path: str) -> bool:
+    """Whether an output path names an animation file."""
+    is_file = path not in PIPES and not is_pattern(path) and not Path(path).is_dir()
+    return is_file and Path(path).suffix.lower() in ANIMATION_SUFFIXES
+
+
+def holds_alpha(path: str, encoding: Encoding) -> bool:
+    """Whether an output can hold alpha."""
+    if path in PIPES:
+        return False
+    if makes_video(path):
+        return encodes_alpha(encoding, containers[Path(path).suffix.lower()])
+    return not is_pattern(path) or keeps_alpha(extension_of(path))
 
 
 def open_sink(
@@ -171,7 +204,7 @@ def open_sink(
     Parameters
     ----------
     path : str
-        A video file, a folder, a pattern of images, or ``-`` for YUV4MPEG2 to standard output.
+        A video file, an animation, a folder, a pattern of images, or ``-`` for YUV4MPEG2 to standard output.
     source : FrameSource
         The clip it is made from, whose size, naming, colour and other streams carry over.
     timing : OutputTiming
@@ -217,6 +250,11 @@ def open_sink(
                 window=window,
             )
     images = source if isinstance(source, ImageSource) else None
+    if makes_animation(path):
+        if job is not None and job.resume:
+            raise OptionError(f"--resume cannot go on with the animation {path}; leave it out.")
+        plays = source.plays if isinstance(source, AnimationSource) else 0
+        return AnimationSink(path, source.info, timing, plays=plays, inputs=_files_of(source), overwrite=overwrite)
     return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite, job=job)
 
 
@@ -238,11 +276,8 @@ def describe_job(source: FrameSource, *, resume: bool, **options: Any) -> Job | 
     InputError
         The source cannot be looked at any more.
     """
-    if isinstance(source, VideoSource):
-        files = [source.path]
-    elif isinstance(source, ImageSource):
-        files = source.files
-    else:
+    files = _files_of(source)
+    if not files:
         if resume:
             raise OptionError("--resume cannot read again what came through a pipe; name a file, or leave it out.")
         return None
@@ -251,3 +286,10 @@ def describe_job(source: FrameSource, *, resume: bool, **options: Any) -> Job | 
         versions = f"{__version__} with PyAV {version('av')}"  # another FFmpeg may encode differently
         facts = facts_of(input=place, input_files=facts_of_files(files), **options, fpsboost=versions)
     return Job(facts, resume)
+
+
+def _files_of(source: FrameSource) -> Sequence[Path]:
+    """The files that a source reads."""
+    if isinstance(source, ImageSource):
+        return source.files
+    return [source.path] if isinstance(source, AnimationSource | VideoSource) else []

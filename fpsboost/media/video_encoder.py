@@ -20,10 +20,10 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import OutputTiming
-from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, encoders, needs_hardware, pixel_formats
+from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, encoders, encodes_alpha, needs_hardware, pixel_formats
 from fpsboost.media.hdr import with_hdr
 from fpsboost.media.video_source import VideoTraits
-from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture
+from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
 
 class VideoEncoder:
@@ -78,6 +78,8 @@ class VideoEncoder:
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
         self.pixel_format = self._choose_pixel_format(traits)
+        if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
+            self._options["auto-alt-ref"] = "0"  # libvpx cannot hide frames of a picture and of its alpha alike
         if traits.sample_aspect_ratio not in (None, 1) and not self._keeps_pixel_shape():
             self.remarks.append(
                 f"{name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which {encoder} cannot say "
@@ -119,6 +121,10 @@ class VideoEncoder:
             reformatter=self._reformatter,
             keeps_original=self._keeps_original,
         )
+        if picture is not frame.original:  # ProRes looks here and not at the encoder's context
+            context = stream.codec_context
+            picture.colorspace, picture.color_range = context.colorspace, context.color_range
+            picture.color_primaries, picture.color_trc = context.color_primaries, context.color_trc
         # The same decoded picture may be written again at another time, so it gets its own labels back. The encoder
         # holds a reference of its own, with the labels of this moment.
         before = picture.pts, picture.duration, picture.time_base or time_base, picture.pict_type
@@ -216,7 +222,9 @@ class VideoEncoder:
                 f"--pix-fmt {wanted} halves an odd size, which {self._encoder} cannot do for {self._name} at "
                 f"{self._info.width}x{self._info.height}; use yuv444p, or crop to an even size."
             )
-        found, loss = find_best_pix_fmt_of_list(fitting, wanted)
+        keeps_alpha = encodes_alpha(self._encoding, self._format) and has_alpha(wanted)
+        fitting = [name for name in fitting if has_alpha(name) or not keeps_alpha] or fitting
+        found, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
         if found is None:
             raise OutputError(f"{self._name} cannot hold {wanted} with {self._encoder}; choose another --codec.")
         width, height = self._info.width, self._info.height
@@ -237,8 +245,9 @@ class VideoEncoder:
 def traits_of_image(image: Image | None) -> VideoTraits:
     """What to write for images, which carry no tags: BT.709, limited range, 4:2:0, 10 bits for deep images."""
     deep = image is not None and image.dtype != np.uint8
+    transparent = image is not None and image.shape[2] in (2, 4)
     return VideoTraits(
-        pixel_format="yuv420p10le" if deep else "yuv420p",
+        pixel_format=("yuva420p" if transparent else "yuv420p") + ("10le" if deep else ""),
         color_space=BT709,
         tagged_color_space=BT709,
         color_range=LIMITED_RANGE,

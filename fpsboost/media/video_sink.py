@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -35,12 +35,10 @@ from fpsboost.media.encoding import (
 from fpsboost.media.excerpt import Window
 from fpsboost.media.other_streams import check_streams
 from fpsboost.media.pipe import PipeSource
-from fpsboost.media.unfinished import Job, Unfinished, hidden_place, note_on_resuming
+from fpsboost.media.unfinished import Job, Unfinished, complete_already, hidden_place, note_on_resuming
 from fpsboost.media.video_encoder import VideoEncoder, traits_of_image
 from fpsboost.media.video_source import VideoSource, VideoTraits
-
-LONGEST_HINT = 50
-"""Letters of a file's name in that of its unfinished self."""
+from fpsboost.media.ycc import has_alpha
 
 
 class VideoSink:
@@ -106,7 +104,10 @@ class VideoSink:
         self._unfinished = Unfinished(
             hidden_place(self._path.parent, self._path.name), f"output{suffix}", self._name, job
         )
-        _check_target(self._path, self._name, file, overwrite, self._unfinished, job)
+        inputs = [] if file is None else [file.path]
+        if not overwrite and job is not None and job.resume and _is_there_already(self._path, inputs, self._unfinished):
+            raise CompleteAlreadyError(complete_already(self._name))
+        check_target(self._path, self._name, inputs, overwrite)
         self._codec, self._options = choose_encoder(encoding, self._format, self._name)
         if self._format not in EXACT_CLOCKS and 1 / timing.rate < CLOCK_OF_MATROSKA:
             raise OutputError(
@@ -185,7 +186,8 @@ class VideoSink:
         with self._explained():
             if self._encoder is None:
                 self._start(traits_of_image(frame.image))
-            if frame.image.shape[2] == 4 and not self._alpha_dropped:
+            assert self._encoder is not None
+            if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(self._encoder.pixel_format):
                 self._alpha_dropped = True
                 self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")
             pts = round(frame.time / self._timing.time_base)
@@ -286,9 +288,25 @@ class VideoSink:
             raise OutputError(_explain(error, self._name)) from error
 
 
-def _check_target(
-    path: Path, name: str, source: VideoSource | None, overwrite: bool, unfinished: Unfinished, job: Job | None
-) -> None:
+def _is_there_already(path: Path, inputs: Collection[Path], unfinished: Unfinished) -> bool:
+    """Whether a run has finished an output, and none has begun it again."""
+    is_input = path.exists() and any(each.exists() and path.samefile(each) for each in inputs)
+    return path.is_file() and not is_input and not unfinished.is_pending
+
+
+def check_target(path: Path, name: str, inputs: Collection[Path], overwrite: bool) -> None:
+    """Raise `OutputError` unless a file can be written under this path.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        What to call it in messages.
+    inputs : collection of Path
+        Files that are being read.
+    overwrite : bool
+        Replace what exists.
+    """
     if path.is_dir():
         raise OutputError(f"{name} is a folder; name a file in it.")
     if not path.parent.is_dir():
@@ -296,12 +314,8 @@ def _check_target(
     if os.path.lexists(path):
         if path.exists() and not path.is_file():
             raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
-        if source is not None and path.exists() and source.path.exists() and path.samefile(source.path):
+        if path.exists() and any(each.exists() and path.samefile(each) for each in inputs):
             raise OutputError(f"{name} is the input itself; write to another name.")
-        if not overwrite and job is not None and job.resume and not unfinished.is_pending:
-            raise CompleteAlreadyError(
-                f"{name} exists already and no run of it is unfinished, so it was left as it is."
-            )
         if not overwrite:
             raise OutputError(f"{name} exists already; choose another name or pass --overwrite.")
     if not os.access(path.parent, os.W_OK):

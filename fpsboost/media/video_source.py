@@ -31,7 +31,7 @@ from fpsboost.media.hdr import LightLevel, MasteringDisplay, parse_light_level, 
 from fpsboost.media.reading import Reading
 from fpsboost.media.size_change import Alike
 from fpsboost.media.stream_choice import choose_video, left_out_remarks
-from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range, to_bgr
+from fpsboost.media.ycc import chroma_location_of, color_space_of, has_alpha, is_full_range, to_bgr, to_bgra
 from fpsboost.memory_limit import MemoryLimit
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
@@ -44,6 +44,8 @@ DEMUX_RETRIES = 10
 DYNAMIC_HDR = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
 FRAMES_LOOKED_AT = 10_000
 """Entries of a file's index that its usual rate is taken from."""
+
+decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,8 @@ class VideoSource:
         Which stream, and what is done to its pictures first.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
+    keeps_alpha : bool
+        Yield BGRA where the file has alpha; it is left out otherwise, with a remark.
 
     Raises
     ------
@@ -124,11 +128,12 @@ class VideoSource:
         path: str | os.PathLike[str],
         *,
         for_images: bool = False,
+        keeps_alpha: bool = False,
         reading: Reading | None = None,
         limit: MemoryLimit | None = None,
     ) -> None:
         self._name = os.fspath(path)
-        self._for_images = for_images
+        self._for_images, self._keeps_alpha = for_images, keeps_alpha
         self._reading = reading or Reading()
         self._limit = limit or MemoryLimit()
         self.path = Path(path)
@@ -336,14 +341,17 @@ class VideoSource:
         yield from self._progressive
 
     def _decode(self) -> Generator[av.VideoFrame, None, None]:
-        hidden_alpha = False
+        seeing: av.VideoCodecContext | None = None
+        hidden_alpha = self._stream.metadata.get("alpha_mode") == "1"
+        if hidden_alpha and not self._keeps_alpha:
+            self._remarks.append(lost_alpha_remark(self._name))
+        elif hidden_alpha and self._stream.codec_context.name in decoders_of_hidden_alpha:
+            # VP8 and VP9 keep alpha beside the picture, where FFmpeg's own decoders do not look
+            name = decoders_of_hidden_alpha[self._stream.codec_context.name]
+            seeing = cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
         for packet in self._packets():
-            # VP8 and VP9 keep alpha beside the picture, where the decoder does not look.
-            if not hidden_alpha and packet.has_sidedata("matroska_block_additional"):
-                hidden_alpha = self._stream.metadata.get("alpha_mode") == "1"
-                self._remarks += [f"{self._name} has an alpha channel, which was left out."] * hidden_alpha
             try:
-                pictures = packet.decode()
+                pictures = packet.decode() if seeing is None else seeing.decode(packet if packet.size else None)
             except av.error.EOFError:
                 continue
             except av.error.FFmpegError:
@@ -375,7 +383,8 @@ class VideoSource:
 
     def _convert(self, picture: av.VideoFrame) -> Image:
         try:
-            return to_bgr(picture, self._reformatter)
+            with_alpha = self._keeps_alpha and has_alpha(picture.format.name)
+            return (to_bgra if with_alpha else to_bgr)(picture, self._reformatter)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{self._name} has the pixel format {picture.format.name}, which cannot be converted to BGR; "
@@ -427,8 +436,8 @@ class VideoSource:
         self._info = replace(self._info, width=picture.width, height=picture.height)
         sides = {side.type.name: bytes(side) for side in _side_data(picture)}
         matrix = sides.get("DISPLAYMATRIX")
-        if any(component.is_alpha for component in picture.format.components):
-            self._remarks.append(f"{self._name} has an alpha channel, which was left out.")
+        if has_alpha(picture.format.name) and not self._keeps_alpha:
+            self._remarks.append(lost_alpha_remark(self._name))
         aspect = _fraction(self._stream.sample_aspect_ratio)
         try:
             color_space = color_space_of(picture)
@@ -524,6 +533,14 @@ def assumed_rate_remark(name: str) -> str:
 def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it first") -> str:
     """What to say of a clip with two fields in one picture; `which` may narrow it: `` in 2 of 10 frames``."""
     return f"{name} is interlaced{which} and its fields were taken as whole pictures; {advice} for smooth motion."
+
+
+def lost_alpha_remark(name: str) -> str:
+    """What to say of alpha that the target cannot hold, and what can."""
+    return (
+        f"{name} has an alpha channel, which was left out; a .webm, images as .png, or --codec prores_ks in a .mov "
+        "keep it."
+    )
 
 
 def lost_companions_remark(name: str, companions: Sequence[str], target: str) -> str:

@@ -47,6 +47,9 @@ chroma_locations = {
 packed_formats = {np.dtype(np.uint8): "bgr24", np.dtype(np.uint16): "bgr48le"}
 """FFmpeg's name of an array of BGR."""
 
+packed_formats_with_alpha = {np.dtype(np.uint8): "bgra", np.dtype(np.uint16): "bgra64le"}
+"""FFmpeg's name of an array of BGRA."""
+
 
 def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
     """Convert a decoded picture by its own colour matrix and range; `from_bgr` is the inverse.
@@ -83,6 +86,39 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) 
     return image
 
 
+def to_bgra(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
+    """`to_bgr` for a format with alpha, as (H, W, 4); alpha uses the whole range, colours are as they are."""
+    scaler = reformatter or VideoReformatter()
+    image = to_bgr(picture, scaler)
+    if picture.format.is_rgb:
+        packed = scaler.reformat(picture, format=packed_formats_with_alpha[image.dtype], interpolation=SCALER_FLAGS)
+        return np.ascontiguousarray(packed.to_ndarray())
+    whole = full_chroma(picture.format.components[0].bits).replace("yuv", "yuva")
+    planar = reformatted(picture, scaler, whole, is_full_range(picture))
+    return np.dstack([image, _rescaled(plane_arrays(planar)[3], planar.format.components[0].bits, image.dtype)])
+
+
+def has_alpha(pixel_format: str) -> bool:
+    """Whether a pixel format of FFmpeg holds alpha."""
+    return any(component.is_alpha for component in av.VideoFormat(pixel_format).components)
+
+
+def _rescaled(alpha: NDArray[Any], bits: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Alpha of so many bits as an image's own type."""
+    top = np.iinfo(dtype).max
+    return alpha if top == 2**bits - 1 else np.rint(alpha * np.float32(top / (2**bits - 1))).astype(dtype)
+
+
+def straight_16_bit(image: Image) -> Image:
+    """A float image as 16 bits, clipped to black and white; alpha, which floats are multiplied by, becomes straight."""
+    values = np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
+    if image.shape[2] in (2, 4):
+        alpha = values[..., -1:]
+        values = np.concatenate([values[..., :-1] / np.maximum(alpha, np.float32(1e-6)), alpha], axis=-1)
+    deep: Image = np.rint(np.clip(values, 0, 1) * np.float32(65535)).astype(np.uint16)
+    return deep
+
+
 def from_bgr(
     image: Image,
     pixel_format: str,
@@ -97,7 +133,7 @@ def from_bgr(
     Parameters
     ----------
     image : (H, W, 1, 3 or 4) uint8, uint16 or float32
-        Gray, BGR or BGRA; alpha is dropped, float32 is clipped to [0, 1].
+        Gray, BGR or BGRA; alpha is dropped where the format has none, float32 is clipped to [0, 1].
     pixel_format : str
         FFmpeg's name, ``yuv420p10le``.
     color_space : int
@@ -110,6 +146,10 @@ def from_bgr(
         Keeps the scaler's tables from one frame to the next.
     """
     scaler = reformatter or VideoReformatter()
+    if has_alpha(pixel_format):
+        return _from_bgra(
+            image, pixel_format, color_space, full_range, chroma_location=chroma_location, reformatter=scaler
+        )
     image = _as_bgr(image)
     height, width = image.shape[:2]
     target = av.VideoFormat(pixel_format)
@@ -126,6 +166,39 @@ def from_bgr(
     for channel, plane in enumerate(plane_arrays(planar)):
         plane[:] = codes[..., channel]
     return reformatted(with_chroma_location(planar, chroma_location), scaler, pixel_format, full_range)
+
+
+def _from_bgra(
+    image: Image,
+    pixel_format: str,
+    color_space: int,
+    full_range: bool,
+    *,
+    chroma_location: str,
+    reformatter: VideoReformatter,
+) -> av.VideoFrame:
+    """`from_bgr` for a format with alpha; an image without is opaque."""
+    image = straight_16_bit(image) if image.dtype == np.float32 else image
+    white = np.iinfo(image.dtype).max
+    alpha = image[..., 3] if image.shape[2] == 4 else np.full(image.shape[:2], white, image.dtype)
+    if av.VideoFormat(pixel_format).is_rgb:
+        whole = np.dstack([_as_bgr(image), alpha])
+        picture = av.VideoFrame.from_ndarray(whole, format=packed_formats_with_alpha[image.dtype])
+        return reformatter.reformat(picture, format=pixel_format, interpolation=SCALER_FLAGS)
+    opaque = from_bgr(
+        np.ascontiguousarray(image[..., :3]),
+        pixel_format.replace("yuva", "yuv"),
+        color_space,
+        full_range,
+        chroma_location=chroma_location,
+        reformatter=reformatter,
+    )
+    bits = opaque.format.components[0].bits
+    levels = np.rint(alpha * np.float32((2**bits - 1) / white))
+    picture = av.VideoFrame(opaque.width, opaque.height, pixel_format)
+    for plane, values in zip(plane_arrays(picture), [*plane_arrays(opaque), levels], strict=True):
+        plane[:] = values
+    return with_chroma_location(picture, chroma_location)
 
 
 def as_picture(

@@ -1,0 +1,388 @@
+"""GIF, APNG and WebP: every picture as players show it, alpha, delays without drift, and how often it plays."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from animation_truth import disc, plays_of, read_animation, write_animation
+from video_truth import pictures_of, scene, write_clip
+
+import fpsboost
+from fpsboost.errors import InputError, OutputError
+from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.media import OutputTiming
+from fpsboost.media.animation import laid_over
+from fpsboost.media.animation_sink import AnimationSink
+from fpsboost.media.animation_source import AnimationSource
+
+RATE = Fraction(10)
+SUFFIXES = (".gif", ".apng", ".webp")
+EXACT = (".apng", ".webp")
+
+
+def write(
+    path: Path, images: list[Image], durations: list[Fraction] | None = None, *, plays: int = 0, rate: Fraction = RATE
+) -> AnimationSink:
+    """Write images through the sink."""
+    durations = durations or [1 / rate] * len(images)
+    height, width = images[0].shape[:2]
+    info = ClipInfo("test", height, width, rate, 1 / rate, len(images))
+    time = Fraction(3)  # a clip may begin at any time
+    with AnimationSink(str(path), info, OutputTiming(rate, 1 / rate), plays=plays, inputs=[], overwrite=False) as sink:
+        for image, duration in zip(images, durations, strict=True):
+            sink.write(Frame(image, time, duration))
+            time += duration
+    return sink
+
+
+def read(path: Path) -> list[Frame]:
+    with AnimationSource(str(path)) as source:
+        return list(source)
+
+
+@pytest.mark.parametrize("suffix", EXACT)
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_every_pixel_is_kept(tmp_path, suffix, channels):
+    """APNG and WebP come back as they were written, in another program and here, with the colours that nobody sees."""
+    images = [disc(index, hidden=77)[..., 4 - channels :] for index in range(5)]
+    images[3] = images[2]  # a frame that repeats one is a frame all the same
+    path = tmp_path / f"out{suffix}"
+    assert write(path, images).remarks == []
+    for image, seen, frame in zip(images, read_animation(path), read(path), strict=True):
+        wanted = image if channels > 1 else np.repeat(image, 3, axis=2)
+        assert np.array_equal(seen.image[..., : wanted.shape[2]], wanted)
+        assert np.array_equal(frame.image, wanted)
+
+
+def test_deep_apng(tmp_path):
+    """16 bits with alpha go into an APNG and come back."""
+    images = [np.random.default_rng(index).integers(0, 65536, (12, 16, 4), dtype=np.uint16) for index in range(3)]
+    write(tmp_path / "out.apng", images)
+    assert all(np.array_equal(a.image, b) for a, b in zip(read(tmp_path / "out.apng"), images, strict=True))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_depth_that_is_lost_is_said(tmp_path, suffix):
+    """Float images are rounded to what the type holds, alpha becomes straight, and a remark says so."""
+    image = np.zeros((12, 16, 4), np.float32)
+    image[:6] = (0.4, 0.2, 0.1, 1)
+    image[3:6] = (2, np.nan, -1, 1)
+    sink = write(tmp_path / f"out{suffix}", [image, image])
+    (remark,) = sink.remarks
+    assert f"out{suffix} lost" in remark
+    back = read(tmp_path / f"out{suffix}")[1].image.astype(float)
+    back /= 65535 if suffix == ".apng" else 255
+    assert np.abs(back[:3] - (0.4, 0.2, 0.1, 1)).max() < 1 / 250
+    assert np.array_equal(back[3:6], np.broadcast_to([1, 0, 0, 1], back[3:6].shape))
+    assert not back[6:, :, 3].any()
+
+
+def test_associated_alpha_becomes_straight(tmp_path):
+    """A half transparent float red is stored as full red with half alpha."""
+    image = np.broadcast_to(np.float32([0, 0, 0.5, 0.5]), (8, 8, 4))
+    write(tmp_path / "out.apng", [image, image])
+    assert read(tmp_path / "out.apng")[0].image[0, 0].tolist() == [0, 0, 65535, 32768]
+
+
+def test_a_gif_of_few_colours_is_exact(tmp_path):
+    """A picture that fits a palette of 255 colours and transparency comes back, whatever hides under transparency."""
+    rng = np.random.default_rng(1)
+    images = []
+    for _ in range(4):
+        palette = rng.integers(0, 256, (255, 3), dtype=np.uint8)
+        image = np.full((48, 64, 4), 255, np.uint8)
+        image[..., :3] = palette[np.arange(48 * 64).reshape(48, 64) % 255]
+        hidden = rng.random((48, 64)) < 0.2
+        image[hidden] = rng.integers(0, 256, (hidden.sum(), 4)) // (1, 1, 1, 2)
+        images.append(image)
+    path = tmp_path / "out.gif"
+    write(path, images)
+    for image, seen, frame in zip(images, read_animation(path), read(path), strict=True):
+        for back in (seen.image, frame.image):
+            opaque = image[..., 3] > 127
+            assert np.array_equal(back[..., 3] == 255, opaque)
+            assert np.array_equal(back[opaque][:, :3], image[opaque][:, :3])
+
+
+def test_few_and_many_colours_in_turns(tmp_path):
+    """Frames that fit a palette and others follow each other, at a width whose rows FFmpeg would pad."""
+    images = []
+    for index in range(12):
+        image = scene(index, 150, 200)
+        images.append(image if index % 2 else image // 64 * 64)
+    write(tmp_path / "out.gif", images)
+    for image, seen in zip(images, read_animation(tmp_path / "out.gif"), strict=True):
+        assert np.abs(seen.image[..., :3].astype(float) - image).mean() < 4
+        assert np.unique(image.reshape(-1, 3), axis=0).shape[0] > 256 or np.array_equal(seen.image[..., :3], image)
+
+
+def test_a_gif_of_many_colours_is_near(tmp_path):
+    """A palette for each frame keeps smooth colours within a few levels, and an opaque clip stays opaque."""
+    images = [scene(index) for index in range(4)]
+    write(tmp_path / "out.gif", images)
+    for image, seen in zip(images, read_animation(tmp_path / "out.gif"), strict=True):
+        assert (seen.image[..., 3] == 255).all()
+        assert np.abs(seen.image[..., :3].astype(float) - image).mean() < 4
+    assert read(tmp_path / "out.gif")[0].image.shape[2] == 3
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("plays", [0, 1, 5])
+def test_how_often_it_plays(tmp_path, suffix, plays):
+    """The number of times goes from file to file, although GIF counts repeats and the others plays."""
+    path = tmp_path / f"in{suffix}"
+    write(path, [scene(0), scene(1)], plays=plays)
+    assert plays_of(path) == plays
+    for other in SUFFIXES:
+        fpsboost.convert(str(path), str(tmp_path / f"out{other}"), method="nearest")
+        assert plays_of(tmp_path / f"out{other}") == plays
+
+
+@pytest.mark.parametrize("disposal", [0, 1, 2, 3])
+def test_disposals_of_gif(tmp_path, disposal):
+    """What stays, is cleared, or gives way to what was before, as another program sees it."""
+    images = [disc(index) for index in range(4)]
+    for image in images:
+        image[..., 3] = np.where(image[..., 3] > 127, 255, 0)
+    path = write_animation(tmp_path / "in.gif", images, disposal=disposal, optimize=False)
+    for frame, seen in zip(read(path), read_animation(path), strict=True):
+        assert np.array_equal(frame.image[..., 3], seen.image[..., 3])
+        opaque = seen.image[..., 3] > 0
+        assert np.array_equal(frame.image[opaque], seen.image[opaque])
+
+
+@pytest.mark.parametrize("disposal", [0, 1, 2])
+@pytest.mark.parametrize("blend", [0, 1])
+def test_disposals_of_apng(tmp_path, disposal, blend):
+    """Frames that are laid over what is there, or put in its place, and what becomes of them."""
+    images = [disc(index, hidden=9) for index in range(4)]
+    for image in images:
+        image[..., 3] = np.where(image[..., 3] > 127, 255, 0)
+    path = write_animation(tmp_path / "in.png", images, disposal=disposal, blend=blend)
+    with av.open(str(path), format="apng") as file:  # Pillow itself forgets what disposal 2 brings back
+        truth = [picture.to_ndarray(format="bgra") for picture in file.decode(video=0)]
+    for frame, image in zip(read(path), truth, strict=True):
+        assert np.array_equal(frame.image[..., 3], image[..., 3])
+        assert np.array_equal(frame.image[image[..., 3] > 0], image[image[..., 3] > 0])
+
+
+@pytest.mark.parametrize("options", [{}, {"lossless": False}, {"allow_mixed": True}, {"minimize_size": True}])
+def test_kinds_of_webp(tmp_path, options):
+    """Lossless and lossy frames, with alpha beside them, drawn over each other: as another program sees them."""
+    path = write_animation(tmp_path / "in.webp", [disc(index) for index in range(5)], **options)
+    for frame, seen in zip(read(path), read_animation(path), strict=True):
+        visible = seen.image[..., 3] > 0
+        assert np.array_equal(frame.image[..., 3], seen.image[..., 3])
+        assert np.abs(frame.image[visible].astype(int) - seen.image[visible]).max() <= 1
+
+
+def test_one_colour_over_another():
+    """Half of white over opaque black is gray; over nothing it stays half of white."""
+    half = np.full((1, 2, 4), (255, 255, 255, 128), np.uint8)
+    ground = np.array([[[0, 0, 0, 255], [9, 9, 9, 0]]], np.uint8)
+    assert laid_over(half, ground).tolist() == [[[128, 128, 128, 255], [255, 255, 255, 128]]]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_delays_are_read(tmp_path, suffix):
+    """Every frame comes at the sum of the delays before it; the header tells rate, clock and count."""
+    delays = [30, 70, 500, 40]
+    path = write_animation(tmp_path / f"in{suffix}", [scene(index) for index in range(4)], delays)
+    with AnimationSource(str(path)) as source:
+        frames = list(source)
+    assert [frame.time * 1000 for frame in frames] == [0, 30, 100, 600]
+    assert [frame.duration * 1000 for frame in frames] == delays
+    assert (source.info.rate, source.info.frame_count) == (Fraction(4 * 1000, 640), 4)
+    assert all((frame.time / source.info.time_base).denominator == 1 for frame in frames)
+
+
+def test_gif_without_delays(tmp_path):
+    """A GIF without delays, or with one of a hundredth, plays at ten frames per second, as in every browser."""
+    path = write_animation(tmp_path / "in.gif", [scene(0), scene(1), scene(2)], [0, 10, 20])
+    assert [frame.duration for frame in read(path)] == [Fraction(1, 10), Fraction(1, 10), Fraction(1, 50)]
+
+
+@pytest.mark.parametrize(("suffix", "clock"), [(".gif", 100), (".webp", 1000)])
+@pytest.mark.parametrize("rate", [Fraction(24000, 1001), Fraction(48), Fraction(30)])
+def test_delays_do_not_drift(tmp_path, suffix, clock, rate):
+    """What the clock of a file loses is not carried along: each frame starts within half a tick, up to the last."""
+    images = [np.full((4, 4, 3), index, np.uint8) for index in range(200)]
+    assert write(tmp_path / f"out{suffix}", images, rate=rate).remarks == []
+    frames = read(tmp_path / f"out{suffix}")
+    assert max(abs(frame.time - index / rate) for index, frame in enumerate(frames)) <= Fraction(1, 2 * clock)
+
+
+@pytest.mark.parametrize("delay", [Fraction(text) for text in ("1001/60000", "1/3", "1001/120000", "123457/90000")])
+def test_delays_of_apng(tmp_path, delay):
+    """Fractions of 16 bits are exact, others come as near as can be told, and do not drift."""
+    images = [np.full((4, 4, 3), index, np.uint8) for index in range(50)]
+    write(tmp_path / "out.apng", images, [delay] * 50)
+    is_exact = max(delay.numerator, delay.denominator) < 65536
+    frames = read(tmp_path / "out.apng")
+    assert max(abs(frame.time - index * delay) for index, frame in enumerate(frames)) <= (0 if is_exact else 1e-4)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_long_still_is_repeated(tmp_path, suffix):
+    """A delay that is longer than the file can say becomes two frames, and nothing is cut off."""
+    delay = Fraction({".gif": 700, ".apng": 70_000, ".webp": 17_000}[suffix])
+    write(tmp_path / f"out{suffix}", [scene(0), scene(1)], [delay, Fraction(1)])
+    times = [frame.time for frame in read(tmp_path / f"out{suffix}")]
+    assert len(times) == 3
+    assert times[2] == delay
+
+
+def test_gif_ends_at_fifty_frames(tmp_path):
+    """A rate that players of GIF slow down is refused, with what to do, before anything is made."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(4), time_base=Fraction(1, 30))
+    with pytest.raises(OutputError, match=r"out\.gif cannot show 60 frames .* 50; use --fps 50 or less.*\.apng"):
+        fpsboost.convert(str(clip), str(tmp_path / "out.gif"))
+    fpsboost.convert(str(clip), str(tmp_path / "out.gif"), fps=50, method="blend")
+    assert {seen.delay for seen in read_animation(tmp_path / "out.gif")} == {20}
+
+
+def test_short_delays_among_longer_ones(tmp_path):
+    """Frames that are too short for a GIF get its shortest delay, the next ones make up for it, and it is said."""
+    durations = [Fraction(1, 10), Fraction(1, 100), Fraction(1, 100), Fraction(1, 10), Fraction(1, 10)]
+    sink = write(tmp_path / "out.gif", [scene(index) for index in range(5)], durations)
+    assert [frame.duration * 100 for frame in read(tmp_path / "out.gif")] == [10, 2, 2, 8, 10]
+    (remark,) = sink.remarks
+    assert "up to 20 ms late" in remark
+
+
+@pytest.mark.parametrize("suffix", EXACT)
+def test_what_browsers_slow_down_is_said(tmp_path, suffix):
+    """Frames of 10 ms are written, with a remark that browsers take ten times as long for them."""
+    sink = write(tmp_path / f"out{suffix}", [scene(0), scene(1)], rate=Fraction(100))
+    (remark,) = sink.remarks
+    assert "10 ms" in remark
+    assert [seen.delay for seen in read_animation(tmp_path / f"out{suffix}")] == [10, 10]
+
+
+@pytest.mark.parametrize("source", SUFFIXES)
+@pytest.mark.parametrize("target", SUFFIXES)
+def test_between_animations(tmp_path, source, target):
+    """Doubling keeps the delays' rhythm, the length and the alpha, from any of them to any other."""
+    path = write_animation(tmp_path / f"in{source}", [disc(index) for index in range(3)], [100, 200, 40])
+    fpsboost.convert(str(path), str(tmp_path / f"out{target}"), method="blend")
+    seen = read_animation(tmp_path / f"out{target}")
+    assert [each.delay for each in seen] == [50, 50, 100, 100, 20, 20]
+    assert all(each.image[24, 20, 3] == 255 and each.image[0, 0, 3] == 0 for each in seen)
+
+
+@pytest.mark.parametrize("hidden", [0, 255])
+def test_no_fringes(tmp_path, hidden):
+    """A made frame has the disc's colour up to its edge, whatever colour is hidden around it."""
+    path = write_animation(tmp_path / "in.png", [disc(index, hidden) for index in range(4)], 100)
+    fpsboost.convert(str(path), str(tmp_path / "out.apng"), method="nlm-fast")
+    for seen in read_animation(tmp_path / "out.apng")[2:5]:
+        visible = seen.image[..., 3] > 8
+        assert np.abs(seen.image[visible][:, :3].astype(int) - (40, 120, 240)).max() <= 16
+        assert 550 < (seen.image[..., 3] / 255).sum() < 750
+
+
+def test_video_gets_white_where_it_sees_through(tmp_path):
+    """A video holds no alpha: frames are laid over white, soft edges too, and a remark says so."""
+    path = write_animation(tmp_path / "in.webp", [disc(index) for index in range(3)], 100)
+    summary = fpsboost.convert(str(path), str(tmp_path / "out.mkv"), method="blend")
+    (remark,) = [each for each in summary.remarks if "transparent" in each]
+    assert "in.webp" in remark
+    first = pictures_of(tmp_path / "out.mkv")[0].to_ndarray(format="bgr24")
+    assert first[:4].min() > 245
+    assert np.abs(first[24, 16].astype(int) - (40, 120, 240)).max() < 16
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_opaque_animations_have_no_alpha(tmp_path, suffix):
+    """Where nothing can be seen through, frames are BGR and a video has nothing to say."""
+    path = write_animation(tmp_path / f"in{suffix}", [scene(0), scene(1), scene(2)])
+    assert read(path)[0].image.shape == (48, 64, 3)
+    assert fpsboost.convert(str(path), str(tmp_path / "out.mp4"), method="blend").remarks == []
+
+
+def test_images_to_animation(tmp_path, save_images):
+    """A sequence of images with alpha becomes an animation, at the rate that is said."""
+    images = save_images(tmp_path / "in", count=3)
+    fpsboost.convert(str(tmp_path / "in"), str(tmp_path / "out.webp"), input_fps=10, method="blend")
+    seen = read_animation(tmp_path / "out.webp")
+    assert [each.delay for each in seen] == [50] * 6
+    assert np.array_equal(seen[2].image[..., :3], images[1])
+
+
+def test_videos_to_animation_say_what_is_lost(tmp_path):
+    """Sound has no place in an animation."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(3), sound="aac")
+    (remark,) = fpsboost.convert(str(clip), str(tmp_path / "out.webp"), method="blend").remarks
+    assert "in.mkv has sound" in remark
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_truncated_animation(tmp_path, suffix):
+    """What is whole is converted, and a remark says how much that was."""
+    whole = write_animation(tmp_path / f"in{suffix}", [scene(index) for index in range(6)])
+    path = tmp_path / f"cut{suffix}"
+    path.write_bytes(whole.read_bytes()[: int(whole.stat().st_size * 0.7)])
+    with AnimationSource(str(path)) as source:
+        frames = list(source)
+    assert 2 <= len(frames) < 6
+    truth = read_animation(whole)
+    assert all(np.array_equal(a.image, b.image[..., :3]) for a, b in zip(frames[:-1], truth, strict=False))
+    assert [remark for remark in source.remarks if f"cut{suffix} is damaged or ends early" in remark]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("kept", [14, 40, 60])
+def test_hardly_the_beginning_of_an_animation(tmp_path, suffix, kept):
+    """A file that ends within its header is an InputError that names it."""
+    path = write_animation(tmp_path / f"in{suffix}", [scene(index) for index in range(3)])
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(InputError, match=rf"in{suffix}"), fpsboost.media.opening.open_source(str(path)) as source:
+        list(source)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_flipped_bits(tmp_path, suffix):
+    """Damage anywhere leads to frames or to a sentence, never to anything else."""
+    whole = bytearray(write_animation(tmp_path / f"in{suffix}", [disc(index) for index in range(3)]).read_bytes())
+    rng = np.random.default_rng(3)
+    path = tmp_path / f"bad{suffix}"
+    for _ in range(40):
+        data = whole.copy()
+        for place in rng.integers(0, len(data), 3):
+            data[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(data)
+        frames: list[Frame] = []
+        with suppress(InputError), fpsboost.media.opening.open_source(str(path)) as source:
+            frames += source
+            assert frames
+
+
+def test_a_header_that_promises_too_much(tmp_path):
+    """A canvas of billions of pixels is refused before memory is taken."""
+    path = write_animation(tmp_path / "in.webp", [disc(0), disc(1)])
+    data = bytearray(path.read_bytes())
+    data[24:30] = b"\xff" * 6
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"in\.webp"):
+        AnimationSource(str(path))
+
+
+def test_options_for_video_are_refused(fpsboost_, tmp_path):
+    """--crf and its like are for video; the message says what the output is."""
+    write_animation(tmp_path / "in.gif", [scene(0), scene(1)])
+    result = fpsboost_("in.gif", "out.webp", "--crf", 3, "--codec", "vp9")
+    assert result.code == 2
+    assert "out.webp will be an animation, which takes no --codec or --crf" in result.err
+
+
+def test_from_the_command_line(fpsboost_, tmp_path):
+    """An animated .png is read for what it is."""
+    write_animation(tmp_path / "in.png", [scene(0), scene(1), scene(2)], 100)
+    result = fpsboost_("in.png", "out.gif", "--method", "blend")
+    assert (result.code, "3 -> 6 frames" in result.err) == (0, True)
+    assert [seen.delay for seen in read_animation(tmp_path / "out.gif")] == [50] * 6

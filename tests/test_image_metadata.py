@@ -1,0 +1,229 @@
+"""What images carry beside their pixels: passed frames keep their file, made ones say the same."""
+
+from __future__ import annotations
+
+import struct
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image, ImageCms, ImageOps
+from video_truth import pictures_of, scene
+
+import fpsboost
+from fpsboost.exr import encode_exr, read_exr_attributes
+from fpsboost.media import png
+from fpsboost.media.image_metadata import read_metadata, upright, with_metadata
+
+PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+XMP = b"<x:xmpmeta xmlns:x='adobe:ns:meta/'/>"
+KINDS = {".png": "PNG", ".jpg": "JPEG", ".webp": "WEBP", ".tif": "TIFF"}
+ORIENTATION, DESCRIPTION = 0x0112, 0x010E
+
+
+def exif(orientation: int = 1) -> bytes:
+    data = Image.Exif()
+    data[ORIENTATION], data[DESCRIPTION] = orientation, "made for a test"
+    return data.tobytes()
+
+
+def write(folder: Path, suffix: str, count: int = 3, mode: str = "RGB", **options: Any) -> list[Path]:
+    """Write scenes as images with metadata, by Pillow."""
+    folder.mkdir()
+    paths = [folder / f"shot_{index:04d}{suffix}" for index in range(1, count + 1)]
+    for index, path in enumerate(paths):
+        image = Image.fromarray(cv2.cvtColor(scene(index), cv2.COLOR_BGR2RGB)).convert(mode)
+        image.save(path, KINDS[suffix], **options)
+    return paths
+
+
+def double(folder: Path, out: Path) -> tuple[list[Path], list[str]]:
+    """Convert a folder; the images that come out, and the remarks."""
+    summary = fpsboost.convert(str(folder), str(out), method="blend", overwrite=True)
+    return sorted(path for path in out.parent.iterdir() if path.match(out.name.replace("####", "*"))), summary.remarks
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_frames_that_pass_keep_their_file(tmp_path, suffix):
+    """A frame that goes into a file of the same type is that file, to the byte, the made ones say the same."""
+    sources = write(tmp_path / "in", suffix, icc_profile=PROFILE, dpi=(300, 200), exif=exif())
+    (tmp_path / "out").mkdir()
+    outputs, remarks = double(tmp_path / "in", tmp_path / "out" / f"new_####{suffix}")
+    assert remarks == []
+    assert [path.read_bytes() for path in outputs[::2]] == [path.read_bytes() for path in sources]
+    for path in outputs[1::2]:
+        with Image.open(path) as image:
+            assert image.info["icc_profile"] == PROFILE
+            if suffix != ".webp":
+                assert np.allclose([float(dots) for dots in image.info["dpi"]], (300, 200), atol=0.02)
+            if suffix != ".tif":
+                assert image.getexif()[DESCRIPTION] == "made for a test"
+
+
+@pytest.mark.parametrize("source", KINDS)
+@pytest.mark.parametrize("target", KINDS)
+def test_from_type_to_type(tmp_path, source, target):
+    """Profile and resolution go along from each type to each other; what does not is said once."""
+    write(tmp_path / "in", source, icc_profile=PROFILE, **({} if source == ".webp" else {"dpi": (150, 150)}))
+    (tmp_path / "out").mkdir()
+    outputs, remarks = double(tmp_path / "in", tmp_path / "out" / f"new_####{target}")
+    for path in outputs:
+        with Image.open(path) as image:
+            image.load()  # it is whole
+            assert image.info["icc_profile"] == PROFILE
+            if ".webp" not in (source, target):
+                assert np.allclose([float(dots) for dots in image.info["dpi"]], 150, atol=0.02)
+    is_lost = target == ".webp" and source in (".png", ".jpg", ".tif")
+    assert len(remarks) == is_lost
+    assert all("cannot hold the resolution" in remark for remark in remarks)
+
+
+def test_large_profiles_in_jpeg(tmp_path):
+    """A profile that needs several segments comes out whole."""
+    profile = PROFILE + bytes(range(256)) * 600
+    write(tmp_path / "in", ".jpg", icc_profile=profile)
+    (tmp_path / "out").mkdir()
+    for path in double(tmp_path / "in", tmp_path / "out" / "new_####.jpg")[0]:
+        with Image.open(path) as image:
+            assert image.info["icc_profile"] == profile
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_xmp_is_kept(tmp_path, suffix):
+    """XMP is read again where it was written."""
+    image = scene(0)
+    metadata = fpsboost.media.image_metadata.ImageMetadata(xmp=XMP)
+    options = [cv2.IMWRITE_WEBP_QUALITY, 101] if suffix == ".webp" else []
+    path = tmp_path / f"one{suffix}"
+    path.write_bytes(with_metadata(suffix, cv2.imencode(suffix, image, options)[1].tobytes(), metadata, 3))
+    assert read_metadata(path).xmp == XMP
+    with Image.open(path) as file:
+        assert (file.tag_v2[700] if suffix == ".tif" else file.info["xmp"]) in (XMP, XMP.decode())
+
+
+def test_words_on_colour_of_png(tmp_path):
+    """Gamma, primaries, sRGB, coding-independent points and the shape of pixels stand in the made images too."""
+    sources = write(tmp_path / "in", ".png")
+    words = [
+        png.Chunk(b"cICP", bytes((9, 16, 0, 1))),
+        png.Chunk(b"gAMA", struct.pack(">I", 45455)),
+        png.Chunk(b"cHRM", struct.pack(">8I", *range(31270, 31278))),
+        png.Chunk(b"pHYs", struct.pack(">IIB", 2, 1, 0)),
+    ]
+    for path in sources:
+        data = path.read_bytes()
+        path.write_bytes(data[:33] + b"".join(png.chunk_bytes(*word) for word in words) + data[33:])
+    (tmp_path / "out").mkdir()
+    outputs, remarks = double(tmp_path / "in", tmp_path / "out" / "new_####.png")
+    assert remarks == []
+    for path in outputs:
+        chunks = list(png.chunks_in(BytesIO(path.read_bytes())))
+        assert all(word in chunks for word in words)
+        assert [chunk.name for chunk in chunks].index(b"IDAT") > max(chunks.index(word) for word in words)
+    (_, remarks) = double(tmp_path / "in", tmp_path / "out" / "other_####.tif")
+    assert len([remark for remark in remarks if "cannot hold the colour tags" in remark]) == 1
+
+
+def test_metadata_follow_their_frames(tmp_path):
+    """Where files differ, a made frame says what the frame before it does."""
+    sources = write(tmp_path / "in", ".png", dpi=(100, 100))
+    with Image.open(sources[1]) as image:
+        image.save(sources[1], dpi=(200, 200))
+    (tmp_path / "out").mkdir()
+    outputs, _ = double(tmp_path / "in", tmp_path / "out" / "new_####.png")
+    assert [round(read_metadata(path).dots_per_inch[0]) for path in outputs] == [100, 100, 200, 200, 100]
+
+
+@pytest.mark.parametrize(("suffix", "mode"), [(".png", "LA"), (".jpg", "CMYK")])
+def test_profiles_that_no_longer_fit(tmp_path, suffix, mode):
+    """Gray with alpha is read as colour, print colours as RGB: their profiles would be wrong, and are left out."""
+    profile = bytearray(PROFILE)
+    profile[16:20] = b"GRAY" if mode == "LA" else b"CMYK"
+    sources = write(tmp_path / "in", suffix, mode=mode, icc_profile=bytes(profile))
+    (tmp_path / "out").mkdir()
+    outputs, remarks = double(tmp_path / "in", tmp_path / "out" / f"new_####{suffix}")
+    assert any("cannot hold the colour profile" in remark for remark in remarks)
+    with Image.open(outputs[1]) as image:
+        assert "icc_profile" not in image.info
+    if mode == "CMYK":
+        assert outputs[0].read_bytes() != sources[0].read_bytes()
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_orientation(tmp_path, orientation):
+    """Images keep the orientation of their EXIF; a video, which has none, shows them upright as Pillow does."""
+    sources = write(tmp_path / "in", ".jpg", exif=exif(orientation), quality=95)
+    (tmp_path / "out").mkdir()
+    for suffix in (".jpg", ".png", ".webp", ".tif"):
+        for path in double(tmp_path / "in", tmp_path / "out" / f"new_####{suffix}")[0]:
+            with Image.open(path) as image:
+                assert image.getexif().get(ORIENTATION, 1) == orientation
+                assert image.size == (64, 48) or suffix == ".tif"  # Pillow turns TIFF by itself
+    fpsboost.convert(str(tmp_path / "in"), str(tmp_path / "out.mkv"), input_fps=10, method="blend", factor=1)
+    with Image.open(sources[0]) as image:
+        truth = np.asarray(ImageOps.exif_transpose(image))
+    shown = pictures_of(tmp_path / "out.mkv")[0].to_ndarray(format="rgb24")
+    assert shown.shape == truth.shape
+    assert np.abs(shown.astype(float) - truth).mean() < 4
+
+
+def test_turning_back():
+    """Each orientation is a turn of its own, and 1 is none."""
+    image = scene(0)[:5, :7]
+    turned = [upright(image, orientation).tobytes() for orientation in range(1, 9)]
+    assert turned[0] == image.tobytes()
+    assert len(set(turned)) == 8
+
+
+def test_a_turned_tiff_is_written_anew(tmp_path):
+    """OpenCV turns a TIFF while it reads: all images come out upright, of one size, with no word of turning."""
+    write(tmp_path / "in", ".tif", tiffinfo={ORIENTATION: 6})
+    (tmp_path / "out").mkdir()
+    outputs, _ = double(tmp_path / "in", tmp_path / "out" / "new_####.tif")
+    for path in outputs:
+        with Image.open(path) as image:
+            assert (image.size, image.getexif().get(ORIENTATION, 1)) == ((48, 64), 1)
+
+
+def test_attributes_of_exr(tmp_path):
+    """Primaries and the shape of pixels stand in the made images too, and originals keep their file."""
+    said = {"chromaticities": tuple(np.float32([0.7, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3]).tolist())}
+    said |= {"pixelAspectRatio": (2.0,)}
+    (tmp_path / "in").mkdir()
+    for index in range(3):
+        planes = dict(zip("BGR", np.moveaxis(scene(index) / np.float32(255), -1, 0), strict=True))
+        data = encode_exr(planes, attributes=tuple(said.items()))
+        (tmp_path / "in" / f"shot_{index}.exr").write_bytes(data)
+    (tmp_path / "out").mkdir()
+    outputs, _ = double(tmp_path / "in", tmp_path / "out" / "new_####.exr")
+    for path in outputs:
+        assert said.items() <= read_exr_attributes(path).items()
+    assert outputs[2].read_bytes() == (tmp_path / "in" / "shot_1.exr").read_bytes()
+    _, remarks = double(tmp_path / "in", tmp_path / "out" / "new_####.tif")
+    assert any("cannot hold the OpenEXR attributes" in remark for remark in remarks)
+
+
+def test_what_every_exr_says_is_no_loss(tmp_path):
+    """Square pixels stand in every OpenEXR file, and are nothing that a TIFF would lose."""
+    (tmp_path / "in").mkdir()
+    for index in range(2):
+        (tmp_path / "in" / f"{index}.exr").write_bytes(encode_exr({"Y": np.full((16, 16), index / 2, np.float32)}))
+    (tmp_path / "out").mkdir()
+    assert double(tmp_path / "in", tmp_path / "out" / "new_####.tif")[1] == []
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_damaged_metadata(tmp_path, suffix):
+    """Whatever stands where metadata should be, reading it raises nothing."""
+    (path,) = write(tmp_path / "in", suffix, count=1, icc_profile=PROFILE, exif=exif(3))
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        data = bytearray(whole[: int(rng.integers(1, len(whole)))])
+        for place in rng.integers(0, len(data), 3):
+            data[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(data)
+        assert read_metadata(path).orientation in range(1, 9)
