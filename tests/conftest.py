@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from hypothesis import settings
 from numpy.typing import NDArray
 from video_truth import scene
 
@@ -19,6 +20,9 @@ from fpsboost import cli
 from fpsboost.exr import write_exr
 
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
+
+settings.register_profile("fpsboost", deadline=None)  # the first case may compile, and no test asserts a time
+settings.load_profile("fpsboost")
 
 Snapshot = dict[str, bytes | None]
 SaveImages = Callable[..., list[NDArray[Any]]]

@@ -21,7 +21,7 @@ def folder(tmp_path, save_images):
     return str(tmp_path / "clip")
 
 
-@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(skip=st.integers(1, 4), first=st.integers(0, 5), length=st.integers(6, 12))
 def test_shown_and_hidden_frames_follow_each_other_without_gaps(folder, skip, first, length):
     """Every interval begins where the last one ended; hidden frames lie evenly in it; only a rest is left out."""

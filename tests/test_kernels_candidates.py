@@ -30,7 +30,7 @@ def steady(size, dx, dy):
     return np.broadcast_to(np.float32([dx, dy]), (*size, 2)).copy()
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(
     st.integers(1, 40),
     st.integers(1, 40),
@@ -40,12 +40,13 @@ def steady(size, dx, dy):
     st.integers(0, 2**32),
 )
 @example(CELL * (BAND + 1), 20, 9, 20, 5, 1)
+@example(39, 7, 1, 100, 2, 1)
 def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity, seed):
     """Both directions, also out of the frame and with too little room, give the twin's candidates in its order."""
     random = np.random.default_rng(seed)
     flows = (random.integers(-largest, largest + 1, (2, height, width, 2)) / 8).astype(np.float32)
     trusts = [random.choice(np.float32([0, 0.25, 1]), (-(-height // step), -(-width // step))) for _ in range(2)]
-    around, tolerance = 16, 0.7  # shares are exact, and no difference is on the edge of two answers
+    around, tolerance = 16, 0.5**0.5  # shares are exact, and no difference, a ratio, is on the edge of two answers
     count, votes, corners, sums = collect(
         flows, (0.25, 0.75), (height, width), step, around, tolerance, capacity, trusts
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numba import njit
 
@@ -21,7 +21,6 @@ def compiled(a, b, c):
 numbers = st.floats(-100, 100, width=32, allow_subnormal=False).map(np.float32)
 
 
-@settings(deadline=None)
 @given(numbers, numbers, numbers)
 def test_the_result_is_the_nearest_number(a, b, c):
     """No float32 lies nearer to the exact result than the one given."""

@@ -43,7 +43,7 @@ def steady(size, spacing, dx, dy):
     return np.broadcast_to(np.float32([dx, dy]), (-(-size[0] // spacing), -(-size[1] // spacing), 2))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.integers(1, 30),
     st.integers(1, 30),

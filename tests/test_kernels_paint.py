@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from twins import landed
 
@@ -32,7 +32,6 @@ def sources(flow, similarity, least, t):
     return source0, source1
 
 
-@settings(deadline=None)
 @given(fields(), exact_times, st.sampled_from([0.0, 0.25, 0.5, 1.0]))
 def test_landings_equal_the_slow_twin(field, t, least):
     """The most similar that lands on each place, the first of several, and nothing where nothing usable does."""

@@ -42,7 +42,7 @@ def points(size, step):
     return -(-size[0] // step), -(-size[1] // step)
 
 
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 @given(st.integers(1, 20), st.integers(1, 20), st.integers(4, 9), st.sampled_from([0.1, 5.0]), st.integers(0, 2**32))
 def test_refinement_equals_its_slow_twin(height, width, step, damping, seed):
     """Any frames and whole vectors, also such as lead out of the frame, move by the twin's step."""

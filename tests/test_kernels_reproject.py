@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from truth import noise
 from twins import brute_force_search, fetched, iterative_search, landing_cells, miss
@@ -48,7 +48,6 @@ def brute_force(flow, t, radius):
     return source, found
 
 
-@settings(deadline=None)
 @given(flows(), exact_times, st.integers(1, 6))
 def test_iterative_search_equals_its_slow_twin(flow, t, iterations):
     """Same sources, and the same say on whether they land."""
@@ -56,7 +55,6 @@ def test_iterative_search_equals_its_slow_twin(flow, t, iterations):
         np.testing.assert_array_equal(result, expected)
 
 
-@settings(deadline=None)
 @given(flows(), exact_times, st.integers(0, 12))
 def test_brute_force_search_equals_its_slow_twin(flow, t, radius):
     """Binning finds exactly the nearest landing of all sources in the radius, ties in raster order."""
@@ -64,7 +62,6 @@ def test_brute_force_search_equals_its_slow_twin(flow, t, radius):
         np.testing.assert_array_equal(result, expected)
 
 
-@settings(deadline=None)
 @given(flows(), exact_times)
 def test_landings_are_binned_like_the_slow_twin(flow, t):
     """Every source is in the cell it lands in, once, in raster order."""

@@ -47,7 +47,7 @@ def test_planes_can_be_multiplied_by_alpha():
     np.testing.assert_allclose(inner, np.concatenate([colours * alpha, alpha], axis=-1), atol=1e-6)
 
 
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 @given(st.integers(1, 7), st.integers(1, 7), st.integers(0, 2**32))
 def test_coefficients_solve_the_equations(height, width, seed):
     """The filter finds what a linear solver finds, up to the frame's edge."""

@@ -44,7 +44,7 @@ def measured(image0, image1, step, flow):
     return known
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(st.integers(1, 14), st.integers(1, 17), st.integers(2, 5), st.integers(0, 2**32))
 def test_points_are_measured_as_by_plain_loops(height, width, step, seed):
     """Similarity of small patches at both ends of any motion; one that leads out of the frame ends at its edge."""
@@ -60,7 +60,7 @@ def test_points_are_measured_as_by_plain_loops(height, width, step, seed):
             np.testing.assert_allclose(known[row, column], expected, atol=1e-3)
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(st.integers(3, 14), st.integers(3, 17), st.integers(2, 4), st.integers(0, 2**32))
 def test_the_best_unexplained_place_is_found(height, width, step, seed):
     """Among places near unexplained points of the other frame the most similar, if it is that much better."""

@@ -206,7 +206,7 @@ class Shelf:
         self.frames.append(frame)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.one_of(factors.map(ByFactor), rates.map(ByRate)), st.integers(2, 9), rates, st.booleans())
 def test_the_expected_count_is_what_the_loop_writes(schedule, count, rate, holds_last_frame):
     """For factors and rates, for sinks that hold the last frame and sinks that end with it."""
@@ -219,7 +219,7 @@ def test_the_expected_count_is_what_the_loop_writes(schedule, count, rate, holds
     assert all(earlier < later for earlier, later in pairwise(shown))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.one_of(factors.map(ByFactor), rates.map(ByRate)), st.integers(2, 9), rates)
 def test_every_frame_is_shown_until_the_next_and_the_last_to_the_end(schedule, count, rate):
     """The durations of what a video sink gets add up to the source's, whether frames are added or dropped."""
