@@ -13,11 +13,13 @@ from rich.console import Console
 from rich.markup import escape
 
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained, notes_of
+from fpsboost.media.animation import ANIMATION_SUFFIXES
 from fpsboost.media.encoding import VIDEO_SUFFIXES
 from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of
 from fpsboost.media.numbering import is_pattern
 from fpsboost.media.opening import PIPES
 
+WRITTEN = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
 OTHER_VIDEOS_BECOME = ".mkv"
 """Which holds every sound and every subtitle, so that no input fails for its ending."""
 
@@ -49,7 +51,7 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
         raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
     is_folder = os.path.isdir(folder)  # unlike pathlib's, without an exception for names that cannot be
     is_file = os.path.exists(folder) and not is_folder
-    looks_like_file = not is_folder and extension_of(folder) in (*VIDEO_SUFFIXES, *IMAGE_SUFFIXES)
+    looks_like_file = not is_folder and extension_of(folder) in (*WRITTEN, *IMAGE_SUFFIXES)
     if is_file or looks_like_file or is_pattern(folder):
         raise OptionError(f"{folder} is no folder, and {len(inputs)} inputs need one; name a folder last.")
     outputs: dict[str, str] = {}
@@ -67,8 +69,8 @@ def _place_of(path: str, folder: Path) -> str:
     if os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)):
         images = Path(path) if os.path.isdir(path) else Path(path).parent
         return f"{folder / images.resolve().name}/"
-    suffix = extension_of(path)
-    return str(folder / f"{Path(path).stem}{Path(path).suffix if suffix in VIDEO_SUFFIXES else OTHER_VIDEOS_BECOME}")
+    suffix = Path(path).suffix if extension_of(path) in WRITTEN else OTHER_VIDEOS_BECOME
+    return str(folder / f"{Path(path).stem}{suffix}")
 
 
 def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet: bool, verbose: bool) -> None:

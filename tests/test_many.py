@@ -25,8 +25,28 @@ def test_names_and_endings(monkeypatch, tmp_path):
     """Videos keep their names, and endings that can be written; images go into a folder named like theirs."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "renders").mkdir()
-    inputs = ["x/a.mp4", "b.MOV", "c.avi", "noending", "two.dots.webm", "renders/", "shots/s_####.png", "./f_%04d.exr"]
-    expected = ["a.mp4", "b.MOV", "c.mkv", "noending.mkv", "two.dots.webm", "renders/", "shots/", f"{tmp_path.name}/"]
+    inputs = [
+        "x/a.mp4",
+        "b.MOV",
+        "c.avi",
+        "noending",
+        "two.dots.webm",
+        "d.gif",
+        "renders/",
+        "shots/s_####.png",
+        "./f_%04d.exr",
+    ]
+    expected = [
+        "a.mp4",
+        "b.MOV",
+        "c.mkv",
+        "noending.mkv",
+        "two.dots.webm",
+        "d.gif",
+        "renders/",
+        "shots/",
+        f"{tmp_path.name}/",
+    ]
     assert plan_outputs(inputs, "out/") == [f"out{os.sep}{name}" for name in expected]
 
 
@@ -41,6 +61,7 @@ def test_names_and_endings(monkeypatch, tmp_path):
         (["a.mp4", "b.mp4"], "-", "A pipe is one clip"),
         (["a.mp4", "b.mp4"], "c.mp4", "c.mp4 is no folder, and 2 inputs need one"),
         (["a.mp4", "b.mp4"], "c.png", "c.png is no folder"),
+        (["a.mp4", "b.gif"], "c.gif", "c.gif is no folder"),
         (["a.mp4", "b.mp4"], "out/c_##.png", "out/c_##.png is no folder"),
         (["a.mp4", "b.mp4"], __file__, "test_many.py is no folder"),
     ],

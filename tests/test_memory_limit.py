@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from animation_truth import write_animation
 from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import scene, write_clip
@@ -18,6 +19,7 @@ from video_truth import scene, write_clip
 from fpsboost import memory_limit
 from fpsboost.errors import InputError, OptionError
 from fpsboost.exr import encode_exr, read_exr
+from fpsboost.media.animation_source import AnimationSource
 from fpsboost.media.image_files import read_image
 from fpsboost.media.image_sizes import declared_size
 from fpsboost.media.images import ImageSource
@@ -145,6 +147,32 @@ def test_videos_are_refused_by_their_headers(tmp_path):
     (tmp_path / "in.avi").write_bytes(data[:place] + struct.pack("<2i", 64, 48) + data[place + 8 :])
     with pytest.raises(InputError, match=r"in\.avi is 64x96"):
         _ = VideoSource(tmp_path / "in.avi", limit=SMALL).traits
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".apng", ".webp"])
+def test_animations_are_refused_by_their_headers(tmp_path, suffix):
+    """The canvas of each format, before a frame is decoded; just enough is enough."""
+    path = write_animation(tmp_path / f"in{suffix}", [scene(0), scene(1)])
+    with AnimationSource(str(path), limit=SMALL) as source:
+        assert len(list(source)) == 2
+    with pytest.raises(InputError, match=rf"in{suffix} is 64x48, which takes"):
+        AnimationSource(str(path), limit=MemoryLimit(10**6))
+
+
+@pytest.mark.parametrize(("suffix", "name", "place"), [(".apng", b"fcTL", 8), (".webp", b"ANMF", 14)])
+def test_frames_beyond_the_canvas_are_not_decoded(tmp_path, monkeypatch, suffix, name, place):
+    """A second frame that says it is huge in a small animation: the first is kept, the second never reaches OpenCV."""
+    path = write_animation(tmp_path / f"in{suffix}", [scene(0), scene(1)])
+    data = bytearray(path.read_bytes())
+    second = data.index(name, data.index(name) + 4)
+    data[second + place : second + place + 3] = b"\0\xea\x60"
+    path.write_bytes(data)
+    decoded = []
+    decode = cv2.imdecode
+    monkeypatch.setattr(cv2, "imdecode", lambda *arguments: decoded.append(1) or decode(*arguments))
+    with AnimationSource(str(path)) as source:
+        assert len(list(source)) == len(decoded) == 1
+    assert "damaged" in source.remarks[-1]
 
 
 # ----------------------------------------------------------------------------------------------------------- the limit

@@ -15,6 +15,11 @@ from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import gif, png, webp
 from fpsboost.media.animation import DamagedError, Outline, Shown, composed, damaged
+from fpsboost.media.image_sizes import declared_size
+from fpsboost.memory_limit import MemoryLimit
+
+LONGEST_HEADER = 64
+"""Bytes in which an animation says its size."""
 
 Format = Literal["gif", "apng", "webp"]
 
@@ -45,6 +50,8 @@ class AnimationSource:
         A file of a type that `animation_format` knows. Opening reads headers, and of a GIF the first frame.
     keeps_alpha : bool
         Yield BGRA where anything can be seen through; otherwise lay such frames over white, and say so.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Attributes
     ----------
@@ -55,14 +62,18 @@ class AnimationSource:
     Raises
     ------
     InputError
-        It cannot be read or is damaged; while iterating also: the first frame cannot be decoded.
+        It cannot be read, is damaged or too large; while iterating also: the first frame cannot be decoded.
     """
 
-    def __init__(self, path: str, *, keeps_alpha: bool = True) -> None:
+    def __init__(self, path: str, *, keeps_alpha: bool = True, limit: MemoryLimit | None = None) -> None:
         self._name, self.path = path, Path(path)
         self._format = animation_format(self.path)
         self._file = self._open()
         try:
+            size = declared_size(self._file.read(LONGEST_HEADER))
+            if size is not None:
+                (limit or MemoryLimit()).check(path, *size)
+            self._file.seek(0)
             self._outline = self._read_outline()
         except DamagedError:
             self._file.close()

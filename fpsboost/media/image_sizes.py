@@ -18,12 +18,12 @@ Size = tuple[int, int]
 
 
 def declared_size(data: bytes) -> Size | None:
-    """Read what a PNG, JPEG, WebP, BMP or TIFF file says of its size.
+    """Read what a PNG, JPEG, WebP, GIF, BMP or TIFF file says of its size.
 
     Parameters
     ----------
     data : bytes
-        The whole file.
+        The whole file; of PNG, GIF and animated WebP, its beginning is enough.
 
     Returns
     -------
@@ -38,6 +38,11 @@ def declared_size(data: bytes) -> Size | None:
 
 def _png(data: bytes) -> Size:
     width, height = struct.unpack_from(">2I", data, 16)
+    return width, height
+
+
+def _gif(data: bytes) -> Size:
+    width, height = struct.unpack_from("<2H", data, 6)
     return width, height
 
 
@@ -91,6 +96,7 @@ def _tiff(data: bytes) -> Size | None:
 
 readers: dict[bytes, Callable[[bytes], Size | None]] = {
     b"\x89PNG": _png,
+    b"GIF8": _gif,
     b"BM": _bmp,
     b"\xff\xd8": _jpeg,
     b"RIFF": _webp,

@@ -122,7 +122,7 @@ def _open_source(
         raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
     if is_animation:
         _check_reading(reading, f"{path}, which is an animation", "leave it out")
-        return AnimationSource(path, keeps_alpha=keeps_alpha)
+        return AnimationSource(path, keeps_alpha=keeps_alpha, limit=limit)
     return VideoSource(path, for_images=for_images, keeps_alpha=keeps_alpha, reading=reading, limit=limit)
 
 
@@ -175,8 +175,8 @@ def makes_video(path: str) -> bool:
 
 def makes_animation(path: str) -> bool:
     """Whether an output path names an animation file."""
-    is_file = path not in PIPES and not is_pattern(path) and not Path(path).is_dir()
-    return is_file and Path(path).suffix.lower() in ANIMATION_SUFFIXES
+    is_file = path not in PIPES and not is_pattern(path) and not os.path.isdir(path)
+    return is_file and not path.endswith(("/", "\\")) and Path(path).suffix.lower() in ANIMATION_SUFFIXES
 
 
 def holds_alpha(path: str, encoding: Encoding) -> bool:

@@ -166,6 +166,9 @@ def _control(data: bytes) -> _Control:
 
 def _piece(header: bytes, common: bytes, control: _Control, content: bytes) -> Piece:
     """Decode a frame as the still image that it is."""
+    width, height = unpacked(">II", header[:8])
+    if control.width > width or control.height > height:
+        raise DamagedError
     resized = struct.pack(">II", control.width, control.height) + header[8:]
     still = (
         SIGNATURE + chunk_bytes(b"IHDR", resized) + common + chunk_bytes(b"IDAT", content) + chunk_bytes(b"IEND", b"")

@@ -28,6 +28,7 @@ from fpsboost.media.animation import (
     with_four_channels,
 )
 from fpsboost.media.image_files import encode_image
+from fpsboost.media.image_sizes import declared_size
 
 CLOCK = 1000  # ticks per second
 LONGEST_DELAY = Fraction(2**24 - 1, CLOCK)
@@ -90,7 +91,7 @@ def read_outline(file: BinaryIO) -> Outline:
         for name, _ in chunks_in(file):
             if name == b"VP8X":
                 data = read_exactly(file, 10)
-                size, has_alpha = (1 + _three(data, 7), 1 + _three(data, 4)), bool(data[0] & ALPHA)
+                size, has_alpha = _canvas(data), bool(data[0] & ALPHA)
             elif name == b"ANIM":
                 _, plays = unpacked("<IH", read_exactly(file, 6))
             elif name == b"ANMF":
@@ -110,10 +111,15 @@ def read_pieces(file: BinaryIO) -> Iterator[Piece]:
     DamagedError
         It ends within a frame, or a frame cannot be decoded.
     """
+    canvas = 0, 0
     for name, size in chunks_in(file):
+        if name == b"VP8X":
+            canvas = _canvas(read_exactly(file, 10))
         if name != b"ANMF":
             continue
         head, content = read_exactly(file, 16), read_exactly(file, size - 16) if size > 16 else b""
+        if any(side > whole for side, whole in zip(_size(head), canvas, strict=True)):
+            raise DamagedError
         image = _decoded(content, *_size(head))
         disposal: Disposal = "clear" if head[15] & CLEARS else "keep"
         yield Piece(image, 2 * _three(head, 3), 2 * _three(head, 0), _delay(head), not head[15] & REPLACES, disposal)
@@ -121,6 +127,11 @@ def read_pieces(file: BinaryIO) -> Iterator[Piece]:
 
 def _three(data: bytes, place: int) -> int:
     return int.from_bytes(data[place : place + 3], "little")
+
+
+def _canvas(data: bytes) -> tuple[int, int]:
+    """Height and width of the whole."""
+    return 1 + _three(data, 7), 1 + _three(data, 4)
 
 
 def _size(head: bytes) -> tuple[int, int]:
@@ -138,9 +149,11 @@ def _decoded(content: bytes, height: int, width: int) -> Image:
     if content[:4] == b"ALPH":
         size = (width - 1).to_bytes(3, "little") + (height - 1).to_bytes(3, "little")
         extended = chunk_bytes(b"VP8X", bytes((ALPHA, 0, 0, 0)) + size)
-    still = b"WEBP" + extended + content
+    still = chunk_bytes(b"RIFF", b"WEBP" + extended + content)
+    if declared_size(still) != (width, height):
+        raise DamagedError
     try:
-        image = cv2.imdecode(np.frombuffer(chunk_bytes(b"RIFF", still), np.uint8), cv2.IMREAD_UNCHANGED)
+        image = cv2.imdecode(np.frombuffer(still, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         raise DamagedError from None
     if image is None or image.shape[:2] != (height, width):
