@@ -129,7 +129,7 @@ def test_a_huge_image_within_a_sequence(tmp_path, save_images):
     save_images(tmp_path / "in", count=2)
     (tmp_path / "in" / "shot_0002.png").write_bytes(promising(".png", HUGE, HUGE))
     with pytest.raises(InputError, match=r"shot_0002\.png is 60000x60000"):
-        list(ImageSource(str(tmp_path / "in"), Fraction(24), MemoryLimit(10**9)))
+        list(ImageSource(str(tmp_path / "in"), Fraction(24), limit=MemoryLimit(10**9)))
 
 
 def test_videos_are_refused_by_their_headers(tmp_path):
