@@ -86,8 +86,8 @@ def dark(random: np.random.Generator) -> Array:
 
 
 def fog(random: np.random.Generator) -> Array:
-    """Little contrast around one gray."""
-    picture = (people if random.random() < 0.5 else smooth)(random)
+    """Little contrast around one gray, but still something to be seen."""
+    picture = (people if random.random() < 0.5 else edges)(random)
     return 0.3 * (picture - 0.5) + np.float32(random.uniform(0.4, 0.75))
 
 

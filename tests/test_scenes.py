@@ -144,6 +144,8 @@ def test_a_cut_stands_out_from_its_neighbours():
     assert detector.is_cut(0.3, 0.9, 0.2)
     assert detector.is_cut(0.6, 0.95, 0.95)
     assert not detector.is_cut(0.6, 0.95, 0.7)
+    assert not detector.is_cut(0.6, 0.82, 0.99)
+    assert detector.is_cut(0.5, 0.7, 0.75)
     assert not detector.is_cut(0.85, 1, 1)
     assert not CutDetector(threshold=0).is_cut(0.0, 1, 1)
     assert detector.is_cut(0.05, 0.05, 0.04)
