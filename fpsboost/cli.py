@@ -21,7 +21,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.text import Text
 
 from fpsboost import __version__
-from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError
+from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 
 if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo
@@ -448,11 +448,6 @@ def readable(number: Any) -> str:
 def stop(number: int, frame: FrameType | None) -> None:
     """Treat a request to terminate like Ctrl-C, so that nothing half-written stays behind."""
     raise KeyboardInterrupt
-
-
-def notes_of(error: BaseException) -> str:
-    """What was added to an exception on its way, such as how to go on."""
-    return " ".join(getattr(error, "__notes__", ()))
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
+from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained, notes_of
 from fpsboost.media.encoding import VIDEO_SUFFIXES
 from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of
 from fpsboost.media.numbering import is_pattern
@@ -109,12 +109,14 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
                 convert(path, output, f"{number}/{len(inputs)} ")
                 done += 1
             except CompleteAlreadyError as already:
-                console.print(escape(str(already)))
+                if not quiet:
+                    console.print(escape(str(already)))
                 done += 1
             except FpsboostError as error:
                 if verbose:
                     traceback.print_exc()
-                console.print(f"[red]fpsboost:[/] {escape(str(error))}")
+                sentences = " ".join(filter(None, (str(error), notes_of(error))))
+                console.print(f"[red]fpsboost:[/] {escape(sentences)}")
                 failed.append(path)
     except KeyboardInterrupt as stopped:
         stopped.add_note(f"{done} of {len(inputs)} inputs were converted.")

@@ -44,6 +44,11 @@ class ReaderGoneError(OutputError):
     """The program at the other end of a pipe has read enough; nobody need be told."""
 
 
+def notes_of(error: BaseException) -> str:
+    """What was added to an exception on its way, such as how to go on."""
+    return " ".join(getattr(error, "__notes__", ()))
+
+
 def check_choice(option: str, value: str, choices: Collection[str]) -> None:
     """Raise `OptionError` unless a value is one of the choices; the message lists them.
 

@@ -19,7 +19,7 @@ import numpy as np
 from video_truth import scene, stream_of, write_clip
 
 from fpsboost import overlap, pipeline
-from fpsboost.errors import FpsboostError
+from fpsboost.errors import FpsboostError, notes_of
 from fpsboost.exr import read_exr, write_exr
 from fpsboost.method_table import find_method
 from fpsboost.motion.flow_files import write_flow
@@ -123,11 +123,16 @@ def convert(sample: Path, kind: str, work: Path, chance: random.Random) -> str:
         pipeline.convert(str(source), str(output), method=method, input_fps=rate, fps=None if kind == "flo" else fps)
     except FpsboostError as error:
         assert not output.exists(), "an output that failed has its name"
+        kept = hidden(work) if not notes_of(error) else []
+        assert not kept, "something is left behind that nobody is told of"
         return f"refused: {error}"
-    finally:
-        assert not [path.name for path in work.iterdir() if path.name.startswith(".")], "something is left behind"
+    assert not hidden(work), "something is left behind"
     check(output)
     return "converted"
+
+
+def hidden(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir() if path.name.startswith(".")]
 
 
 def check(output: Path) -> None:

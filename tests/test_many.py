@@ -107,6 +107,19 @@ def test_existing_outputs_fail_by_themselves(fpsboost_, tmp_path):
     assert len(packets_of(tmp_path / "out" / "a.mp4", "video")) == 6
 
 
+def test_a_batch_that_is_started_again_does_the_rest(fpsboost_, tmp_path):
+    """With --resume, what is complete counts as converted."""
+    for name in ("a.mp4", "b.mp4"):
+        write_clip(tmp_path / name, times=range(3))
+    assert fpsboost_("a.mp4", "none.mp4", "out/", *CHEAP).code == 1
+    before = (tmp_path / "out" / "a.mp4").stat()
+    result = fpsboost_("a.mp4", "b.mp4", "out/", "--resume", *CHEAP)
+    assert result.code == 0, result.err
+    assert "out/a.mp4 exists already" in result.lines[0]
+    assert (tmp_path / "out" / "a.mp4").stat() == before
+    assert (tmp_path / "out" / "b.mp4").exists()
+
+
 def test_inputs_are_never_replaced(fpsboost_, tmp_path, snapshot):
     """The folder of the inputs as the target: nothing happens to them, even with --overwrite."""
     for name in ("a.mp4", "b.mp4"):

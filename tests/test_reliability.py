@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import random
@@ -12,7 +13,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -74,7 +74,7 @@ def test_a_killed_run_changes_nothing(tmp_path, output):
 # ------------------------------------------------------------------------------------------------------- no more space
 
 
-@contextmanager
+@contextlib.contextmanager
 def files_end_at(size: int) -> Iterator[None]:
     """No file of this process may grow larger; writing beyond fails as on a full disk."""
     import resource  # noqa: PLC0415 (Unix only)
@@ -131,7 +131,18 @@ def small_disk(tmp_path) -> Iterator[Path]:
     if shutil.which("mount") is None or subprocess.run(mount, capture_output=True, check=False).returncode:
         pytest.skip("only root may mount a small disk")
     yield disk
-    subprocess.run(["umount", str(disk)], check=True)
+    subprocess.run(["umount", "--lazy", str(disk)], check=True)
+
+
+@pytest.mark.parametrize("output", ["out.mp4", "frames"])
+def test_a_disk_without_any_space(fpsboost_, tmp_path, small_disk, output):
+    """Not even what says which job it is can be written: a sentence, and nothing is left."""
+    write_clip(tmp_path / "in.mp4", times=range(3))
+    with (small_disk / "ballast").open("wb", buffering=0) as ballast, contextlib.suppress(OSError):
+        while ballast.write(bytes(4096)):
+            pass
+    assert_one_sentence(fpsboost_("in.mp4", f"disk/{output}", *CHEAP), "disk/", "space")
+    assert os.listdir(small_disk) == ["ballast"]
 
 
 @pytest.mark.parametrize("output", ["out.mp4", "out.mkv", "out.webm", "frames", "f_####.png"])
@@ -262,13 +273,14 @@ def test_what_may_not_be_read_or_written(fpsboost_, tmp_path):
     shutil.copy(tmp_path / "in.mp4", tmp_path / "secret.mp4")
     (tmp_path / "secret.mp4").chmod(0)
     (tmp_path / "closed").mkdir(mode=0)
-    for arguments in (
-        ("secret.mp4", "out.mp4"),
-        ("closed/in.mp4", "out.mp4"),
-        ("closed", "out"),
-        ("in.mp4", "closed/"),
+    for source, target, place in (
+        ("secret.mp4", "out.mp4", "secret.mp4"),
+        ("closed/in.mp4", "out.mp4", "closed/in.mp4"),
+        ("closed", "out", "closed"),
+        ("in.mp4", "closed/", "closed/"),
+        ("in.mp4", "closed/out.mp4", "closed/out.mp4"),
     ):
-        assert_one_sentence(fpsboost_(*arguments, *CHEAP), arguments[0])
+        assert_one_sentence(fpsboost_(source, target, *CHEAP), place)
     (tmp_path / "closed").chmod(0o700)
 
 
@@ -309,9 +321,10 @@ def test_the_output_folder_goes_away(tmp_path, output):
             str(tmp_path / "in.mp4"),
             target,
             method="nearest",
-            observer=AtFrame(lambda: shutil.rmtree((tmp_path / "out").rename(tmp_path / "gone"), ignore_errors=True)),
+            observer=AtFrame(lambda: (tmp_path / "out").rename(tmp_path / "elsewhere")),
         )
     assert not (tmp_path / "out").exists()
+    assert all(path.name.startswith(".") for path in (tmp_path / "elsewhere").iterdir())
 
 
 @pytest.mark.parametrize("kind", ["h264.mkv", "y4m"])

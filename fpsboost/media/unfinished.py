@@ -149,7 +149,7 @@ class Unfinished:
             if self._job is not None:
                 write_safely(self.folder / MANIFEST, json.dumps(dict(self._job.facts), indent=1).encode())
         except BaseException:
-            self._release()
+            self.close(keep=self.is_pending)
             raise
 
     def publish(self, path: Path) -> None:
