@@ -50,6 +50,10 @@ class CutList:
         """Whether a scene ends in a pair, whatever its neighbours are like."""
         return likeness == 0
 
+    def is_flash(self, likeness: float, across: float, *neighbours: float) -> bool:
+        """Never: a listed cut is one."""
+        return False
+
     def _count_until(self, moment: Moment) -> int:
         """How many of the cuts lie before a frame."""
         return bisect_right(self._frames, moment.number) + bisect_right(self._seconds, moment.seconds + ROUNDED)

@@ -13,7 +13,7 @@ import numpy as np
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
-from fpsboost.lighting import Lighting, find_lighting
+from fpsboost.lighting import Lighting, find_lighting, in_either_light
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
@@ -90,14 +90,35 @@ class Pair:
 
     @cached_property
     def likeness(self) -> float:
-        """How much of the two can be found in each other, 0 to 1; 1 where scene cuts are not looked for."""
-        cuts = self._interpolator.cuts
-        return 1.0 if cuts is None else cuts.likeness(*self.in_one_light)
+        """How much of the two can be found in each other, 0 to 1; 1 where scene cuts are not looked for.
 
-    def is_cut(self, *neighbours: Pair | None) -> bool:
-        """Whether a scene ends between the two, given the pairs before and after where they are known."""
+        Where the light changes, in the light of either: dim pictures all look alike, but not in the brighter one's.
+        """
+        cuts = self._interpolator.cuts
+        if cuts is None:
+            return 1.0
+        if self.lighting is None:
+            return cuts.likeness(self.image0, self.image1)
+        return min(
+            cuts.likeness(*thumbnails) for thumbnails in in_either_light(self.image0, self.image1, self.lighting)
+        )
+
+    def breaks_off(self, *neighbours: Pair | None) -> bool:
+        """Whether no motion leads from one to the other, given the pairs before and after where they are known."""
         cuts = self._interpolator.cuts
         return cuts is not None and cuts.is_cut(self.likeness, *(each.likeness for each in neighbours if each))
+
+    def is_cut(self, before: Pair | None = None, after: Pair | None = None) -> bool:
+        """Whether a scene ends between the two: motion breaks off, and no flash of one frame is the reason."""
+        return self.breaks_off(before, after) and not self._goes_on_behind(before, after)
+
+    def _goes_on_behind(self, before: Pair | None, after: Pair | None) -> bool:
+        """Whether the frames on both sides of the two's first or last show one scene."""
+        cuts, pair = self._interpolator.cuts, self._interpolator.pair
+        across = [pair(before.image0, self.image1)] if before else []
+        across += [pair(self.image0, after.image1)] if after else []
+        usual = max((each.likeness for each in (before, after) if each), default=1.0)
+        return cuts is not None and any(cuts.is_flash(self.likeness, each.likeness, usual) for each in across)
 
     @cached_property
     def fields(self) -> tuple[MotionField, MotionField]:
@@ -128,7 +149,7 @@ class Interpolator:
     cuts : CutPolicy or None
         Finds scene cuts, or knows them; None takes every pair for one scene.
     at_cuts : {'repeat', 'blend', 'extrapolate'}
-        Across a cut, repeat the nearer frame, mix the two, or let each go on along the motion that it has.
+        Across a cut or a flash, repeat the nearer frame, mix the two, or let each go on along the motion that it has.
     curved : bool
         Follow curved paths where the pairs before and after are known, straight ones otherwise.
     relight : bool
@@ -229,9 +250,9 @@ class Interpolator:
             yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
 
     def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
-        is_cut = pair.is_cut(before, after)
-        before, after = (None if each is None or each.is_cut(pair) else each for each in (before, after))
-        if is_cut:
+        breaks_off = pair.breaks_off(before, after)
+        before, after = (None if each is None or each.breaks_off(pair) else each for each in (before, after))
+        if breaks_off:
             onward = self.at_cuts == "extrapolate"
             fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)
             return AT_CUTS[self.at_cuts].synthesize(Transition(pair.image0, pair.image1, *fields), times)

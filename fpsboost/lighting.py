@@ -88,6 +88,18 @@ def find_lighting(image0: PreparedImage, image1: PreparedImage) -> Lighting | No
     return Lighting(lighting.gain, lighting.offset * white) if believed else None
 
 
+def in_either_light(
+    image0: PreparedImage, image1: PreparedImage, lighting: Lighting
+) -> tuple[tuple[PreparedImage, PreparedImage], ...]:
+    """Small copies of two frames, in the light of frame 0, and in that of frame 1."""
+    small0, small1 = (image.once(small_copy, LONGER_SIDE) for image in (image0, image1))
+    in_light0, in_light1 = (small0, lighting.undo(small1)), (lighting.apply(small0, 1, small0.dtype), small1)
+    return tuple(
+        (PreparedImage(first, image0.place, image0.moment), PreparedImage(second, image1.place, image1.moment))
+        for first, second in (in_light0, in_light1)
+    )
+
+
 def _likeness(small0: Image, small1: Image, lighting: Lighting) -> tuple[float, float]:
     """How much of frame 0 is found in frame 1, in the light of each: dim frames all look alike, but not bright ones."""
     if not 1 / LARGEST_GAIN < lighting.gain.min() <= lighting.gain.max() < LARGEST_GAIN:

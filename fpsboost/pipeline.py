@@ -63,7 +63,7 @@ class Summary:
     frames_made : int
         Frames written that are none of the source's: interpolated, or repeated across a cut.
     scene_cuts : int
-        Pairs that were not interpolated across.
+        Pairs in which a scene ends; they were not interpolated across.
     duplicates : int
         Frames that showed the same as the one before, and were interpolated across.
     frames_there : int
@@ -436,7 +436,7 @@ def _between(interval: _Interval, before: _Interval | None, after: _Interval | N
     """The output frames from one held picture to the next."""
     neighbours = [each and each.pair for each in (before, after)]
     *repeats, last = zip(interval.held, interval.steps, strict=True)
-    if repeats and interval.pair.is_cut(*neighbours):
+    if repeats and interval.pair.breaks_off(*neighbours):
         # nothing leads on from it, so it stays held until the last of its frames ends in the cut
         for shown, steps in repeats:
             clip.skipped(steps)

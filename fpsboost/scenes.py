@@ -17,6 +17,12 @@ from fpsboost.motion.colour import Components, colour_components, contrast_compo
 from fpsboost.motion.exhaustive import search_fused
 from fpsboost.prepared import PreparedImage
 
+NOTHING_ALIKE = 0.25
+"""Share of the threshold below which a pair is a cut whatever its neighbours are like."""
+
+SLIGHTLY_ALIKE, MUCH_ALIKE = 1.1, 5 / 3
+"""Multiples of the threshold below which a pair is a cut if it stands out, and if it is far out."""
+
 
 class CutPolicy(Protocol):
     """Contract: says where scenes end, pair by pair. `CutDetector` finds out, `fpsboost.cut_list.CutList` knows."""
@@ -29,23 +35,34 @@ class CutPolicy(Protocol):
         """Whether a scene ends in a pair, given its likeness and those of the pairs before and after."""
         ...
 
+    def is_flash(self, likeness: float, across: float, *neighbours: float) -> bool:
+        """Whether the scene goes on behind a frame that hides it, given how alike the frames around that one are."""
+        ...
+
 
 @dataclass(frozen=True)
 class CutDetector:
-    """A cut is where hardly anything of one frame can be found in the other.
+    """A cut is where hardly anything of one frame can be found in the other, or much less than before and after.
 
     Both frames are reduced to thumbnails, and every patch of one is searched for in the other with the similarity of
     the method itself; the mean over all pixels of the best similarity is high under any motion and low across a cut.
+    Where scenes have much in common, as slides, fog and rooms in the same colours do, it is lower than its neighbours.
 
     Parameters
     ----------
     threshold : float
         Pairs whose similarity lies below it are cuts, 0 (none) to 1 (all). Of 18 rendered and filmed clips, pairs
-        up to four frames apart stayed above 0.54, and cuts between clips below 0.45; the default lies between.
+        up to four frames apart stayed above 0.52, and cuts between clips below 0.42; the default lies between.
     drop : float
         Between other pairs, a cut has at most this share of the likeness of the better neighbour: where all pairs are
         hard to follow, behind turning glass or in a hail of confetti, no scene ends. Of the same clips and three more,
-        all cuts lay below 0.7, and pairs within a scene above 0.8.
+        all cuts lay below 0.45, and pairs within a scene above 0.8.
+    fall : float
+        A pair that lies below both its neighbours by as much may be a little more alike than the threshold: of
+        constructed clips, nine of ten cuts lie lower by as much, and 98 of 100 pairs within a scene by at most 0.12.
+    times : float
+        If it is so many times as unlike as the worse neighbour, it may be much more alike: slides and rooms in the same
+        colours are cuts. A figure that strikes another pose in an animation differs less from what it does around.
     thumbnail_side : int
         Longer side of the thumbnails, pixels.
 
@@ -56,14 +73,19 @@ class CutDetector:
     """
 
     threshold: float = 0.48
-    drop: float = 0.75
+    drop: float = 0.6
+    fall: float = 0.15
+    times: float = 3.0
     thumbnail_side: int = 40
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold <= 1:
             raise OptionError(f"--cut-threshold must be 0 (no cuts) to 1 (all cuts), not {self.threshold}.")
-        if not 0 < self.drop <= 1:
-            raise OptionError(f"drop must be above 0 and at most 1, not {self.drop}.")
+        for name in ("drop", "fall"):
+            if not 0 < getattr(self, name) <= 1:
+                raise OptionError(f"{name} must be above 0 and at most 1, not {getattr(self, name)}.")
+        if not self.times >= 1:
+            raise OptionError(f"times must be at least 1, not {self.times}.")
         if self.thumbnail_side < 1:
             raise OptionError(f"thumbnail_side must be at least 1 pixel, not {self.thumbnail_side}.")
 
@@ -77,21 +99,45 @@ class CutDetector:
         *neighbours : float
             The same for the pairs before and after, where they are known.
         """
-        if self.threshold == 1:
+        if self.threshold == 1 or not neighbours:
+            return self.threshold == 1 or likeness < self.threshold
+        if likeness < NOTHING_ALIKE * self.threshold:
             return True
-        return likeness < self.threshold and not (neighbours and likeness > self.drop * max(neighbours))
+        if likeness < self.threshold and likeness <= self.drop * max(neighbours):
+            return True
+        stands_out = likeness <= min(neighbours) - self.fall
+        far_out = 1 - likeness >= self.times * (1 - min(neighbours))
+        return stands_out and likeness < self.threshold * (MUCH_ALIKE if far_out else SLIGHTLY_ALIKE)
 
     def find_cuts(self, likenesses: Sequence[float]) -> list[bool]:
         """`is_cut` for each of the pairs of a sequence."""
         neighbours = ([*likenesses[max(k - 1, 0) : k], *likenesses[k + 1 : k + 2]] for k in range(len(likenesses)))
         return [self.is_cut(each, *around) for each, around in zip(likenesses, neighbours, strict=True)]
 
+    def is_flash(self, likeness: float, across: float, *neighbours: float) -> bool:
+        """Whether a frame that is unlike the one beside it hides a scene that goes on behind it.
+
+        Parameters
+        ----------
+        likeness : float
+            Of the frame and the one beside it.
+        across : float
+            Of the frames on both of its sides.
+        *neighbours : float
+            Of the pairs before and after, where they are known.
+        """
+        goes_on = not self.is_cut(across) and not self.is_cut(across, *neighbours)
+        return goes_on and self.is_cut(likeness, across)
+
     def likeness(self, image0: PreparedImage, image1: PreparedImage) -> float:
-        """How much of the frames can be found in each other, 0 to 1: the better of both directions."""
+        """How much of the frames can be found in each other, 0 to 1: the worse of both directions.
+
+        A picture in which little is to be seen can be found in nearly any other, but not the other in it.
+        """
         thumbnails = [contrast_components(image.once(small_copy, self.thumbnail_side)) for image in (image0, image1)]
         reach = math.ceil(self.thumbnail_side / 6)
         fields = search_fused(thumbnails[0], thumbnails[1], reach, 5, "box", 0.06)
-        return max(float(field.similarity.mean()) for field in fields)
+        return min(float(field.similarity.mean()) for field in fields)
 
 
 @dataclass(frozen=True)

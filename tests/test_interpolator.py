@@ -365,6 +365,9 @@ class CutsTo:
     def is_cut(self, likeness, *neighbours) -> bool:
         return likeness == 0
 
+    def is_flash(self, likeness, across, *neighbours) -> bool:
+        return False
+
 
 def test_a_cut_is_no_neighbour():
     """A pair that a scene ends in tells nothing about the next one's motion."""
@@ -529,6 +532,36 @@ def test_at_cuts_each_scene_can_go_on_by_itself(dtype):
     alone = list(nlm.between(pair, [0.25, 0.75]).images)
     for image, original in zip(alone, (first.image1, second.image0), strict=True):
         np.testing.assert_allclose(image, original, atol=1e-6)
+
+
+def test_a_flash_is_no_cut_and_nothing_moves_across_it():
+    """The scene goes on behind a frame burnt out, which is repeated; where it does not, that is a cut."""
+    clip = affine(60, 80, shift=(3, -2), seed=1)
+    burnt, other = np.full_like(clip.image0, 255), affine(60, 80, seed=2).image0
+    nlm = methods["nlm"]
+    for last, expected in ((clip.image1, False), (other, True)):
+        first, second = (nlm.pair(*prepared(*each)) for each in pairwise((clip.image0, burnt, last)))
+        for made, pictures in (
+            (nlm.between(first, [0.25, 0.75], None, second), (clip.image0, burnt)),
+            (nlm.between(second, [0.25, 0.75], first, None), (burnt, last)),
+        ):
+            assert made.scene_cut == expected
+            np.testing.assert_array_equal(list(made.images), pictures)
+
+
+@pytest.mark.parametrize(("known", "moves"), [((False, True), (False, True)), ((True, False), (True, False))])
+def test_at_cuts_a_scene_of_one_frame_stands_still(known, moves):
+    """Nothing is known of its motion, so it is repeated, while the scene on the other side of the cut goes on."""
+    first, second = (affine(60, 80, shift=(6, -4), seed=seed) for seed in (1, 2))
+    nlm = replace(methods["nlm"], at_cuts="extrapolate")
+    images = prepared(first.image0, first.image1, second.image0, second.image1)
+    before, pair, after = (nlm.pair(*each) for each in pairwise(images))
+    made = nlm.between(pair, [0.25, 0.75], before if known[0] else None, after if known[1] else None)
+    assert made.scene_cut
+    truths, repeats = (first.at(1.25), second.at(-0.25)), (first.image1, second.image0)
+    for image, truth, repeated, goes_on in zip(made.images, truths, repeats, moves, strict=True):
+        off, still = (np.abs(each.astype(float) - truth)[12:-12, 12:-12].mean() for each in (image, repeated))
+        assert off < 0.3 * still if goes_on else (image == repeated).all()
 
 
 def test_within_a_scene_nothing_is_cut():

@@ -302,6 +302,9 @@ def test_neighbours_in_another_scene_tell_nothing():
         def is_cut(self, likeness, *neighbours):
             return not likeness
 
+        def is_flash(self, likeness, across, *neighbours):
+            return False
+
     images = prepared(*(panning((12, 0), letters())(t) for t in (-1, 0, 1, 2)))
     interpolator = replace(KEEPING, cuts=EveryPairBut(*images[1:3]))
     before, pair, after = (interpolator.pair(*each) for each in pairwise(images))

@@ -291,6 +291,9 @@ class CutsBefore:
     def is_cut(self, likeness: float, *neighbours: float) -> bool:
         return likeness == 0
 
+    def is_flash(self, likeness: float, across: float, *neighbours: float) -> bool:
+        return False
+
 
 @pytest.mark.parametrize("at_cuts", ["repeat", "blend"])
 def test_scene_cuts_are_counted_and_not_interpolated(at_cuts):

@@ -296,24 +296,22 @@ def test_the_command_line(renders, monkeypatch, capsys):
     ],
 )
 def test_mistakes_are_one_sentence_and_nothing_is_written(renders, monkeypatch, capsys, line, code, words):
-    """Exit code 2 for options, 1 for files; finished frames stay out of sight, for --resume."""
-    before = sorted(renders.rglob("[!.]*"))
+    """Exit code 2 for options, 1 for files."""
+    before = sorted(renders.rglob("*"))
     result = run(monkeypatch, capsys, renders, f"in out {line}")
     assert result[0] == code
     assert words in result[1]
     assert re.fullmatch(r"fpsboost: .+\.\n", result[1])
-    unfinished = renders / ".out.unfinished"
-    assert unfinished.exists() == ("--resume goes on from there" in result[1])
-    assert [path for path in sorted(renders.rglob("[!.]*")) if unfinished not in path.parents] == before
+    assert sorted(renders.rglob("*")) == before
 
 
 @pytest.mark.parametrize("number", [3, COUNT - 1])
 def test_missing_vectors_of_one_frame(renders, monkeypatch, capsys, number):
-    """A gap and a missing end: one sentence, exit code 1, nothing written in sight."""
+    """A gap and a missing end: one sentence, exit code 1, nothing written."""
     (renders / "vectors" / f"v_{number:04d}.exr").unlink()
     line = "in out --method reproject-image --vectors vectors"
     code, message = run(monkeypatch, capsys, renders, line)
     assert code == 1
     assert ("v_0003.exr is missing" if number == 3 else "no vectors for output frame 6") in message
     assert not (renders / "out").exists()
-    assert (renders / ".out.unfinished").exists() == ("--resume goes on from there" in message)
+    assert not [path for path in renders.iterdir() if path.name.startswith(".")]

@@ -25,6 +25,7 @@ from fpsboost.evaluation.making import Made, Maker
 from fpsboost.evaluation.metrics import Scores, absolute_error, mean, mean_scores, score
 from fpsboost.evaluation.regions import NAMES, Regions, find_regions
 from fpsboost.frame import Image, describe
+from fpsboost.method_table import methods
 from fpsboost.scenes import CutDetector
 
 
@@ -272,7 +273,7 @@ def _look(intervals: Iterator[Interval], areas: _Areas, observer: Observer) -> _
     for interval in intervals:
         kind = describe(interval.shown0.image)
         hidden.append([each.number for each in interval.hidden])
-        likenesses.append(CutDetector().likeness(*interval.prepared()))
+        likenesses.append(methods["nlm"].pair(*interval.prepared()).likeness)
         for regions in find_regions(interval):
             areas.add(regions)
             shares.append([float(each.mean()) for each in regions])

@@ -20,7 +20,7 @@ from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.making import InterpolatorMaker
 from fpsboost.evaluation.metrics import mean, score
 from fpsboost.interpolator import Interpolator
-from fpsboost.method_table import configure, find_method
+from fpsboost.method_table import configure, find_method, methods
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.exhaustive import choose_search_radius, expected_motion
 from fpsboost.scenes import CutDetector
@@ -142,7 +142,7 @@ def choose_frames(
         motion = expected_motion(colour_components(image0.pixels), colour_components(image1.pixels))
         middle = interval.hidden[len(interval.hidden) // 2].number
         motions.append((motion, middle))
-        likenesses.append(CutDetector().likeness(image0, image1))
+        likenesses.append(methods["nlm"].pair(image0, image1).likeness)
         observer.made()
     cuts = CutDetector().find_cuts(likenesses)
     usable = [each for each, cut in zip(motions, cuts, strict=True) if not cut] or motions

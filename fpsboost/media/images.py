@@ -36,7 +36,7 @@ from fpsboost.media.image_metadata import (
     with_metadata,
 )
 from fpsboost.media.numbering import is_pattern, scan_folder
-from fpsboost.media.unfinished import Job, Unfinished, hidden_place, note_on_resuming, sync, write_safely
+from fpsboost.media.unfinished import Job, Unfinished, hidden_place, sync, write_safely
 from fpsboost.memory_limit import MemoryLimit
 from fpsboost.sequence import Numbering, find_without_gap
 
@@ -412,10 +412,7 @@ class ImageSink:
         with suppress(OSError):
             self._replaced.rmdir()  # fails where it is not empty
         count = len(self._names) if self._moving.exists() else max(self._frames_there, len(self._names))
-        keep = error is not None and count > 0 and self._unfinished.can_be_resumed
-        self._unfinished.close(keep=keep or self._replaced.exists())
-        if keep and error is not None:
-            error.add_note(note_on_resuming(count, self._frame_count))
+        self._unfinished.leave(error, count, self._frame_count, stays=self._replaced.exists())
 
 
 def _one_name(extension: str) -> str:

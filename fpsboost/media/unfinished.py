@@ -18,7 +18,7 @@ from io import BufferedRandom
 from pathlib import Path
 from typing import Any
 
-from fpsboost.errors import OutputError
+from fpsboost.errors import InputError, OptionError, OutputError
 
 if sys.platform == "win32":
     import msvcrt
@@ -161,6 +161,26 @@ class Unfinished:
         """
         write_safely(self.folder / WHOLE, b"")
         rename_safely(self.staged, path)
+
+    def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
+        """Let go of the folder; where a run is cut short and another can go on, keep it and note that on the error.
+
+        Of a faulty input or option nothing is kept: what mends it makes another job.
+
+        Parameters
+        ----------
+        error : BaseException or None
+            What ends the run.
+        frames, expected : int, int or None
+            How many frames are finished, and how many there were to be.
+        stays : bool
+            Keep the folder in any case.
+        """
+        is_cut_short = error is not None and not isinstance(error, InputError | OptionError)
+        keep = is_cut_short and frames > 0 and self.can_be_resumed
+        self.close(keep=keep or stays)
+        if keep and error is not None:
+            error.add_note(note_on_resuming(frames, expected))
 
     def close(self, *, keep: bool) -> None:
         """Let go of the folder, and remove it unless it is to be kept."""

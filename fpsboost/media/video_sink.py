@@ -35,7 +35,7 @@ from fpsboost.media.encoding import (
 from fpsboost.media.excerpt import Window
 from fpsboost.media.other_streams import check_streams
 from fpsboost.media.pipe import PipeSource
-from fpsboost.media.unfinished import Job, Unfinished, complete_already, hidden_place, note_on_resuming
+from fpsboost.media.unfinished import Job, Unfinished, complete_already, hidden_place
 from fpsboost.media.video_encoder import VideoEncoder, traits_of_image
 from fpsboost.media.video_source import VideoSource, VideoTraits
 from fpsboost.media.ycc import has_alpha
@@ -273,11 +273,7 @@ class VideoSink:
             self._assembly.discard()
         if self._encoder is not None:
             self._encoder.close()
-        count = self._frames_finished
-        keep = error is not None and count > 0 and self._unfinished.can_be_resumed
-        self._unfinished.close(keep=keep)
-        if keep and error is not None:
-            error.add_note(note_on_resuming(count, self._frame_count))
+        self._unfinished.leave(error, self._frames_finished, self._frame_count)
 
     @contextlib.contextmanager
     def _explained(self) -> Iterator[None]:

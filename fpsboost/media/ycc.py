@@ -76,6 +76,8 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) 
     if picture.format.is_rgb:
         packed = scaler.reformat(picture, format=packed_formats[dtype], interpolation=SCALER_FLAGS)
         return np.ascontiguousarray(packed.to_ndarray())
+    if is_gray(picture.format):
+        return _gray_to_bgr(picture, scaler)
     full = is_full_range(picture)
     planar = reformatted(picture, scaler, full_chroma(bits), full)
     bits = planar.format.components[0].bits
@@ -84,6 +86,19 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) 
     backward = np.column_stack([inverse, -inverse @ forward[:, 3]])
     image: Image = cv2.transform(cv2.merge(plane_arrays(planar)), backward)
     return image
+
+
+def _gray_to_bgr(picture: av.VideoFrame, scaler: VideoReformatter) -> Image:
+    # not by way of 4:4:4, where the scaler applies a matrix to gray too and shifts it
+    bits = picture.format.components[0].bits
+    name = "gray" if bits == 8 else f"gray{bits}le" if bits in (9, 10, 12, 14) else "gray16le"
+    if picture.format.name != name:
+        picture = scaler.reformat(picture, format=name, interpolation=SCALER_FLAGS)
+    (levels,) = plane_arrays(picture)
+    top, most = np.iinfo(levels.dtype).max, 2 ** picture.format.components[0].bits - 1
+    if top != most:
+        levels = np.rint(levels * (top / most)).astype(levels.dtype)
+    return cv2.merge([levels] * 3)
 
 
 def to_bgra(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
@@ -156,6 +171,7 @@ def from_bgr(
     if target.is_rgb:
         frame = av.VideoFrame.from_ndarray(image, format=packed_formats[image.dtype])
         return scaler.reformat(frame, format=pixel_format, interpolation=SCALER_FLAGS)
+    full_range = full_range or is_gray(target)
     bits = target.components[0].bits
     if bits > 8 and image.dtype == np.uint8:  # the matrix product keeps the type, and needs room for its result
         image = image.astype(np.uint16) * 257
@@ -351,6 +367,11 @@ def color_space_of(picture: av.VideoFrame) -> int:
 def assumed_color_space(height: int) -> int:
     """What an untagged video of this many rows means."""
     return BT709 if height >= 720 else SMPTE170M
+
+
+def is_gray(pixel_format: av.VideoFormat) -> bool:
+    """Whether there is no chroma: the scaler, and so all of FFmpeg, takes such code values for full range always."""
+    return pixel_format.name.startswith(("gray", "ya8", "ya16"))
 
 
 def is_full_range(picture: av.VideoFrame) -> bool:

@@ -1,0 +1,232 @@
+"""Colour and depth on the whole way: what was in a clip, and what a conversion makes of it."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pytest
+from video_truth import pictures_of, samples_of
+
+from fpsboost import convert
+from fpsboost.media.encoding import Encoding
+from fpsboost.media.ycc import plane_arrays
+
+SIZE = 48, 64
+BT709, BT601, BT2020, PQ, HLG = 1, 6, 9, 16, 18
+LIMITED, FULL = 1, 2
+LOSSLESS = {
+    "libx264": {"qp": "0", "preset": "ultrafast"},
+    "libx264rgb": {"qp": "0", "preset": "ultrafast"},
+    "libx265": {"preset": "ultrafast", "x265-params": "lossless=1:log-level=error"},
+}
+
+
+def gradients(pixel_format: str, full_range: bool) -> av.VideoFrame:
+    """Smooth slopes in every plane, across and down, of colours that RGB can hold."""
+    picture = av.VideoFrame(SIZE[1], SIZE[0], pixel_format)
+    depth = picture.format.components[0].bits
+    unit = 2.0 ** (depth - 8)
+    low, high = (0, 2**depth - 1) if full_range or picture.format.is_rgb else (16 * unit, 235 * unit)
+    for index, plane in enumerate(plane_arrays(picture)):
+        height, width = plane.shape
+        y, x = np.mgrid[0:height, 0:width] / np.array([height, width]).reshape(2, 1, 1)
+        if index == 0 or picture.format.is_rgb:
+            # luma keeps away from black and white, where no chroma is left to RGB
+            plane[:] = np.rint(low + (high - low) * (0.35 + 0.3 * (x if index == 0 else y)))
+        else:
+            plane[:] = np.rint(128 * unit + 28 * unit * ((y if index == 1 else x) - 0.5))
+    return picture
+
+
+def write_still(path: Path, pixel_format: str, codec: str, **tags: int) -> Path:
+    """A clip of slopes, coded without loss; `tags` are attributes of pictures."""
+    full_range = tags.get("color_range") == FULL or pixel_format.startswith("yuvj")
+    return write_pictures(path, gradients(pixel_format, full_range), codec, **tags)
+
+
+def write_pictures(path: Path, picture: av.VideoFrame, codec: str, **tags: int) -> Path:
+    """A clip that shows one picture three times, coded without loss."""
+    with av.open(str(path), "w") as output:
+        stream = output.add_stream(codec, rate=25, width=picture.width, height=picture.height)
+        stream.pix_fmt = picture.format.name
+        stream.options = LOSSLESS.get(codec, {})
+        for name, value in tags.items():
+            setattr(stream.codec_context, name, value)
+            setattr(picture, name, value)
+        for index in range(3):
+            picture.pts, picture.time_base = index, Fraction(1, 25)
+            output.mux(stream.encode(picture))
+        output.mux(stream.encode(None))
+    return path
+
+
+def doubled(source: Path, target: Path, encoding: Encoding, method: str = "blend") -> list[av.VideoFrame]:
+    """The pictures of a clip converted to twice its rate; made ones have odd numbers, but for the last."""
+    rate = Fraction(25) if source.is_dir() else None
+    convert(str(source), str(target), method=method, encoding=encoding, duplicates="keep", input_fps=rate)
+    return pictures_of(target)
+
+
+def differences(one: av.VideoFrame, other: av.VideoFrame) -> list[np.ndarray[Any, Any]]:
+    """Of every plane, in levels of its own depth."""
+    assert one.format.name.replace("yuvj", "yuv") == other.format.name.replace("yuvj", "yuv")
+    return [b.astype(float) - a for a, b in zip(samples_of(one), samples_of(other), strict=True)]
+
+
+def offered(encoder: str) -> set[str]:
+    """The pixel formats that an encoder of this build takes."""
+    return {each.name for each in av.codec.Codec(encoder, "w").video_formats or ()}
+
+
+def psnr(original: av.VideoFrame, picture: av.VideoFrame) -> float:
+    """Of all samples of all planes together, dB, infinite where they are the same."""
+    off = np.concatenate([each.ravel() for each in differences(original, picture)])
+    error = float((off**2).mean())
+    return np.inf if error == 0 else 10 * np.log10((2 ** original.format.components[0].bits - 1) ** 2 / error)
+
+
+YCC = [f"yuv{layout}p{depth}" for layout in (420, 422, 444) for depth in ("", "10le", "12le")]
+RANGES = pytest.mark.parametrize("color_range", [LIMITED, FULL], ids=["limited", "full"])
+
+
+def assert_still(clip: Path, pictures: list[av.VideoFrame]) -> None:
+    """Originals pass to the bit; made ones are off by 0.1 of a level at the mean of each plane, and by 2 at most."""
+    original = pictures_of(clip)[0]
+    assert len(pictures) == 6
+    for index, picture in enumerate(pictures):
+        for off in differences(original, picture):
+            assert abs(off.mean()) < (0.1 if index % 2 else 1e-9)
+            assert np.abs(off).max() <= (2 if index % 2 else 0)
+
+
+@RANGES
+@pytest.mark.parametrize("matrix", [BT601, BT709, BT2020], ids=["601", "709", "2020"])
+@pytest.mark.parametrize("pixel_format", [*YCC, "gray", "gray10le", "gray12le"])
+def test_made_frames_have_the_colours_of_their_originals(tmp_path, pixel_format, matrix, color_range):
+    """Of a still: in every layout, depth, range and matrix."""
+    clip = write_still(tmp_path / "in.mkv", pixel_format, "ffv1", colorspace=matrix, color_range=color_range)
+    assert_still(clip, doubled(clip, tmp_path / "out.mkv", Encoding(codec="ffv1")))
+
+
+@pytest.mark.parametrize(
+    ("pixel_format", "codec"),
+    [("yuvj420p", "libx264"), ("gbrp", "libx265"), ("gbrp10le", "ffv1"), ("gbrp12le", "ffv1"), ("bgr0", "ffv1")],
+)
+def test_made_frames_have_the_colours_of_unusual_originals(tmp_path, pixel_format, codec):
+    """Of a still, in full range by name and in RGB."""
+    clip = write_still(tmp_path / "in.mkv", pixel_format, codec)
+    assert_still(clip, doubled(clip, tmp_path / "out.mkv", Encoding(codec=codec, lossless=True)))
+
+
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv420p10le", "yuv444p12le", "gray10le", "gbrp10le"])
+def test_the_default_does_not_shift_colours_either(tmp_path, pixel_format):
+    """Of a still, by the method that people use."""
+    clip = write_still(tmp_path / "in.mkv", pixel_format, "ffv1")
+    assert_still(clip, doubled(clip, tmp_path / "out.mkv", Encoding(codec="ffv1"), "nlm"))
+
+
+@pytest.mark.parametrize(
+    ("codec", "pixel_format", "suffix"),
+    [
+        *(("h264", each, ".mp4") for each in YCC if "12" not in each),
+        *(("hevc", each, suffix) for each in YCC for suffix in (".mp4", ".mkv")),
+        *(("vp9", each, ".webm") for each in YCC if each in offered("libvpx-vp9")),
+        *(("av1", each, ".mkv") for each in ("yuv420p", "yuv420p10le")),
+        ("h264", "yuv422p10le", ".mov"),
+        ("hevc", "gray", ".mkv"),
+        ("hevc", "gray12le", ".mkv"),
+        ("hevc", "gbrp10le", ".mp4"),
+    ],
+)
+def test_originals_come_back_within_encoder_loss(tmp_path, codec, pixel_format, suffix):
+    """Above 50 dB at CRF 0, at the depth and in the layout they had."""
+    clip = write_still(tmp_path / "in.mkv", pixel_format, "ffv1")
+    preset = {"vp9": "8", "av1": "12"}.get(codec, "ultrafast")
+    pictures = doubled(clip, tmp_path / f"out{suffix}", Encoding(codec=codec, crf=0, preset=preset))
+    original = pictures_of(clip)[0]
+    assert [picture.format.name for picture in pictures] == [pixel_format] * 6
+    assert min(psnr(original, picture) for picture in pictures[::2]) > 50
+
+
+TAGS = [
+    (BT709, 1, 1, LIMITED),
+    (BT601, 6, 6, LIMITED),
+    (5, 5, 6, FULL),
+    (BT2020, 9, PQ, LIMITED),
+    (BT2020, 9, HLG, FULL),
+]
+
+
+@pytest.mark.parametrize("tags", TAGS, ids=["709", "601", "601 full", "PQ", "HLG full"])
+@pytest.mark.parametrize(
+    ("codec", "suffix"),
+    [
+        ("h264", ".mp4"),
+        ("h264", ".mov"),
+        ("hevc", ".mp4"),
+        ("hevc", ".mkv"),
+        ("vp9", ".webm"),
+        ("av1", ".mkv"),
+        ("ffv1", ".mkv"),
+    ],
+)
+def test_tags_are_what_a_reader_sees(tmp_path, codec, suffix, tags):
+    """Matrix, primaries, transfer and range are on every picture as they were on the source's."""
+    named = dict(zip(("colorspace", "color_primaries", "color_trc", "color_range"), tags, strict=True))
+    clip = write_still(tmp_path / "in.mkv", "yuv420p10le", "libx265", **named)
+    preset = {"vp9": "8", "av1": "12", "ffv1": None}.get(codec, "ultrafast")
+    for picture in [
+        *pictures_of(clip),
+        *doubled(clip, tmp_path / f"out{suffix}", Encoding(codec=codec, preset=preset)),
+    ]:
+        assert (picture.colorspace, picture.color_primaries, picture.color_trc, picture.color_range) == tags
+
+
+@RANGES
+@pytest.mark.parametrize("pixel_format", ["yuv444p", "yuv444p10le", "gray", "gray10le"])
+def test_images_of_a_video_span_the_whole_range(tmp_path, pixel_format, color_range):
+    """White is white and black is black in PNG, of 16 bits where there were more than 8, and made ones agree."""
+    clip = tmp_path / "in.mkv"
+    picture = av.VideoFrame(SIZE[1], SIZE[0], pixel_format)
+    unit = 2 ** (picture.format.components[0].bits - 8)
+    # FFmpeg takes gray for full range whatever it says of itself
+    full = color_range == FULL or pixel_format.startswith("gray")
+    black, white = (0, 256 * unit - 1) if full else (16 * unit, 235 * unit)
+    for index, plane in enumerate(plane_arrays(picture)):
+        plane[:] = 128 * unit
+        if index == 0:
+            plane[:, :32], plane[:, 32:] = black, white
+    write_pictures(clip, picture, "ffv1", color_range=color_range)
+    convert(str(clip), str(tmp_path / "out"), method="blend", duplicates="keep")
+    images = [cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for path in sorted((tmp_path / "out").iterdir())]
+    assert len(images) == 5
+    for image in images:
+        assert image.dtype == (np.uint8 if unit == 1 else np.uint16)
+        assert (image[:, :32] == 0).all()
+        assert (image[:, 32:] == np.iinfo(image.dtype).max).all()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_video_of_images_says_how_its_colours_are_meant(tmp_path, dtype):
+    """Tagged with a matrix and a range, and back in images within two levels of the video's depth."""
+    (tmp_path / "in").mkdir()
+    rows, columns = np.mgrid[0 : SIZE[0], 0 : SIZE[1]] / 64
+    image = np.rint(np.stack([0.2 + 0.5 * rows, 0.3 + 0.4 * columns, 0.5 + 0 * rows], -1) * np.iinfo(dtype).max)
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / "in" / f"{index}.png"), image.astype(dtype))
+    encoding = Encoding(codec="ffv1" if dtype is np.uint16 else "h264", pixel_format=None, lossless=True)
+    pictures = doubled(tmp_path / "in", tmp_path / "out.mkv", encoding)
+    for picture in pictures:
+        assert picture.format.is_rgb or (picture.colorspace in (BT601, BT709) and picture.color_range == LIMITED)
+    convert(str(tmp_path / "out.mkv"), str(tmp_path / "back"), method="blend", duplicates="keep", factor=1)
+    step = np.iinfo(dtype).max / (2 ** pictures[0].format.components[0].bits - 1)
+    for path in (tmp_path / "back").iterdir():
+        back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        off = (back.astype(float) * np.iinfo(dtype).max / np.iinfo(back.dtype).max - image) / step
+        assert np.abs(off.mean(axis=(0, 1))).max() < 0.6
+        assert np.abs(off[4:-4, 4:-4]).max() <= 3
