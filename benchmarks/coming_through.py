@@ -57,7 +57,7 @@ class Video:
 
 
 def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
-    """Read the first video stream that is no attached picture, and all sound.
+    """Read the largest video stream, which players choose, and all sound.
 
     Parameters
     ----------
@@ -69,7 +69,8 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
     """
     video = Video()
     with av.open(str(path.absolute()), metadata_errors="replace") as file:
-        stream = next(each for each in file.streams.video if not each.disposition & av.stream.Disposition.attached_pic)
+        moving = [each for each in file.streams.video if not each.disposition & av.stream.Disposition.attached_pic]
+        stream = max(moving, key=lambda each: each.codec_context.width * each.codec_context.height)
         tracks: dict[int, list[tuple[Fraction, str]]] = {each.index: [] for each in file.streams.audio}
         base = Fraction(stream.time_base)
         stream.thread_type = "AUTO"  # as fpsboost does: what a decoder makes of damage depends on its threads
@@ -119,19 +120,23 @@ def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -
     time = frame.pts * Fraction(frame.time_base or base) if frame.pts is not None else video.end
     if not video.times:
         video.turned = float(frame.rotation or 0)
-        video.tags |= {
-            "primaries": str(frame.color_primaries),
-            "transfer": str(frame.color_trc),
-        }
         video.is_rgb = frame.format.is_rgb
-        if not video.is_rgb:  # which has neither
+        if not video.is_rgb:  # which need not say what it means
             is_full = frame.color_range == 2 or frame.format.name.startswith("yuvj")
-            video.tags |= {"matrix": str(frame.colorspace), "range": "full" if is_full else "limited"}
+            video.tags |= {
+                "range": "full" if is_full else "limited",
+                "matrix": str(frame.colorspace),
+                "primaries": str(frame.color_primaries),
+                "transfer": str(frame.color_trc),
+            }
     lasted = time - video.times[-1] if video.times else Fraction(0)
     video.times.append(time)
     video.end = time + (frame.duration * Fraction(frame.time_base or base) if frame.duration else lasted)
     if keeps:
-        video.shown.append(_planes(frame.reformat(format="gbrp") if in_rgb or frame.format.is_rgb else frame))
+        if in_rgb or frame.format.is_rgb:
+            video.shown.append(list(frame.to_ndarray(format="rgb24").astype(np.float32).transpose(2, 0, 1)))
+        else:
+            video.shown.append(_planes(frame))
 
 
 def _planes(frame: Any) -> list[np.ndarray]:

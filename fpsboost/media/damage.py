@@ -15,10 +15,12 @@ class Damage:
         Packets that could not be decoded, and places of the file that could not be read.
     corrupt : int
         Frames that decoded with errors.
-    misplaced : int
-        Frames shown no later than the one before, and left out.
+    misplaced, displaced : int
+        Frames shown no later than the one before: left out, and put into the gap behind it.
     far_ahead : int
         Frames with a time far behind that of the next one, and put back before it.
+    jumps : int
+        Places where the clock jumps back, from which everything goes on.
     untimed : int
         Frames without a time.
     """
@@ -27,7 +29,9 @@ class Damage:
     unreadable: int = 0
     corrupt: int = 0
     misplaced: int = 0
+    displaced: int = 0
     far_ahead: int = 0
+    jumps: int = 0
     untimed: int = 0
 
     def remarks(self, name: str, frames: int) -> list[str]:
@@ -44,10 +48,20 @@ class Damage:
             said.append(f"{name} is damaged: {' and '.join(parts)}; {counted(frames, 'frame')} were converted.")
         if self.misplaced:
             said.append(f"{name} shows {counted(self.misplaced, 'frame')} no later than the one before; left out.")
+        if self.displaced:
+            said.append(
+                f"{name} gives {counted(self.displaced, 'frame')} no later time than the one before; put into the gap "
+                "that follows."
+            )
         if self.far_ahead:
             said.append(
                 f"{name} gives {counted(self.far_ahead, 'frame')} a time far ahead of the next; put back between its "
                 "neighbours."
+            )
+        if self.jumps:
+            said.append(
+                f"The times of {name} jump back at {counted(self.jumps, 'place')}; the pictures go on from there, but "
+                "sound and subtitles may not."
             )
         if self.untimed:
             said.append(f"{name} gives no time for {counted(self.untimed, 'frame')}; the nominal rate was used.")

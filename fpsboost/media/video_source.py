@@ -27,6 +27,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media.damage import Damage, counted
 from fpsboost.media.fields import frames_of_fields
+from fpsboost.media.frame_times import in_rising_order
 from fpsboost.media.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display
 from fpsboost.media.reading import Reading
 from fpsboost.media.size_change import Alike
@@ -230,7 +231,7 @@ class VideoSource:
         """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
         assert self.traits is not None
         picture = self._ahead[0]
-        return Fraction(0) if picture.pts is None else self._time_of(picture, None)
+        return Fraction(0) if picture.pts is None else self._time_of(picture)
 
     def skip_to(self, time: Fraction) -> None:
         """Go to the key frame before a time, where the file's index is to be trusted.
@@ -250,7 +251,7 @@ class VideoSource:
             picture = self._picture_after_seek(max(first, time - earlier))
             if picture is None or picture.pts is None or picture.is_corrupt:
                 continue  # what follows would hang on what came before
-            if first <= self._time_of(picture, None) <= time:
+            if first <= self._time_of(picture) <= time:
                 self._ahead = [picture]
                 return
         self._reopen()
@@ -294,29 +295,19 @@ class VideoSource:
 
     def _frames(self) -> Iterator[Frame]:
         """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
-        traits = self.traits
+        matrix = self.traits.display_matrix
         first: Fraction | None = None
-        before: Fraction | None = None
         last: Frame | None = None
         count = 0
         try:
-            for decoded in self._in_order():
-                picture = self._made_alike(decoded, count)
-                time = self._time_of(picture, last)
-                if last is not None and before is not None and self._is_far_ahead(before, last.time, time):
-                    last = replace(last, time=before + min(1 / self._rate, (time - before) / 2))
-                    self._damage.far_ahead += 1
-                if last is not None and time <= last.time:
-                    self._damage.misplaced += 1
-                    continue
+            for picture, time in in_rising_order(self._timed(), 1 / self._rate, self._info.time_base, self._damage):
                 if last is not None:
                     yield last
-                    before = last.time
                 count += 1
                 image = self._convert(picture)
                 original: av.VideoFrame | None = picture
                 if self._for_images:
-                    image, original = turned_upright(image, traits.display_matrix), None
+                    image, original = turned_upright(image, matrix), None
                 last = Frame(image, time, self._duration_of(picture), original)
                 first = time if first is None else first
             assert last is not None  # `traits` has found a frame, and the first one is never left out
@@ -325,6 +316,15 @@ class VideoSource:
         finally:  # also where not all of the clip was asked for
             self._conclude(count)
         self._compare_with_header(first, last.time + last.duration)
+
+    def _timed(self) -> Iterator[tuple[av.VideoFrame, Fraction]]:
+        """Yield the pictures, all alike, with the times that the file gives them."""
+        end: Fraction | None = None
+        for number, decoded in enumerate(self._in_order()):
+            picture = self._made_alike(decoded, number)
+            time = self._time_of(picture, end)
+            end = time + self._duration_of(picture)
+            yield picture, time
 
     def _prepare_for_images(self) -> None:
         traits = self.traits
@@ -341,15 +341,12 @@ class VideoSource:
         yield from self._progressive
 
     def _decode(self) -> Generator[av.VideoFrame, None, None]:
-        seeing: av.VideoCodecContext | None = None
-        hidden_alpha = self._stream.metadata.get("alpha_mode") == "1"
-        if hidden_alpha and not self._keeps_alpha:
-            self._remarks.append(lost_alpha_remark(self._name))
-        elif hidden_alpha and self._stream.codec_context.name in decoders_of_hidden_alpha:
-            # VP8 and VP9 keep alpha beside the picture, where FFmpeg's own decoders do not look
-            name = decoders_of_hidden_alpha[self._stream.codec_context.name]
-            seeing = cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
+        seeing = self._decoder_of_hidden_alpha()
+        is_alpha_lost = False
         for packet in self._packets():
+            if seeing is None and not is_alpha_lost and self._has_hidden_alpha(packet):
+                is_alpha_lost = True
+                self._remarks.append(lost_alpha_remark(self._name))
             try:
                 pictures = packet.decode() if seeing is None else seeing.decode(packet if packet.size else None)
             except av.error.EOFError:
@@ -362,6 +359,17 @@ class VideoSource:
                 self._decoded += 1
                 self._flagged_interlaced += picture.interlaced_frame
                 yield picture
+
+    def _decoder_of_hidden_alpha(self) -> av.VideoCodecContext | None:
+        """VP8 and VP9 keep alpha beside the picture, where FFmpeg's own decoders do not look."""
+        name = decoders_of_hidden_alpha.get(self._stream.codec_context.name)
+        if name is None or not self._keeps_alpha or self._stream.metadata.get("alpha_mode") != "1":
+            return None
+        return cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
+
+    def _has_hidden_alpha(self, packet: av.Packet[Any]) -> bool:
+        says_so = self._stream.metadata.get("alpha_mode") == "1"  # as every recording by a browser does
+        return says_so and packet.has_sidedata("matroska_block_additional")
 
     def _packets(self) -> Iterator[av.Packet[av.stream.Stream]]:
         """Yield the stream's packets; read past damage, and note how far every stream reaches."""
@@ -391,18 +399,13 @@ class VideoSource:
                 "convert it to yuv444p16le first."
             ) from None
 
-    def _time_of(self, picture: av.VideoFrame, last: Frame | None) -> Fraction:
+    def _time_of(self, picture: av.VideoFrame, end: Fraction | None = None) -> Fraction:
+        """When a picture is shown; where it does not say, when the one before it ends."""
         if picture.pts is not None:
             return picture.pts * (_fraction(picture.time_base) or self._info.time_base)
         self._damage.untimed += 1
-        if last is None:
-            return Fraction(0)
-        ticks = max(1, round((last.duration or 1 / self._rate) / self._info.time_base))
-        return last.time + ticks * self._info.time_base
-
-    def _is_far_ahead(self, before: Fraction, time: Fraction, after: Fraction) -> bool:
-        """Whether the time of the frame in the middle is damaged, so that the one after it seems to come too early."""
-        return before < after <= time and time - before > max(Fraction(1), 10 / self._rate)
+        tick = self._info.time_base
+        return Fraction(0) if end is None else round(end / tick) * tick
 
     def _duration_of(self, picture: av.VideoFrame) -> Fraction:
         time_base = _fraction(picture.time_base) or self._info.time_base
