@@ -34,7 +34,7 @@ def probe(
     Parameters
     ----------
     input
-        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+        A video file, an animation, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
     input_fps
         Frames per second of input images; else 24.
     stream

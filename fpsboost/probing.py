@@ -18,6 +18,7 @@ from fpsboost.frame import Frame
 from fpsboost.held import Shown, by_moments
 from fpsboost.interpolator import Pair, with_neighbours
 from fpsboost.media import FrameSource, OutputTiming
+from fpsboost.media.animation_source import AnimationSource, animation_format
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import open_sink, open_source
 from fpsboost.media.other_streams import StreamFacts, list_streams
@@ -189,7 +190,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     Parameters
     ----------
     path : str
-        A video file, a folder of images, or a pattern of images.
+        A video file, an animation, a folder of images, or a pattern of images.
     input_fps : Fraction, optional
         Frames per second of images; 24 where it is not said.
     stream : int, optional
@@ -205,10 +206,12 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
         See `fpsboost.media.opening.open_source`.
     """
     # A size that changes is a fact to be told, though a conversion would stop there.
-    reading = Reading(stream, size_change="scale" if Path(path).is_file() else "stop")
+    may_change = Path(path).is_file() and animation_format(Path(path)) is None
+    reading = Reading(stream, size_change="scale" if may_change else "stop")
     with open_source(path, input_fps, reading=reading) as source:
         video = source if isinstance(source, VideoSource) else None
-        schedule = Pace().schedule(source.info, has_clock=video is not None)
+        has_clock = isinstance(source, VideoSource | AnimationSource)
+        schedule = Pace().schedule(source.info, has_clock=has_clock)
         look = None if video is None else _look(video.traits)
         refused, losses = (None, []) if video is None else _try_sink(video, schedule)
         findings = _Findings()
@@ -222,7 +225,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
             refused = refused or video.stopped_by
         info, times = source.info, findings.times
         counted = replace(info, frame_count=len(times), duration=findings.end - times[0])
-        frames = count_frames(schedule, counted, holds_last_frame=video is not None)
+        frames = count_frames(schedule, counted, holds_last_frame=has_clock)
         intervals = [later - earlier for earlier, later in pairwise(times)] or [1 / info.rate]
         median, spread = statistics.median(intervals), max(intervals) - min(intervals)
         return Probe(

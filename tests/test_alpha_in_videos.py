@@ -14,8 +14,10 @@ from video_truth import samples_of
 
 import fpsboost
 from fpsboost.media.encoding import Encoding, encodes_alpha
+from fpsboost.media.excerpt import Excerpt
 from fpsboost.media.video_source import VideoSource
 from fpsboost.media.ycc import SMPTE170M, from_bgr, to_bgra
+from fpsboost.position import parse_position
 
 VP9 = {"auto-alt-ref": "0", "lossless": "1", "cpu-used": "8", "deadline": "realtime"}
 VP8 = {"auto-alt-ref": "0", "crf": "4", "b": "2000000", "deadline": "realtime", "cpu-used": "8"}
@@ -188,3 +190,11 @@ def test_alpha_there_and_back(pixel_format, full_range):
 def test_what_can_hold_alpha(encoding, container, expected):
     """Encoder, pixel format and container must all have a place for it."""
     assert encodes_alpha(encoding, container) is expected
+
+
+def test_lost_alpha_is_said_once(tmp_path):
+    """Also where the file is read from several places."""
+    clip = write_clip(tmp_path / "in.webm", "libvpx-vp9", "yuva420p", VP9)
+    part = Excerpt(parse_position("0.1", "--start"))
+    summary = fpsboost.convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", excerpt=part)
+    assert len([remark for remark in summary.remarks if says_alpha(remark)]) == 1

@@ -11,7 +11,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from video_truth import packets_of, pictures_of, stream_of, write_clip
+from video_truth import packets_of, pictures_of, spoil_packets, stream_of, write_clip
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
@@ -332,3 +332,25 @@ def test_the_command_line_names_a_part(fpsboost_, tmp_path):
     assert len(pictures_of(tmp_path / "out.mp4")) == 20
     result = fpsboost_("in.mp4", "new.mp4", "--start", "soon", *cheap)
     assert (result.code, "--start 'soon' is no place in a clip" in result.err) == (2, True)
+
+
+def test_a_clock_of_milliseconds_hides_no_frame(tmp_path):
+    """Matroska puts frames of 1/30 s up to a millisecond off; whole seconds are whole seconds all the same."""
+    clock = {"time_base": Fraction(1, 1000), "rate": Fraction(30)}
+    clip, late = (
+        write_clip(tmp_path / f"{first}.mkv", times=[first, 33, 67, 100, 133, 167, 200, 233], **clock)
+        for first in (0, 1)
+    )
+    for path in (clip, late):
+        times, _, source = frames_of(path, excerpt("0.1", "0.2"))
+        assert times == [0, Fraction(33, 1000), Fraction(67, 1000)]
+        assert source.window.skipped == 3
+
+
+def test_looking_for_the_start_damages_nothing(tmp_path):
+    """What does not decode where a seek leads first is counted once, as where every frame is read."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(40), options={"preset": "ultrafast", "g": "10"})
+    spoil_packets(clip, [20])
+    near, far = (frames_of(clip, excerpt(start))[2].remarks for start in ("0.04", "1.04"))
+    assert far == near
+    assert "in.mp4 is damaged: 1 packet" in far[0]

@@ -14,8 +14,10 @@ from video_truth import packets_of, scene, write_clip
 
 from fpsboost.errors import OutputError
 from fpsboost.media.encoding import Encoding
-from fpsboost.media.timecode import at_rate
+from fpsboost.media.excerpt import Excerpt
+from fpsboost.media.timecode import at_rate, frames_later
 from fpsboost.pipeline import convert
+from fpsboost.position import parse_position
 from fpsboost.probing import probe
 
 pytestmark = pytest.mark.usefixtures("impatient")
@@ -151,6 +153,33 @@ def test_timecodes(timecode, old, new, expected):
 
 
 # ------------------------------------------------------------------------------------------------------------ subtitles
+
+
+@pytest.mark.parametrize(("rate", "separator", "dropped"), [(30000, ";", 2), (60000, ";", 4), (30000, ":", 0)])
+def test_timecodes_go_on_frame_by_frame(rate, separator, dropped):
+    """Through minutes that leave out numbers and those that do not, one after the other, and past midnight."""
+    rate = Fraction(rate, 1001)
+    per_second = round(rate)
+    every = [
+        f"{minute // 60:02d}:{minute % 60:02d}:{second:02d}{separator}{frame:02d}"
+        for minute in range(12)
+        for second in range(60)
+        for frame in range(dropped if second == 0 and minute % 10 else 0, per_second)
+    ]
+    for first in (0, 1234):
+        assert [frames_later(every[first], rate, count) for count in range(len(every) - first)] == every[first:]
+    midnight = f"23:59:59{separator}{per_second - 1}"
+    assert frames_later(midnight, rate, 3) == every[2]
+    assert frames_later("nonsense", rate, 3) == "nonsense"
+
+
+def test_a_timecode_goes_along_with_the_start(tmp_path):
+    """A part that begins later says a later timecode, counted at the new rate."""
+    clip = write_with(tmp_path / "in.mov", lambda _, video: video.metadata.update(timecode="01:02:03:22"), nothing)
+    for start in ("3f", "0.12"):
+        part = Excerpt(parse_position(start, "--start"))
+        convert(str(clip), str(tmp_path / "out.mov"), excerpt=part, method="nearest", encoding=FAST, overwrite=True)
+        assert streams_of(tmp_path / "out.mov")[0][1]["timecode"] == "01:02:04:02"
 
 
 def shown(path: Path) -> list[tuple[int, int, str]]:

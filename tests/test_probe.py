@@ -10,6 +10,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from animation_truth import disc, write_animation
 from test_duplicates import CADENCES, encode, held, pan
 from video_truth import QUARTER_TURN, png, spoil_packets, write_clip
 
@@ -209,3 +210,14 @@ def test_a_conversion_says_how_many_duplicates(fpsboost_, tmp_path):
     assert "duplicate" not in fpsboost_("in.mp4", "kept.mp4", "-m", "blend", "--duplicates", "keep").err
     refused = fpsboost_("in.mp4", "other.mp4", "--duplicates", "drop")
     assert refused.code == 2
+
+
+@pytest.mark.parametrize("name", ["in.gif", "in.apng", "in.webp"])
+def test_animations(tmp_path, name):
+    """As many frames as a conversion to an .mp4 writes, at its rate."""
+    animation = write_animation(tmp_path / name, [disc(index) for index in range(6)], 4 * [40] + 2 * [100])
+    found = probe(str(animation))
+    summary = convert(str(animation), str(tmp_path / "out.mp4"), method="nearest")
+    assert (found.frames, found.streams, found.look, found.conversion.refused) == (6, [], None, None)
+    assert found.conversion.frames == summary.frames_out
+    assert found.duration == pytest.approx(0.36)

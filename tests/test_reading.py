@@ -263,7 +263,7 @@ def changing(folder: Path, *parts: dict) -> Path:
 def test_a_change_of_size_stops_or_scales(tmp_path):
     """It stops with a sentence that says what to pass, or makes all like the first and counts them."""
     clip = changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
-    with pytest.raises(InputError, match=r"from 64x48 yuv420p to 128x96 yuv420p at frame 5; pass --size-change"):
+    with pytest.raises(InputError, match=r"from 64x48 yuv420p to 128x96 yuv420p at frame 5; convert it with --siz"):
         read(clip)
     frames, remarks = read(clip, SCALE)
     assert {frame.image.shape for frame in frames} == {(48, 64, 3)}
@@ -320,7 +320,7 @@ def test_probe_tells_a_change_of_size(tmp_path):
     clip = changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
     found = probe(str(clip))
     assert found.frames > 8
-    assert "pass --size-change scale" in found.conversion.refused
+    assert "convert it with --size-change scale" in found.conversion.refused
 
 
 # --------------------------------------------------------------------------------------------------- where it is given

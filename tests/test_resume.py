@@ -31,7 +31,9 @@ from fpsboost.media.unfinished import Job, Unfinished, facts_of
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 from fpsboost.method_table import find_method
+from fpsboost.motion.flow_files import write_flow
 from fpsboost.motion.opencv import Still
+from fpsboost.motion.vectors import VectorFolder
 from fpsboost.pipeline import Summary, boost, convert
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing import ByFactor
@@ -612,3 +614,15 @@ def test_facts_name_every_field():
     assert (facts["factor"], facts["nothing"]) == ("5/2", "None")
     assert facts_of(method=replace(method, relight=False)) != facts_of(method=method)
     assert not [value for value in facts.values() if " at 0x" in value]
+
+
+def test_files_of_an_option_belong_to_the_job(tmp_path):
+    """Motion vectors that were rendered again are another job, though their folder has the same name."""
+    for name in ("a_backward.flo", "a_forward.flo"):
+        write_flow(tmp_path / name, np.zeros((4, 4, 2), np.float32))
+    before = facts_of(method=find_method("reproject-scene", VectorFolder(tmp_path)))
+    assert facts_of(method=find_method("reproject-scene", VectorFolder(tmp_path))) == before
+    os.utime(tmp_path / "a_forward.flo", (1, 1))
+    after = facts_of(method=find_method("reproject-scene", VectorFolder(tmp_path)))
+    differing = {key.rpartition(".")[2] for key in before if before[key] != after[key]}
+    assert differing == {"vectors_files"}

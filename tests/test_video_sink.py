@@ -20,6 +20,7 @@ from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding, parse_bitrate, par
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 from fpsboost.media.ycc import from_bgr
+from fpsboost.pipeline import convert
 from fpsboost.timing import ByFactor
 
 FAST = Encoding(preset="ultrafast")
@@ -572,3 +573,16 @@ def test_matroska_is_too_coarse_for_extreme_rates(tmp_path):
         VideoSink(
             tmp_path / "out.mkv", info, OutputTiming(Fraction(2500), Fraction(1, 2500)), FAST, None, overwrite=False
         )
+
+
+@pytest.mark.parametrize(
+    ("width", "given", "wanted"),
+    [(48, (), "none:cutree=0 "), (64, (), "none "), (48, (("x265-params", "rd=2"),), "none:rd=2:cutree=0 ")],
+)
+def test_x265_keeps_within_its_memory(tmp_path, width, given, wanted):
+    """What it does in narrow pictures beyond their edge is off there, whatever else it is told."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(4), size=(48, width))
+    encoding = Encoding("hevc", preset="ultrafast", encoder_options=given)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=encoding)
+    assert f"x265-params=log-level={wanted}" in summary.details + " "
+    assert len(pictures_of(tmp_path / "out.mp4")) == 8

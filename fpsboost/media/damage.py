@@ -35,7 +35,7 @@ class Damage:
     untimed: int = 0
 
     def remarks(self, name: str, frames: int) -> list[str]:
-        """Sentences about a file of which so many frames were converted."""
+        """Sentences about a file of which so many frames could be read."""
         parts = []
         if self.undecodable:
             parts.append(f"{counted(self.undecodable, 'packet')} could not be decoded")
@@ -45,7 +45,7 @@ class Damage:
             parts.append(f"{counted(self.corrupt, 'frame')} decoded with errors")
         said = []
         if parts:
-            said.append(f"{name} is damaged: {' and '.join(parts)}; {counted(frames, 'frame')} were converted.")
+            said.append(f"{name} is damaged: {' and '.join(parts)}; {counted(frames, 'frame')} could be read.")
         if self.misplaced:
             said.append(f"{name} shows {counted(self.misplaced, 'frame')} no later than the one before; left out.")
         if self.displaced:

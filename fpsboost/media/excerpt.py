@@ -14,6 +14,9 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import FrameSource
 from fpsboost.position import Position
 
+ROUNDED = Fraction(1, 1000)
+"""Clocks that count in milliseconds put a frame up to so much before its place."""
+
 
 @dataclass(frozen=True)
 class Excerpt:
@@ -93,6 +96,10 @@ class Window:
     skipped: int = 0
     stretch: Fraction = Fraction(1)
 
+    def frames_before(self, rate: Fraction) -> int:
+        """How many frames of this rate lie before it."""
+        return max(0, math.ceil((self.begin - self.origin - ROUNDED) * rate))
+
 
 @runtime_checkable
 class Skipping(Protocol):
@@ -143,6 +150,7 @@ class ExcerptSource:
         origin = source.first_time() if isinstance(source, Skipping) else Fraction(0)
         begin, end = excerpt.seconds(source.info)
         planned_end = None if end is None else origin + end
+        self._rounding = min(source.info.time_base, ROUNDED)
         self._is_cut_short = False
         self.window = Window(
             origin + begin, None if counts_frames else planned_end, planned_end, origin, stretch=stretch
@@ -186,12 +194,12 @@ class ExcerptSource:
         """The frames of the excerpt at their own times."""
         start, end, window = self._excerpt.start, self._excerpt.end, self.window
         if start is not None and self._may_skip and isinstance(self._source, Skipping):
-            self._source.skip_to(window.begin)
+            self._source.skip_to(window.begin - self._rounding)
         begun = False
         for number, frame in enumerate(self._source):
             if number == 0 and not isinstance(self._source, Skipping):
                 window.origin = frame.time
-            seconds = frame.time - window.origin
+            seconds = frame.time - window.origin + self._rounding
             if start is not None and not start.is_reached(number, seconds):
                 continue
             if end is not None and end.is_reached(number, seconds):

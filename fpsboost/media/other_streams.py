@@ -24,7 +24,7 @@ from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_hold
 from fpsboost.media.excerpt import Window
 from fpsboost.media.stream_choice import is_cover_art
 from fpsboost.media.subtitles import TextConverter, formats, is_text
-from fpsboost.media.timecode import at_rate, find_timecode
+from fpsboost.media.timecode import at_rate, find_timecode, frames_later
 from fpsboost.media.video_source import VideoSource, open_video
 
 SOON = 200
@@ -150,7 +150,10 @@ class OtherStreams:
         if timecode is None:
             return False
         old, new = source.average_rate, video.codec_context.framerate
-        again = at_rate(timecode, Fraction(old), Fraction(new)) if old and new else None
+        again = None
+        if old and new:
+            skipped = 0 if self._window is None else self._window.frames_before(Fraction(old))
+            again = at_rate(frames_later(timecode, Fraction(old), skipped), Fraction(old), Fraction(new))
         if again is None:
             self.remarks.append(
                 f"{self._name} lost the timecode {timecode} of its source, which its rate cannot count."

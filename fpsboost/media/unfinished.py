@@ -12,11 +12,11 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from io import BufferedRandom
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from fpsboost.errors import InputError, OptionError, OutputError
 
@@ -49,8 +49,25 @@ class Job:
     resume: bool = False
 
 
+@runtime_checkable
+class ReadsFiles(Protocol):
+    """Contract: an option that stands for files, whose content shapes the output."""
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """All of them."""
+        ...
+
+
 def facts_of(**values: Any) -> dict[str, str]:
     """What a job consists of, as words: the fields of dataclasses one by one, everything else as it prints.
+
+    Of what reads files their state is told too.
+
+    Raises
+    ------
+    OSError
+        One of those cannot be looked at.
 
     Examples
     --------
@@ -61,6 +78,8 @@ def facts_of(**values: Any) -> dict[str, str]:
 
 
 def _facts(name: str, value: Any) -> Iterator[tuple[str, str]]:
+    if isinstance(value, ReadsFiles):
+        yield f"{name}_files", facts_of_files(value.files)
     if not is_dataclass(value):
         yield name, str(value)
         return

@@ -25,6 +25,9 @@ from fpsboost.media.hdr import with_hdr
 from fpsboost.media.video_source import VideoTraits
 from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
+NARROWEST_CUTREE = 64
+"""Pixels; in narrower pictures x265's "cutree" writes past its memory (seen up to 48)."""
+
 
 class VideoEncoder:
     """Encodes a clip in pieces that can each be decoded by themselves.
@@ -80,6 +83,9 @@ class VideoEncoder:
         self.pixel_format = self._choose_pixel_format(traits)
         if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
             self._options["auto-alt-ref"] = "0"  # libvpx cannot hide frames of a picture and of its alpha alike
+        if encoder == "libx265" and info.width < NARROWEST_CUTREE:
+            given = [self._options["x265-params"]] if self._options.get("x265-params") else []
+            self._options["x265-params"] = ":".join([*given, "cutree=0"])
         if traits.sample_aspect_ratio not in (None, 1) and not self._keeps_pixel_shape():
             self.remarks.append(
                 f"{name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which {encoder} cannot say "

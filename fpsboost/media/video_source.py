@@ -151,8 +151,6 @@ class VideoSource:
         self._remarks = left_out_remarks(self._container, self._stream, self._name)
         if not rate_is_known:
             self._remarks.append(assumed_rate_remark(self._name))
-        self._damage = Damage()
-        self._decoded = self._flagged_interlaced = 0
         self._alike: Alike | None = None
         self._furthest = Fraction(0)
         self._ahead: list[av.VideoFrame] = []
@@ -200,8 +198,8 @@ class VideoSource:
         if self._alike is None or self._alike.first_change is None:
             return None
         return (
-            f"{self._name} changes {self._alike.first_change}; pass --size-change scale to make all frames like the "
-            "first, or cut it there and convert the parts one by one."
+            f"{self._name} changes {self._alike.first_change}; convert it with --size-change scale to make all frames "
+            "like the first, or cut it there and convert the parts one by one."
         )
 
     @property
@@ -265,7 +263,9 @@ class VideoSource:
         return next(self._progressive, None)
 
     def _begin(self) -> None:
-        """Decode from where the file is."""
+        """Decode from where the file is, and count what is wrong from there on."""
+        self._damage = Damage()
+        self._decoded = self._flagged_interlaced = 0
         self._pictures = self._decode()
         fields = self._reading.deinterlace
         self._progressive = frames_of_fields(self._pictures, self._ticks, self._name) if fields else self._pictures
@@ -342,11 +342,10 @@ class VideoSource:
 
     def _decode(self) -> Generator[av.VideoFrame, None, None]:
         seeing = self._decoder_of_hidden_alpha()
-        is_alpha_lost = False
+        lost_alpha = lost_alpha_remark(self._name)
         for packet in self._packets():
-            if seeing is None and not is_alpha_lost and self._has_hidden_alpha(packet):
-                is_alpha_lost = True
-                self._remarks.append(lost_alpha_remark(self._name))
+            if seeing is None and lost_alpha not in self._remarks and self._has_hidden_alpha(packet):
+                self._remarks.append(lost_alpha)
             try:
                 pictures = packet.decode() if seeing is None else seeing.decode(packet if packet.size else None)
             except av.error.EOFError:

@@ -12,9 +12,10 @@ OpenEXR
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -62,13 +63,20 @@ class VectorFolder:
     ------
     InputError
         The folder is missing, empty, or holds something else or several sequences; a ``.flo`` has no partner.
+
+    Attributes
+    ----------
+    files : list of Path
+        All that is read from, in the order of frames.
     """
 
     def __init__(self, path: str | Path, depth: str | Path | None = None) -> None:
         self.path = Path(path)
         self.depth_path = None if depth is None else Path(depth)
-        self._readers = _find_vectors(self.path)
+        frames, read = _find_vectors(self.path)
+        self._readers = [read(*files) for files in frames]
         self._depth_files = [] if self.depth_path is None else _find_exr(self.depth_path, "depth")
+        self.files = [*chain.from_iterable(frames), *self._depth_files]
         self._kept: OrderedDict[int, FrameVectors] = OrderedDict()
 
     def __repr__(self) -> str:
@@ -188,15 +196,15 @@ def _too_few(path: Path, what: str, number: int, count: int) -> InputError:
 VectorReader = Callable[[], tuple[NDArray[Any], NDArray[Any]]]
 
 
-def _find_vectors(path: Path) -> list[VectorReader]:
-    """What reads the vectors of each frame."""
+def _find_vectors(path: Path) -> tuple[Sequence[tuple[Path, ...]], Callable[..., VectorReader]]:
+    """The files of each frame, and what makes a reader of them."""
     names = _names_in(path, "motion vectors", (".exr", ".flo"))
     kinds = {Path(name).suffix.lower() for name in names}
     if len(kinds) > 1:
         raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
     if kinds == {".flo"}:
-        return [_flow_reader(*pair) for pair in _find_pairs(path, names)]
-    return [_exr_reader(file) for file in _find_exr(path, "motion vectors")]
+        return _find_pairs(path, names), _flow_reader
+    return [(file,) for file in _find_exr(path, "motion vectors")], _exr_reader
 
 
 def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
