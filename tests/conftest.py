@@ -61,7 +61,7 @@ def save_images() -> SaveImages:
     return save
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""
     monkeypatch.setattr("fpsboost.overlap.PATIENCE", 0.005)

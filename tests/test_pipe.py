@@ -8,9 +8,13 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from fractions import Fraction
 from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 import av
 import numpy as np
@@ -20,6 +24,7 @@ from hypothesis import strategies as st
 from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, stream_of, write_clip, write_stream
 
 import fpsboost
+from fpsboost import cli
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import OutputTiming, Waiting
@@ -63,6 +68,40 @@ def run(folder: Path, data: bytes, *arguments: object) -> subprocess.CompletedPr
     return subprocess.run(
         command(*arguments), input=data, cwd=folder, env=environment(), capture_output=True, timeout=100, check=False
     )
+
+
+Piped = Callable[..., "subprocess.CompletedProcess[bytes]"]
+
+
+@pytest.fixture
+def piped(monkeypatch, capfdbinary, tmp_path) -> Iterator[Piped]:
+    """The command line in this process and in `tmp_path`, between two pipes; most of a process's time is its start."""
+    handler = signal.getsignal(signal.SIGTERM)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "COMPILE_HINT_AFTER", 3600)
+
+    def feed(target: BinaryIO, data: bytes) -> None:
+        with suppress(BrokenPipeError), target:
+            target.write(data)
+
+    def run(data: bytes, *arguments: object) -> subprocess.CompletedProcess[bytes]:
+        words, code = ["fpsboost", *map(str, arguments)], 0
+        monkeypatch.setattr(sys, "argv", words)
+        reader, writer = os.pipe()
+        feeding = threading.Thread(target=feed, args=(os.fdopen(writer, "wb"), data))
+        capfdbinary.readouterr()
+        feeding.start()
+        with os.fdopen(reader) as source:
+            monkeypatch.setattr(sys, "stdin", source)
+            try:
+                cli.main()
+            except SystemExit as stop:
+                code = int(stop.code or 0)
+        feeding.join()
+        return subprocess.CompletedProcess(words, code, *capfdbinary.readouterr())
+
+    yield run
+    signal.signal(signal.SIGTERM, handler)
 
 
 def sentences(done: subprocess.CompletedProcess[bytes]) -> list[str]:
@@ -365,13 +404,13 @@ def test_what_a_stream_cannot_say_is_said(tmp_path):
         assert silent.remarks == []
 
 
-def test_uneven_times_are_told(tmp_path):
+def test_uneven_times_are_told(piped, tmp_path):
     """A stream has one rate; frames that do not keep it are told once, and --fps is the way out."""
     clip = write_clip(tmp_path / "in.mp4", times=[0, 3, 4, 9, 10, 16], end=20, time_base=Fraction(1, 100))
-    done = run(tmp_path, b"", clip, "-", "--keep-timing", *NEAREST)
+    done = piped(b"", clip, "-", "--keep-timing", *NEAREST)
     assert done.returncode == 0
     assert [line for line in sentences(done) if "equally long" in line and "--fps" in line] == sentences(done)[1:]
-    done = run(tmp_path, b"", clip, "-", "--fps", "50", *NEAREST)
+    done = piped(b"", clip, "-", "--fps", "50", *NEAREST)
     assert len(sentences(done)) == 1
 
 
@@ -438,13 +477,13 @@ def test_from_pipe_to_pipe(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "codec"), [("420mpeg2", "ffv1"), ("444p10", "ffv1"), ("422", "ffv1")])
-def test_frames_in_between_are_those_of_a_file(tmp_path, name, codec):
+def test_frames_in_between_are_those_of_a_file(piped, tmp_path, name, codec):
     """The same clip as a lossless file makes the same frames, within rounding."""
     data = stream_of(4, name)
-    assert run(tmp_path, data, "-", "in.mkv", "--factor", "1", "--codec", codec, *NEAREST).returncode == 0
+    assert piped(data, "-", "in.mkv", "--factor", "1", "--codec", codec, *NEAREST).returncode == 0
     options = ("--method", "blend", "--no-cuts")
-    assert run(tmp_path, b"", "in.mkv", "out.mkv", "--codec", codec, *options).returncode == 0
-    done = run(tmp_path, data, "-", "-", *options)
+    assert piped(b"", "in.mkv", "out.mkv", "--codec", codec, *options).returncode == 0
+    done = piped(data, "-", "-", *options)
     dtype = np.dtype("<u2" if "p1" in name else "u1")
     _, frames = frames_in(done.stdout)
     truth = pictures_of(tmp_path / "out.mkv")
@@ -455,10 +494,10 @@ def test_frames_in_between_are_those_of_a_file(tmp_path, name, codec):
         assert difference.max() <= index % 2
 
 
-def test_from_pipe_to_file(tmp_path):
+def test_from_pipe_to_file(piped, tmp_path):
     """Rate, pixel shape, range and every sample of the originals reach a lossless file."""
     data = stream_of(4, "420mpeg2", rate="30000:1001", more=" XCOLORRANGE=FULL").replace(b"A1:1", b"A4:3", 1)
-    done = run(tmp_path, data, "-", "out.mp4", "--lossless", *NEAREST)
+    done = piped(data, "-", "out.mp4", "--lossless", *NEAREST)
     assert (done.returncode, done.stdout) == (0, b"")
     with VideoSource(tmp_path / "out.mp4") as source:
         assert source.info.rate == Fraction(60000, 1001)
@@ -468,22 +507,22 @@ def test_from_pipe_to_file(tmp_path):
     assert planes[::2] == frames_in(data)[1]
 
 
-def test_from_pipe_to_images(tmp_path):
+def test_from_pipe_to_images(piped, tmp_path):
     """A stream becomes images, and its pixel shape is told as lost."""
-    done = run(tmp_path, stream_of(4, "444").replace(b"A1:1", b"A4:3", 1), "-", "frames", *NEAREST)
+    done = piped(stream_of(4, "444").replace(b"A1:1", b"A4:3", 1), "-", "frames", *NEAREST)
     assert done.returncode == 0
     assert len(list((tmp_path / "frames").iterdir())) == 7
     assert "which images cannot say" in sentences(done)[1]
 
 
-def test_from_file_to_pipe(tmp_path):
+def test_from_file_to_pipe(piped, tmp_path):
     """The decoder's planes, and one note about the sound, which --no-audio silences."""
     clip = write_clip(tmp_path / "in.mp4", times=range(4), sound="aac")
-    done = run(tmp_path, b"", "in.mp4", "-", *NEAREST)
+    done = piped(b"", "in.mp4", "-", *NEAREST)
     truth = [b"".join(plane.tobytes() for plane in samples_of(picture)) for picture in pictures_of(clip)]
     assert frames_in(done.stdout)[1][::2] == truth
     assert sentences(done)[1:] == ["Note: in.mp4 has sound, which YUV4MPEG2 cannot hold; left out."]
-    assert len(sentences(run(tmp_path, b"", "in.mp4", "-", "--no-audio", *NEAREST))) == 1
+    assert len(sentences(piped(b"", "in.mp4", "-", "--no-audio", *NEAREST))) == 1
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows shells differ")
@@ -498,16 +537,16 @@ def test_from_file_to_file_by_redirection(tmp_path):
     assert len(frames_in((tmp_path / "out.y4m").read_bytes())[1]) == 10
 
 
-def test_verbose_says_the_first_line(tmp_path):
+def test_verbose_says_the_first_line(piped, tmp_path):
     """Which format was chosen stands on stderr, not in the stream."""
-    done = run(tmp_path, stream_of(3, "422"), "-", "-", "--verbose", *NEAREST)
+    done = piped(stream_of(3, "422"), "-", "-", "--verbose", *NEAREST)
     assert "standard output: YUV4MPEG2 W64 H48 F50:1 Ip A1:1 C422" in sentences(done)
     assert len(frames_in(done.stdout)[1]) == 6
 
 
-def test_a_truncated_stream_is_converted_with_a_note(tmp_path):
+def test_a_truncated_stream_is_converted_with_a_note(piped, tmp_path):
     """The whole frames come out, and one note tells about the rest."""
-    done = run(tmp_path, stream_of(4)[:-100], "-", "-", *NEAREST)
+    done = piped(stream_of(4)[:-100], "-", "-", *NEAREST)
     assert done.returncode == 0
     assert len(frames_in(done.stdout)[1]) == 6
     assert sentences(done)[1].startswith("Note: standard input ended within frame 4")
@@ -526,10 +565,10 @@ def test_a_truncated_stream_is_converted_with_a_note(tmp_path):
         (stream_of(2), ("compare", "-"), 1, "Standard input can be read only once"),
     ],
 )
-def test_refusals(tmp_path, data, arguments, code, word):
+def test_refusals(piped, tmp_path, data, arguments, code, word):
     """One sentence, its exit code, and no file."""
     method = () if arguments[0] == "compare" else NEAREST
-    done = run(tmp_path, data, *arguments, *method)
+    done = piped(data, *arguments, *method)
     assert done.returncode == code
     assert len(sentences(done)) == 1, done.stderr
     assert re.fullmatch(r"fpsboost: [^\x00-\x1f]+\.", sentences(done)[0])
@@ -640,13 +679,13 @@ def test_frames_come_out_as_they_are_made(tmp_path):
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the ffmpeg program")
 @pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv444p12le", "gray16le"])
-def test_between_two_ffmpegs(tmp_path, pixel_format):
+def test_between_two_ffmpegs(piped, tmp_path, pixel_format):
     """FFmpeg writes what we read and reads what we write."""
     make = ["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "testsrc2=size=70x50:rate=30000/1001:duration=0.2"]
     made = subprocess.run(
         [*make, "-pix_fmt", pixel_format, "-strict", "-1", "-f", "yuv4mpegpipe", "-"], capture_output=True, check=True
     )
-    done = run(tmp_path, made.stdout, "-", "-", *NEAREST)
+    done = piped(made.stdout, "-", "-", *NEAREST)
     assert frames_in(done.stdout)[1][::2] == frames_in(made.stdout)[1]
     store = ["ffmpeg", "-v", "error", "-i", "-", "-c:v", "ffv1", str(tmp_path / "out.mkv")]
     subprocess.run(store, input=done.stdout, check=True)
