@@ -78,6 +78,7 @@ def convert(
     fps: Annotated[str | None, Parameter(group=rate)] = None,
     keep_timing: Annotated[bool, Parameter(group=rate)] = False,
     slow_motion: Annotated[bool, Parameter(group=rate)] = False,
+    slow_motion_sound: Annotated[Literal["drop", "stretch"] | None, Parameter(group=rate)] = None,
     input_fps: Annotated[str | None, Parameter(group=rate)] = None,
     stream: Annotated[int | None, Parameter(group=video_in)] = None,
     deinterlace: Annotated[bool, Parameter(group=video_in)] = False,
@@ -135,7 +136,9 @@ def convert(
     keep_timing
         Multiply the frames of each interval; else the output rate is constant.
     slow_motion
-        Keep the rate, or that of --fps, and last --factor times as long; without sound.
+        Keep the rate, or that of --fps, and last --factor times as long.
+    slow_motion_sound
+        Leave the sound of --slow-motion out, or make it last as long at its own pitch; else left out.
     input_fps
         Frames per second of input images.
     stream
@@ -278,6 +281,7 @@ def convert(
                 **schedule_options,
                 keep_timing=keep_timing,
                 slow_motion=slow_motion,
+                slow_motion_sound=slow_motion_sound,
                 excerpt=excerpt,
                 method=interpolator,
                 duplicates=duplicates,

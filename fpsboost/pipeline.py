@@ -16,7 +16,7 @@ from itertools import chain, pairwise
 from typing import Literal, NamedTuple, Protocol, get_args
 
 from fpsboost.cut_list import CutList
-from fpsboost.errors import InputError, check_choice
+from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
@@ -38,7 +38,7 @@ from fpsboost.media.video_source import VideoSource
 from fpsboost.memory_limit import MemoryLimit
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
-from fpsboost.pace import Pace, Rhythm, stretched
+from fpsboost.pace import Pace, Rhythm, SlowSound, stretched
 from fpsboost.prepared import Moment, PreparedImage
 from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import ByRate, Schedule, Step
@@ -127,6 +127,7 @@ def convert(
     fps: Fraction | int | None = None,
     keep_timing: bool = False,
     slow_motion: bool = False,
+    slow_motion_sound: SlowSound | None = None,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
     excerpt: Excerpt | None = None,
@@ -153,7 +154,9 @@ def convert(
         Multiply the frames of each interval by `factor`. Otherwise a video comes out at a constant rate, whatever the
         source does, and frames are made for the times of that.
     slow_motion : bool
-        Last `factor` times as long, at the source's rate or at `fps`. Sound is left out.
+        Last `factor` times as long, at the source's rate or at `fps`.
+    slow_motion_sound : {'drop', 'stretch'}, optional
+        Leave the sound of slow motion out, which is done unless told, or make it last as long at its own pitch.
     method : str or Interpolator
         A name of `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
@@ -196,7 +199,7 @@ def convert(
     """
     options = {name: value for name, value in locals().items() if name not in SHAPES_NOTHING}
     check_choice("--duplicates", duplicates, get_args(Duplicates))
-    pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion)
+    pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion, slow_motion_sound)
     interpolator = find_method(method) if isinstance(method, str) else method
     encoding = encoding or Encoding()
     to_video = makes_video(output)
@@ -314,8 +317,10 @@ def boost(
 
 
 def _with_sound_that_fits(encoding: Encoding, source: FrameSource, pace: Pace) -> tuple[Encoding, list[str]]:
-    """Sound lasts as long as it lasts, so that slow motion has none; and a remark where that is a loss."""
-    if pace.stretch == 1 or not encoding.audio:
+    """Sound lasts as long as it lasts, so that slow motion has none unless told; and a remark where that is a loss."""
+    if pace.slow_motion_sound == "stretch" and not encoding.audio:
+        raise OptionError("--slow-motion-sound stretch and --no-audio contradict each other; give one of them.")
+    if pace.stretch == 1 or not encoding.audio or pace.slow_motion_sound == "stretch":
         return encoding, []
     has_sound = isinstance(source, VideoSource) and "sound" in source.companions
     lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []

@@ -117,7 +117,7 @@ class VideoSink:
         self._source, self._traits = file, source.traits if source is not None else None
         self._info = info if file is None else file.info  # whose first picture knows the size better than the header
         if file is not None:
-            check_streams(file, encoding, self._codec, self._format, self._name)
+            check_streams(file, encoding, self._codec, self._format, self._name, window)
         self._frame_count, self._chunk_frames = frame_count, chunk_frames
         self._encoder: VideoEncoder | None = None
         self._assembly: Assembly | None = None
