@@ -244,6 +244,8 @@ def convert(
                 stretch=pace.stretch,
                 skip=there,
             )
+    # some are known only when everything has been put together
+    summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
     summary.remarks += [*lost, *pace.remarks(info, schedule, summary.rhythm)]
     return summary
 

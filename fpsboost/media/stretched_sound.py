@@ -252,7 +252,8 @@ def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph
         *([graph.add("adelay", f"delays={lead}S:all=1")] if lead else []),
         graph.add("apad", f"pad_len={round(TAIL * rate)}"),
         *(graph.add("atempo", repr(tempo)) for _ in range(stages)),
-        graph.add("aformat", "sample_rates={}:sample_fmts={}:channel_layouts={}".format(*target)),
+        # mixed to fewer channels, nothing gets louder than it may be
+        graph.add("aresample", "osr={}:osf={}:ochl={}:rematrix_maxval=1".format(*target)),
         graph.add("atrim", f"start_sample={round(Fraction(lead * target[0], rate))}"),
         graph.add("abuffersink"),
     ]
