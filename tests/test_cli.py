@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 import re
 import shlex
@@ -11,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import is_dataclass
 from pathlib import Path
 
 import cv2
@@ -20,7 +20,7 @@ from conftest import COLOUR_VARIABLES, Result
 from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 
 import fpsboost
-from fpsboost import cli
+from fpsboost import cli, cli_progress
 from fpsboost.cli_compare import choose
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods, vector_methods
@@ -149,7 +149,7 @@ def test_slow_compiling_is_explained(fpsboost_, clip, monkeypatch):
         say(reporter)
         told.set()
 
-    monkeypatch.setattr(cli, "COMPILE_HINT_AFTER", 0)
+    monkeypatch.setattr(cli_progress, "COMPILE_HINT_AFTER", 0)
     monkeypatch.setattr(cli.Reporter, "_say_compiling", say_and_tell)
     monkeypatch.setattr(Interpolator, "compile_for", lambda self, image: told.wait(60))
     result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
@@ -545,11 +545,13 @@ def test_examples_parse(line):
     if {"--help", "-h", "--version"} & set(tokens):
         return
     _, bound, *_ = cli.app.parse_args(tokens, exit_on_error=False, print_error=False)
-    given = bound.arguments
+    given = dict(bound.arguments)
+    for group in filter(is_dataclass, bound.arguments.values()):
+        given |= vars(group)
     if "methods" in given:
         choose(given["methods"], None)
     else:
-        assert given.get("method", "nlm") in (vector_methods if "vectors" in given else methods)
+        assert given.get("method", "nlm") in (vector_methods if given.get("vectors") else methods)
     if given.get("factor"):
         parse_number(given["factor"], "--factor")
     for option in ("fps", "input_fps"):
@@ -563,12 +565,8 @@ def test_there_are_examples():
 
 
 def options() -> list[str]:
-    names = [
-        name
-        for name, p in inspect.signature(cli.convert).parameters.items()
-        if p.kind is inspect.Parameter.KEYWORD_ONLY
-    ]
-    return [f"--{name.replace('_', '-')}" for name in names]
+    names = [argument.name for argument in cli.app.assemble_argument_collection() if argument.parse]
+    return [name for name in names if name.startswith("--")]
 
 
 def test_help_shows_everything(fpsboost_, monkeypatch):
