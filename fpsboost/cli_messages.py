@@ -30,7 +30,7 @@ def shown(text: str) -> str:
     Examples
     --------
     >>> print(shown("\x1b[31m.mp4"), shown("a\nb"))
-    \x1b\[31m.mp4 a\nb
+    \x1b[31m.mp4 a\nb
     """
     return escape(_visible(text))
 

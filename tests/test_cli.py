@@ -583,6 +583,28 @@ def test_help_shows_everything(fpsboost_, monkeypatch):
         assert re.sub(r"\s+", " ", line.strip()) in flat
 
 
+def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
+    """At 80 columns every option but --method has one line, groups come as people think, and no example is broken."""
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = fpsboost_("--help").out.splitlines()
+    first = next(number for number, line in enumerate(lines) if "─ Input ─" in line)
+    rows = [line for line in lines[first:] if line.startswith("│")]
+    broken = [row for row in rows if row.startswith("│    ")]
+    method = next(number for number, row in enumerate(rows) if "--method" in row)
+    assert broken == rows[method + 1 : method + 5]
+    groups = re.findall(r"^╭─ (.*?) ─", "\n".join(lines), re.MULTILINE)
+    assert groups[:6] == [
+        "Arguments",
+        "Input",
+        "How many frames",
+        "How they are made",
+        "Scene cuts",
+        "Video output",
+    ]
+    shown = [line.rstrip() for line in lines]
+    assert all(line in shown for line in cli.EXAMPLES.splitlines()[2:])
+
+
 def test_help_is_shown_by_a_process(tmp_path):
     """Piped help is plain text without control characters."""
     done = start(tmp_path, "--help")
@@ -604,6 +626,18 @@ def test_importing_is_light(tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == ""
+
+
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_what_needs_no_work_is_light(tmp_path, option):
+    """Nor do they for the help, whose options know what the library makes of them, and for the version."""
+    heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
+    run = f"cli.app(['{option}'], result_action='return_value')"
+    code = f"import sys; from fpsboost import cli; {run}; print(*sorted({heavy} & set(sys.modules)), file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stderr.strip() == ""
 
 
 @pytest.mark.parametrize("name", fpsboost.__all__)
