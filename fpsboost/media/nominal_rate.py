@@ -11,6 +11,9 @@ import av
 
 HIGHEST_RATE = 1000
 ASSUMED_RATE = Fraction(25)
+LARGEST_DRIFT = Fraction(1, 8)
+"""Frames by which the end of a clip may miss its rate."""
+LARGEST_DENOMINATOR = 10_000
 FRAMES_LOOKED_AT = 10_000
 """Entries of a file's index that its usual rate is taken from."""
 
@@ -21,10 +24,10 @@ def nominal_rate(stream: av.VideoStream) -> tuple[Fraction, bool]:
     sane = [rate for rate in (average, guessed) if rate is not None and 0 < rate <= HIGHEST_RATE]
     if len(sane) < 2:
         return (sane[0], True) if sane else (ASSUMED_RATE, False)
-    if (
-        abs(sane[0] - sane[1]) * 100 < sane[1] or stream.start_time is None
-    ):  # without times, the codec's own headers say
+    if stream.start_time is None:  # without times, the codec's own headers say
         return sane[1], True
+    if abs(sane[0] - sane[1]) * 100 < sane[1]:
+        return _without_drift(stream, sane[1]), True
     usual = _usual_rate(stream) or sane[0]
     return next((rate for rate in sane if abs(rate - usual) * 100 < usual), usual), True
 
@@ -37,6 +40,21 @@ def _usual_rate(stream: av.VideoStream) -> Fraction | None:
     usual = statistics.median_low([after - before for before, after in pairwise(listed) if after > before] or [0])
     rate = 1 / (usual * Fraction(stream.time_base)) if usual else Fraction(0)
     return rate if 0 < rate <= HIGHEST_RATE else None
+
+
+def _without_drift(stream: av.VideoStream, rate: Fraction) -> Fraction:
+    """A rate, or the mean one where a clock runs a little fast or slow, as those of phones do.
+
+    Frames that lie where a constant rate has them need not be made, so the rate must be right to the end of the clip.
+    """
+    if not stream.frames or len(stream.index_entries) != stream.frames or stream.time_base is None:
+        return rate
+    entries = stream.index_entries
+    lasts = (entries[len(entries) - 1].timestamp - entries[0].timestamp) * Fraction(stream.time_base)
+    intervals = stream.frames - 1
+    if lasts <= 0 or abs(lasts * rate - intervals) < LARGEST_DRIFT:
+        return rate
+    return (intervals / lasts).limit_denominator(LARGEST_DENOMINATOR)
 
 
 def declared_duration(stream: av.VideoStream) -> Fraction | None:
