@@ -27,11 +27,10 @@ from fpsboost.media.images import ImageSource
 from fpsboost.media.opening import (
     cut_out,
     describe_job,
-    holds_alpha,
-    makes_animation,
     makes_video,
     open_sink,
     open_source,
+    purpose_of,
 )
 from fpsboost.media.reading import Reading
 from fpsboost.media.video_source import VideoSource
@@ -204,21 +203,12 @@ def convert(
     encoding = encoding or Encoding()
     to_video = makes_video(output)
     excerpt = excerpt or Excerpt()
-    is_file = to_video or makes_animation(output)
-    with open_source(
-        input,
-        _fraction(input_fps),
-        needs_rate=is_file or fps is not None or excerpt.needs_rate,
-        for_images=not to_video,
-        keeps_alpha=holds_alpha(output, encoding),
-        upright=is_file,
-        reading=reading,
-        limit=limit,
-    ) as whole:
+    purpose = purpose_of(output, encoding, needs_rate=fps is not None or excerpt.needs_rate)
+    with open_source(input, _fraction(input_fps), purpose=purpose, reading=reading, limit=limit) as whole:
         may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
         source = cut_out(whole, excerpt, may_skip=may_skip, stretch=pace.stretch)
         info = source.info
-        encoding, lost = _with_sound_that_fits(encoding or Encoding(), whole, pace)
+        encoding, lost = _with_sound_that_fits(encoding, whole, pace)
         schedule = pace.schedule(info, has_clock=to_video)
         sink = open_sink(
             output,

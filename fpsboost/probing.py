@@ -22,7 +22,8 @@ from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import open_sink, open_source
 from fpsboost.media.other_streams import StreamFacts, list_streams
 from fpsboost.media.reading import Reading
-from fpsboost.media.video_source import VideoSource, VideoTraits
+from fpsboost.media.traits import VideoTraits
+from fpsboost.media.video_source import VideoSource
 from fpsboost.method_table import methods
 from fpsboost.pace import Pace
 from fpsboost.pipeline import count_frames

@@ -11,7 +11,8 @@ from video_truth import write_clip
 
 from fpsboost.media.encoding import Encoding
 from fpsboost.media.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display, with_hdr
-from fpsboost.media.video_source import VideoSource, VideoTraits
+from fpsboost.media.traits import VideoTraits
+from fpsboost.media.video_source import VideoSource
 from fpsboost.pipeline import Summary, convert
 
 pytestmark = pytest.mark.usefixtures("impatient")

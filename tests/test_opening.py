@@ -16,7 +16,7 @@ from fpsboost.media.animation_source import AnimationSource
 from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding
 from fpsboost.media.image_files import IMAGE_SUFFIXES
 from fpsboost.media.images import ImageSink, ImageSource
-from fpsboost.media.opening import ASSUMED_IMAGE_RATE, makes_animation, makes_video, open_sink, open_source
+from fpsboost.media.opening import ASSUMED_IMAGE_RATE, Purpose, makes_animation, makes_video, open_sink, open_source
 from fpsboost.media.video_sink import VideoSink
 from fpsboost.media.video_source import VideoSource
 
@@ -81,7 +81,7 @@ def test_rates_of_images(tmp_path, save_images):
         assert open_source(str(path), Fraction(30)).info.rate == 30
         assert open_source(str(path)).info.rate == ASSUMED_IMAGE_RATE
         with pytest.raises(OptionError, match="--input-fps"):
-            open_source(str(path), needs_rate=True)
+            open_source(str(path), purpose=Purpose(needs_rate=True))
 
 
 @pytest.mark.parametrize("rate", [Fraction(0), Fraction(-24), Fraction(1, 10**12)])

@@ -29,15 +29,10 @@ from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneErro
 from fpsboost.frame import ClipInfo, Frame, Image, describe
 from fpsboost.media import OutputTiming
 from fpsboost.media.encoding import Encoding
-from fpsboost.media.video_source import (
-    ASSUMED_RATE,
-    VideoSource,
-    VideoTraits,
-    assumed_rate_remark,
-    interlaced_remark,
-    lost_companions_remark,
-    lost_shape_remark,
-)
+from fpsboost.media.losses import interlaced_remark, lost_companions_remark, lost_shape_remark
+from fpsboost.media.nominal_rate import ASSUMED_RATE, assumed_rate_remark
+from fpsboost.media.traits import VideoTraits
+from fpsboost.media.video_source import VideoSource
 from fpsboost.media.ycc import (
     FULL_RANGE,
     LIMITED_RANGE,

@@ -22,7 +22,7 @@ from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import OutputTiming
 from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, encoders, encodes_alpha, needs_hardware, pixel_formats
 from fpsboost.media.hdr import with_hdr
-from fpsboost.media.video_source import VideoTraits
+from fpsboost.media.traits import VideoTraits
 from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
 

@@ -35,9 +35,10 @@ from fpsboost.media.encoding import (
 from fpsboost.media.excerpt import Window
 from fpsboost.media.other_streams import check_streams
 from fpsboost.media.pipe import PipeSource
+from fpsboost.media.traits import VideoTraits
 from fpsboost.media.unfinished import Job, Unfinished, complete_already, hidden_place
 from fpsboost.media.video_encoder import VideoEncoder, traits_of_image
-from fpsboost.media.video_source import VideoSource, VideoTraits
+from fpsboost.media.video_source import VideoSource
 from fpsboost.media.ycc import has_alpha
 
 
