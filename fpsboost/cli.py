@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from fpsboost import __version__
 from fpsboost.cli_messages import console, say_error, say_traceback, shown
 from fpsboost.cli_options import (
     CutOptions,
@@ -26,9 +25,10 @@ from fpsboost.cli_options import (
 )
 from fpsboost.cli_progress import Reporter
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
+from fpsboost.version import __version__
 
 if TYPE_CHECKING:
-    from fpsboost.media.encoding import Encoding
+    from fpsboost.media.video.encoding import Encoding
 
 EXAMPLES = """
 [bold]Examples[/]

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from fpsboost.cli_messages import console, say_error, say_traceback, shown
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
-from fpsboost.media.animation import ANIMATION_SUFFIXES
-from fpsboost.media.encoding import VIDEO_SUFFIXES
-from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of
-from fpsboost.media.numbering import is_pattern
+from fpsboost.media.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.media.images.files import IMAGE_SUFFIXES, extension_of
+from fpsboost.media.images.numbering import is_pattern
 from fpsboost.media.opening import PIPES
+from fpsboost.media.video.encoding import VIDEO_SUFFIXES
 
 WRITTEN = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
 OTHER_VIDEOS_BECOME = ".mkv"

@@ -15,9 +15,9 @@ from fpsboost.errors import OptionError
 
 if TYPE_CHECKING:
     from fpsboost.interpolator import Interpolator
-    from fpsboost.media.encoding import Encoding
     from fpsboost.media.excerpt import Excerpt
-    from fpsboost.media.reading import Reading
+    from fpsboost.media.video.encoding import Encoding
+    from fpsboost.media.video.reading import Reading
     from fpsboost.memory_limit import MemoryLimit
 
 
@@ -61,7 +61,7 @@ class InputOptions:
 
     def reading(self) -> Reading:
         """How a video is read."""
-        from fpsboost.media.reading import Reading  # noqa: PLC0415
+        from fpsboost.media.video.reading import Reading  # noqa: PLC0415
 
         return Reading(self.stream, self.deinterlace, self.size_change)
 
@@ -290,7 +290,7 @@ class VideoOptions:
 
     def encoding(self) -> Encoding:
         """How to encode."""
-        from fpsboost.media.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
+        from fpsboost.media.video.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
 
         return Encoding(
             self.codec,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Self
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from fpsboost import __version__
 from fpsboost.cli_messages import console, shown
+from fpsboost.version import __version__
 
 if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo

@@ -21,9 +21,8 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, Resuming, Waiting
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
-from fpsboost.media.images import ImageSource
+from fpsboost.media.images.numbered import ImageSource
 from fpsboost.media.opening import (
     cut_out,
     describe_job,
@@ -32,8 +31,9 @@ from fpsboost.media.opening import (
     open_source,
     purpose_of,
 )
-from fpsboost.media.reading import Reading
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.source import VideoSource
 from fpsboost.memory_limit import MemoryLimit
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind

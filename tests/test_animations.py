@@ -16,9 +16,9 @@ import fpsboost
 from fpsboost.errors import InputError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import OutputTiming
-from fpsboost.media.animation import laid_over
-from fpsboost.media.animation_sink import AnimationSink
-from fpsboost.media.animation_source import AnimationSource
+from fpsboost.media.animation.canvas import laid_over
+from fpsboost.media.animation.sink import AnimationSink
+from fpsboost.media.animation.source import AnimationSource
 
 RATE = Fraction(10)
 SUFFIXES = (".gif", ".apng", ".webp")

@@ -13,8 +13,8 @@ from video_truth import write_clip
 from fpsboost.cut_list import CutList, read_cuts
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt
+from fpsboost.media.video.encoding import Encoding
 from fpsboost.motion.opencv import Still
 from fpsboost.pipeline import convert
 from fpsboost.position import Position, parse_position

@@ -8,7 +8,7 @@ import pytest
 from video_truth import write_clip
 
 from fpsboost import convert
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.source import VideoSource
 
 TICK = Fraction(1, 90_000)
 

@@ -13,8 +13,8 @@ import pytest
 from video_truth import packets_of, scene, write_clip
 
 from fpsboost.errors import OutputError
-from fpsboost.media.encoding import Encoding
-from fpsboost.media.timecode import at_rate
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.timecode import at_rate
 from fpsboost.pipeline import convert
 from fpsboost.probing import probe
 

@@ -20,8 +20,8 @@ from video_truth import pictures_of, samples_of, scene, write_clip
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.encoding import Encoding
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.source import VideoSource
 from fpsboost.motion.opencv import Still
 from fpsboost.pace import Pace, Rhythm
 from fpsboost.pipeline import Summary, boost, convert, count_frames

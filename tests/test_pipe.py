@@ -23,10 +23,10 @@ import fpsboost
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import OutputTiming, Waiting
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_source
-from fpsboost.media.pipe import LONGEST_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.pipe import LONGEST_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
+from fpsboost.media.video.source import VideoSource
 
 NAMES = tuple(formats)
 UNKNOWN_TO_FFMPEG = ("mono14",)

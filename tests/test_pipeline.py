@@ -25,7 +25,7 @@ from video_truth import packets_of, pictures_of, samples_of, spoil_packets, writ
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.encoding import Encoding
+from fpsboost.media.video.encoding import Encoding
 from fpsboost.method_table import methods
 from fpsboost.motion.opencv import Still
 from fpsboost.pipeline import Summary, boost, convert, count_frames

@@ -18,7 +18,7 @@ from fpsboost import cli, cli_progress
 from fpsboost.errors import InputError, OptionError
 from fpsboost.exr import write_exr
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.image_files import read_image
+from fpsboost.media.images.files import read_image
 from fpsboost.method_table import configure, find_method, interpolate, vector_methods
 from fpsboost.motion.opencv import Still
 from fpsboost.motion.vectors import VectorFolder

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from video_truth import packets_of, pictures_of, scene, spoil_packets, write_clip
 
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt
+from fpsboost.media.video.encoding import Encoding
 from fpsboost.pace import Pace
 from fpsboost.pipeline import Silent, Summary, convert
 from fpsboost.position import Position

@@ -11,23 +11,23 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fpsboost import __version__
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
-from fpsboost.media.animation import ANIMATION_SUFFIXES
-from fpsboost.media.animation_sink import AnimationSink
-from fpsboost.media.animation_source import AnimationSource, animation_format
-from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding, containers, encodes_alpha
+from fpsboost.media.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.media.animation.sink import AnimationSink
+from fpsboost.media.animation.source import AnimationSource, animation_format
 from fpsboost.media.excerpt import Excerpt, ExcerptSource, Window
-from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of, keeps_alpha
-from fpsboost.media.images import ImageSink, ImageSource
-from fpsboost.media.numbering import is_pattern
-from fpsboost.media.pipe import PipeSink, PipeSource
-from fpsboost.media.reading import Reading
+from fpsboost.media.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
+from fpsboost.media.images.numbered import ImageSink, ImageSource
+from fpsboost.media.images.numbering import is_pattern
 from fpsboost.media.unfinished import Job, facts_of, facts_of_files
-from fpsboost.media.video_sink import VideoSink
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import VIDEO_SUFFIXES, Encoding, containers, encodes_alpha
+from fpsboost.media.video.pipe import PipeSink, PipeSource
+from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.sink import VideoSink
+from fpsboost.media.video.source import VideoSource
 from fpsboost.memory_limit import MemoryLimit
+from fpsboost.version import __version__
 
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""

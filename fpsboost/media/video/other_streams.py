@@ -20,13 +20,13 @@ import av.container
 import av.error
 
 from fpsboost.errors import OutputError
-from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
 from fpsboost.media.excerpt import Window
-from fpsboost.media.stream_choice import is_cover_art
-from fpsboost.media.stretched_sound import StretchedSound, can_stretch, remark_on
-from fpsboost.media.subtitles import TextConverter, formats, is_text
-from fpsboost.media.timecode import at_rate, find_timecode
-from fpsboost.media.video_source import VideoSource, open_video
+from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
+from fpsboost.media.video.source import VideoSource, open_video
+from fpsboost.media.video.stream_choice import is_cover_art
+from fpsboost.media.video.stretched_sound import StretchedSound, can_stretch, remark_on
+from fpsboost.media.video.subtitles import TextConverter, formats, is_text
+from fpsboost.media.video.timecode import at_rate, find_timecode
 
 SOON = 200
 """Packets among which each stream's first is looked for."""

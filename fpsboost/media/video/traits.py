@@ -11,9 +11,9 @@ import numpy as np
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
-from fpsboost.media.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display
-from fpsboost.media.nominal_rate import as_fraction
-from fpsboost.media.ycc import chroma_location_of, color_space_of, is_full_range
+from fpsboost.media.video.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display
+from fpsboost.media.video.nominal_rate import as_fraction
+from fpsboost.media.video.ycc import chroma_location_of, color_space_of, is_full_range
 
 DYNAMIC_HDR = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
 

@@ -22,22 +22,22 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.media.damage import Damage, counted
-from fpsboost.media.fields import frames_of_fields
-from fpsboost.media.frame_times import in_rising_order
-from fpsboost.media.losses import (
+from fpsboost.media.video.damage import Damage, counted
+from fpsboost.media.video.fields import frames_of_fields
+from fpsboost.media.video.frame_times import in_rising_order
+from fpsboost.media.video.losses import (
     interlaced_remark,
     lost_alpha_remark,
     lost_companions_remark,
     lost_shape_remark,
 )
-from fpsboost.media.nominal_rate import as_fraction, assumed_rate_remark, declared_duration, nominal_rate
-from fpsboost.media.orientation import is_on_its_side, turned_upright
-from fpsboost.media.reading import Reading
-from fpsboost.media.size_change import Alike
-from fpsboost.media.stream_choice import choose_video, left_out_remarks
-from fpsboost.media.traits import VideoTraits, read_traits
-from fpsboost.media.ycc import has_alpha, to_bgr, to_bgra
+from fpsboost.media.video.nominal_rate import as_fraction, assumed_rate_remark, declared_duration, nominal_rate
+from fpsboost.media.video.orientation import is_on_its_side, turned_upright
+from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.size_change import Alike
+from fpsboost.media.video.stream_choice import choose_video, left_out_remarks
+from fpsboost.media.video.traits import VideoTraits, read_traits
+from fpsboost.media.video.ycc import has_alpha, to_bgr, to_bgra
 from fpsboost.memory_limit import MemoryLimit
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import av
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.media.damage import counted
-from fpsboost.media.traits import VideoTraits
-from fpsboost.media.ycc import color_space_of, from_bgr, is_full_range, reformatted, to_bgr
+from fpsboost.media.video.damage import counted
+from fpsboost.media.video.traits import VideoTraits
+from fpsboost.media.video.ycc import color_space_of, from_bgr, is_full_range, reformatted, to_bgr
 
 
 class Alike:

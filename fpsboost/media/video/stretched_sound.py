@@ -19,8 +19,8 @@ import numpy as np
 from av.codec.codec import UnknownCodecError
 from numpy.typing import NDArray
 
-from fpsboost.media.damage import counted
 from fpsboost.media.excerpt import Window
+from fpsboost.media.video.damage import counted
 
 encoders = {"mp4": "aac", "mov": "aac", "matroska": "libopus", "webm": "libopus"}
 """FFmpeg's encoder of sound by its name of the container."""
