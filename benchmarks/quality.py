@@ -48,7 +48,7 @@ from scoring import (
 from fpsboost.errors import FpsboostError, InputError, OptionError
 from fpsboost.evaluation.metrics import absolute_error, means
 from fpsboost.frame import Image
-from fpsboost.media.image_files import IMAGE_SUFFIXES, read_image
+from fpsboost.media.images.files import IMAGE_SUFFIXES, read_image
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.colour import normalised
 

@@ -20,7 +20,7 @@ from fpsboost.errors import InputError
 from fpsboost.evaluation.metrics import means, score
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator, with_neighbours
-from fpsboost.media.image_files import IMAGE_SUFFIXES
+from fpsboost.media.images.files import IMAGE_SUFFIXES
 from fpsboost.media.opening import open_source
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
     from fpsboost.frame import ClipInfo, Frame
     from fpsboost.interpolator import Interpolator
-    from fpsboost.media.encoding import Encoding
-    from fpsboost.media.reading import Reading
+    from fpsboost.media.video.encoding import Encoding
+    from fpsboost.media.video.reading import Reading
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.pipeline import Summary, boost, convert
     from fpsboost.scenes import CutDetector, DuplicateDetector
     from fpsboost.timing import ByFactor, ByRate
 
-__version__ = "0.1.0"
+from fpsboost.version import __version__
 
 __all__ = [
     "ByFactor",
@@ -54,14 +54,14 @@ _homes = {
     "ClipInfo": "frame",
     "CutDetector": "scenes",
     "DuplicateDetector": "scenes",
-    "Encoding": "media.encoding",
+    "Encoding": "media.video.encoding",
     "FpsboostError": "errors",
     "Frame": "frame",
     "InputError": "errors",
     "Interpolator": "interpolator",
     "OptionError": "errors",
     "OutputError": "errors",
-    "Reading": "media.reading",
+    "Reading": "media.video.reading",
     "Summary": "pipeline",
     "boost": "pipeline",
     "convert": "pipeline",

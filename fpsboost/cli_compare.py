@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from fpsboost.cli_messages import shown
 from fpsboost.errors import OptionError, OutputError
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.compare import Comparison, MethodResult
+    from fpsboost.evaluation.hiding import Hiding
     from fpsboost.evaluation.making import Maker
     from fpsboost.motion.vectors import VectorFolder
 
@@ -24,22 +27,52 @@ DEFAULT_METHODS = "nlm,nlm-fast,dis,minterpolate,blend"
 
 MINTERPOLATE = "minterpolate"
 
-what = Group("What is compared", sort_key=1)
-results = Group("Results", sort_key=2)
+what = Group("What is compared", sort_key=2)
+results = Group("Results", sort_key=3)
+
+
+@Parameter(name="*", group=Group("Which frames", sort_key=1))
+@dataclass(frozen=True)
+class FrameOptions:
+    """Which frames of a clip are shown, and which are hidden and made again.
+
+    Parameters
+    ----------
+    range
+        Frames to take, from 0 on and without B; also A: or :B.
+    skip
+        Frames hidden between two that are shown.
+    input_fps
+        Frames per second of input images.
+    """
+
+    range: Annotated[str, Parameter(metavar="A:B", show_default=False)] = ":"
+    skip: Annotated[int, Parameter(metavar="N")] = 1
+    input_fps: Annotated[str | None, Parameter(metavar="RATE")] = None
+
+    def hiding(self) -> Hiding:
+        """What is hidden."""
+        from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
+
+        return Hiding(self.skip, *parse_range(self.range))
+
+    def image_rate(self) -> Fraction | None:
+        """Frames per second of images."""
+        from fpsboost.timing import parse_rate  # noqa: PLC0415
+
+        return None if self.input_fps is None else parse_rate(self.input_fps, "--input-fps")
 
 
 def compare(
     input: Annotated[str, Parameter(name="IN")],
     /,
     *,
-    methods: Annotated[str, Parameter(group=what, name=["--methods", "-m"])] = DEFAULT_METHODS,
-    skip: Annotated[int, Parameter(group=what)] = 1,
-    range: Annotated[str, Parameter(group=what)] = ":",
-    input_fps: Annotated[str | None, Parameter(group=what)] = None,
-    vectors: Annotated[str | None, Parameter(group=what)] = None,
-    depth: Annotated[str | None, Parameter(group=what)] = None,
-    report: Annotated[str | None, Parameter(group=results)] = None,
-    json: Annotated[str | None, Parameter(group=results)] = None,
+    frames: FrameOptions = FrameOptions(),
+    methods: Annotated[str, Parameter(group=what, name=["--methods", "-m"], metavar="NAMES")] = DEFAULT_METHODS,
+    vectors: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
+    depth: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
+    report: Annotated[str | None, Parameter(group=results, metavar="DIR")] = None,
+    json: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
 ) -> None:
     """Hide frames, make them again with each method, and say which comes nearest to the truth.
@@ -50,16 +83,10 @@ def compare(
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
     methods
         Names with commas between them, or all; minterpolate is FFmpeg's.
-    skip
-        Frames hidden between every two that are shown.
-    range
-        Frames to take, A:B, counted from 0, without B; either may be left out.
-    input_fps
-        Frames per second of input images.
     vectors
-        A renderer's motion vectors, one file for each frame of IN, for reproject-image and reproject-scene.
+        Folder of a renderer's vectors, for every frame of IN.
     depth
-        The same for depth.
+        Folder of its depth, for reproject-scene.
     report
         A new folder for the page, index.html.
     json
@@ -68,18 +95,16 @@ def compare(
         Say nothing but errors.
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
-    from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
-    from fpsboost.timing import parse_rate  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=quiet)
-    hiding = Hiding(skip, *parse_range(range))
+    hiding = frames.hiding()
     if depth is not None and vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
     makers, skipped = choose(methods, None if vectors is None else VectorFolder(vectors, depth))
     for path, option in ((report, "--report"), (json, "--json")):
         check_new(path, option)
-    rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
+    rate = frames.image_rate()
     given = {"--vectors": vectors, "--depth": depth}
     rendered = tuple(word for option, path in given.items() if path is not None for word in (option, path))
     with Progressing(quiet=quiet) as progress:
@@ -87,7 +112,7 @@ def compare(
     for each in tables(comparison):
         console.print(each)
     for line in remarks(comparison):
-        console.print(escape(line))
+        console.print(shown(line))
     if json is not None:
         write_json(Path(json), comparison)
     if report is not None:
@@ -95,7 +120,7 @@ def compare(
 
         with Console(stderr=True, quiet=quiet).status("writing the page"):
             page = write_report(Path(report), comparison, makers, input_fps=rate)
-        console.print(f"Page: {escape(str(page))}", soft_wrap=True)
+        console.print(f"Page: {shown(str(page))}", soft_wrap=True)
 
 
 def choose(names: str, vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:
@@ -153,7 +178,7 @@ def tables(comparison: Comparison) -> list[Table]:
     from fpsboost.evaluation.regions import NAMES, OUTSIDES  # noqa: PLC0415
 
     ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
-    overall = Table("method", title=f"{comparison.clip}: {len(comparison.hidden)} frames of {comparison.kind}")
+    overall = Table("method", title=f"{shown(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}")
     by_area = Table("MAE", title="where the errors are")
     for name in ("PSNR", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
         overall.add_column(name, justify="right")
@@ -215,7 +240,7 @@ class Progressing:
 
     def begun(self, name: str, frames: int | None) -> None:
         """See `fpsboost.evaluation.compare.Observer.begun`."""
-        self._task = self._progress.add_task(escape(name), total=frames)
+        self._task = self._progress.add_task(shown(name), total=frames)
 
     def made(self) -> None:
         """See `fpsboost.evaluation.compare.Observer.made`."""

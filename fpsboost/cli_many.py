@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import os
 import sys
-import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from rich.console import Console
-from rich.markup import escape
-
-from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained, notes_of
-from fpsboost.media.animation import ANIMATION_SUFFIXES
-from fpsboost.media.encoding import VIDEO_SUFFIXES
-from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of
-from fpsboost.media.numbering import is_pattern
+from fpsboost.cli_messages import console, say_error, say_traceback, shown
+from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
+from fpsboost.media.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.media.images.files import IMAGE_SUFFIXES, extension_of
+from fpsboost.media.images.numbering import is_pattern
 from fpsboost.media.opening import PIPES
+from fpsboost.media.video.encoding import VIDEO_SUFFIXES
 
 WRITTEN = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
 OTHER_VIDEOS_BECOME = ".mkv"
@@ -103,7 +100,7 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
         raise OutputError(f"The folder {Path(folder).parent} does not exist; create it first.")
     with explained(OutputError, "make the folder", folder, "check the path and the permissions"):
         Path(folder).mkdir(exist_ok=True)
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    messages = console()
     done, failed = 0, []
     try:
         for number, (path, output) in enumerate(zip(inputs, outputs, strict=True), 1):
@@ -112,13 +109,12 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
                 done += 1
             except CompleteAlreadyError as already:
                 if not quiet:
-                    console.print(escape(str(already)))
+                    messages.print(shown(str(already)))
                 done += 1
             except FpsboostError as error:
                 if verbose:
-                    traceback.print_exc()
-                sentences = " ".join(filter(None, (str(error), notes_of(error))))
-                console.print(f"[red]fpsboost:[/] {escape(sentences)}")
+                    say_traceback()
+                say_error(messages, error)
                 failed.append(path)
     except KeyboardInterrupt as stopped:
         stopped.add_note(f"{done} of {len(inputs)} inputs were converted.")
@@ -128,7 +124,7 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
             with suppress(OSError):
                 Path(folder).rmdir()  # which only works while it is empty
     if failed:
-        console.print(f"[red]fpsboost:[/] {len(failed)} of {len(inputs)} inputs failed: {escape(', '.join(failed))}.")
+        messages.print(f"[red]fpsboost:[/] {len(failed)} of {len(inputs)} inputs failed: {shown(', '.join(failed))}.")
         sys.exit(1)
     if not quiet:
-        console.print(f"All {len(inputs)} inputs were converted.")
+        messages.print(f"All {len(inputs)} inputs were converted.")

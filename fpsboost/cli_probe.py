@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
+from fpsboost.cli_messages import shown
+
 if TYPE_CHECKING:
-    from fpsboost.media.other_streams import StreamFacts
+    from fpsboost.media.video.other_streams import StreamFacts
     from fpsboost.probing import Look, Probe
 
 WIDEST = 80
@@ -25,8 +26,8 @@ def probe(
     input: Annotated[str, Parameter(name="IN")],
     /,
     *,
-    input_fps: Annotated[str | None, Parameter(group=options)] = None,
-    stream: Annotated[int | None, Parameter(group=options)] = None,
+    input_fps: Annotated[str | None, Parameter(group=options, metavar="RATE")] = None,
+    stream: Annotated[int | None, Parameter(group=options, metavar="N")] = None,
     json: Annotated[bool, Parameter(group=options)] = False,
 ) -> None:
     """Say what a clip is, and what a conversion would do with it.
@@ -53,12 +54,12 @@ def probe(
         return
     console = Console(highlight=False)
     console.width = min(console.width, WIDEST)
-    console.print(f"[bold]{escape(found.name)}[/]")
+    console.print(f"[bold]{shown(found.name)}[/]")
     if found.streams:
         console.print(stream_table(found.streams))
     console.print(fact_table(found))
     for remark in [*found.remarks, *found.conversion.remarks]:
-        console.print(f"[yellow]Note:[/] {escape(remark)}")
+        console.print(f"[yellow]Note:[/] {shown(remark)}")
 
 
 def stream_table(streams: list[StreamFacts]) -> Table:
@@ -68,7 +69,7 @@ def stream_table(streams: list[StreamFacts]) -> Table:
         table.add_column(name, overflow="fold")
     for each in streams:
         cells = (str(each.index), each.kind, each.codec, each.details, each.language, each.title)
-        table.add_row(*(escape(cell or "-") for cell in cells), "yes" if each.carries_over else "[yellow]no[/]")
+        table.add_row(*(shown(cell or "-") for cell in cells), "yes" if each.carries_over else "[yellow]no[/]")
     return table
 
 
@@ -78,7 +79,7 @@ def fact_table(found: Probe) -> Table:
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in facts(found).items():
-        table.add_row(name, escape(value))
+        table.add_row(name, shown(value))
     return table
 
 

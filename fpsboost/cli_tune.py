@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from fpsboost.cli_compare import Progressing, check_new
+from fpsboost.cli_compare import FrameOptions, Progressing, check_new
+from fpsboost.cli_messages import shown
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.tune import Trial, Tuning
 
-what = Group("What is tried", sort_key=1)
-results = Group("Results", sort_key=2)
+what = Group("What is tried", sort_key=2)
+results = Group("Results", sort_key=3)
 
 BAR = 24
 """Longest bar, characters."""
@@ -26,12 +26,10 @@ def tune(
     input: Annotated[str, Parameter(name="IN")],
     /,
     *,
-    method: Annotated[str, Parameter(group=what, name=["--method", "-m"])] = "nlm-exhaustive",
-    frames: Annotated[int, Parameter(group=what)] = 3,
-    skip: Annotated[int, Parameter(group=what)] = 1,
-    range: Annotated[str, Parameter(group=what)] = ":",
-    input_fps: Annotated[str | None, Parameter(group=what)] = None,
-    figure: Annotated[str | None, Parameter(group=results)] = None,
+    chosen: FrameOptions = FrameOptions(),
+    method: Annotated[str, Parameter(group=what, name=["--method", "-m"], metavar="NAME")] = "nlm-exhaustive",
+    frames: Annotated[int, Parameter(group=what, metavar="N")] = 3,
+    figure: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
 ) -> None:
     """Try patch sizes, windows, v and search radii on a few hidden frames, and say which to use.
@@ -44,38 +42,30 @@ def tune(
         nlm-exhaustive, or nlm, which has no window and no search radius.
     frames
         How many to try on; they are chosen for their motion.
-    skip
-        Frames hidden between every two that are shown.
-    range
-        Frames to choose from, A:B, counted from 0, without B; either may be left out.
-    input_fps
-        Frames per second of input images.
     figure
         A new file for the curves: .svg, .png or .pdf.
     quiet
         Print the options and nothing else.
     """
-    from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
     from fpsboost.evaluation.tune import tune as run  # noqa: PLC0415
     from fpsboost.evaluation.tuning_chart import check_drawable, draw_tuning  # noqa: PLC0415
-    from fpsboost.timing import parse_rate  # noqa: PLC0415
 
     console = Console(highlight=False)
-    hiding = Hiding(skip, *parse_range(range))
+    hiding = chosen.hiding()
     check_new(figure, "--figure")
     if figure is not None:
         check_drawable(Path(figure))
-    rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
+    rate = chosen.image_rate()
     with Progressing(quiet=quiet) as progress:
         tuning = run(input, method, hiding, frames, progress, rate)
     if figure is not None:
         draw_tuning(tuning, Path(figure))
     if not quiet:
         numbers = ", ".join(map(str, tuning.frames))
-        console.print(escape(f"{input}, frames {numbers}: mean squared error, levels of 255; seconds a frame."))
+        console.print(shown(f"{input}, frames {numbers}: mean squared error, levels of 255; seconds a frame."))
         for name, trials in tuning.sweeps.items():
             console.print(table(name, trials, tuning))
-    console.print(escape(options_line(tuning)), soft_wrap=True)
+    console.print(shown(options_line(tuning)), soft_wrap=True)
 
 
 def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:

@@ -251,7 +251,8 @@ class Interpolator:
 
     def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
         breaks_off = pair.breaks_off(before, after)
-        before, after = (None if each is None or each.breaks_off(pair) else each for each in (before, after))
+        # what is beyond these two is not known here, and without it only a pair that is unlike by itself breaks off
+        before, after = (None if each is None or each.breaks_off() else each for each in (before, after))
         if breaks_off:
             onward = self.at_cuts == "extrapolate"
             fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)

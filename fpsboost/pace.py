@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Literal, get_args
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import OutputTiming
 from fpsboost.timing import LARGEST_RATE, LONGEST_FILLED, ByFactor, ByRate, Schedule, representable
 
 DOUBLE = Fraction(2)
+
+SlowSound = Literal["drop", "stretch"]
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,8 @@ class Pace:
         Multiply the frames of each interval, so that a variable rate stays variable.
     slow_motion : bool
         Last `factor` times as long, at the source's rate or at `fps`.
+    slow_motion_sound : {'drop', 'stretch'}, optional
+        Whether sound is left out then, as it is unless told, or lasts as long at its own pitch.
 
     Raises
     ------
@@ -39,8 +44,13 @@ class Pace:
     fps: Fraction | None = None
     keep_timing: bool = False
     slow_motion: bool = False
+    slow_motion_sound: SlowSound | None = None
 
     def __post_init__(self) -> None:
+        if self.slow_motion_sound is not None:
+            check_choice("--slow-motion-sound", self.slow_motion_sound, get_args(SlowSound))
+            if not self.slow_motion:
+                raise OptionError("--slow-motion-sound goes with --slow-motion; give that too, or leave it out.")
         if self.factor is not None and self.fps is not None and not self.slow_motion:
             raise OptionError("--factor and --fps say the same thing in two ways; give one of them.")
         if self.fps is not None:

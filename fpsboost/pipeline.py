@@ -16,29 +16,28 @@ from itertools import chain, pairwise
 from typing import Literal, NamedTuple, Protocol, get_args
 
 from fpsboost.cut_list import CutList
-from fpsboost.errors import InputError, check_choice
+from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, Resuming, Waiting
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
-from fpsboost.media.images import ImageSource
+from fpsboost.media.images.numbered import ImageSource
 from fpsboost.media.opening import (
     cut_out,
     describe_job,
-    holds_alpha,
-    makes_animation,
     makes_video,
     open_sink,
     open_source,
+    purpose_of,
 )
-from fpsboost.media.reading import Reading
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.source import VideoSource
 from fpsboost.memory_limit import MemoryLimit
 from fpsboost.method_table import find_method
 from fpsboost.overlap import nothing, read_ahead, write_behind
-from fpsboost.pace import Pace, Rhythm, stretched
+from fpsboost.pace import Pace, Rhythm, SlowSound, stretched
 from fpsboost.prepared import Moment, PreparedImage
 from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import ByRate, Schedule, Step
@@ -127,6 +126,7 @@ def convert(
     fps: Fraction | int | None = None,
     keep_timing: bool = False,
     slow_motion: bool = False,
+    slow_motion_sound: SlowSound | None = None,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
     excerpt: Excerpt | None = None,
@@ -153,7 +153,9 @@ def convert(
         Multiply the frames of each interval by `factor`. Otherwise a video comes out at a constant rate, whatever the
         source does, and frames are made for the times of that.
     slow_motion : bool
-        Last `factor` times as long, at the source's rate or at `fps`. Sound is left out.
+        Last `factor` times as long, at the source's rate or at `fps`.
+    slow_motion_sound : {'drop', 'stretch'}, optional
+        Leave the sound of slow motion out, which is done unless told, or make it last as long at its own pitch.
     method : str or Interpolator
         A name of `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
@@ -196,26 +198,17 @@ def convert(
     """
     options = {name: value for name, value in locals().items() if name not in SHAPES_NOTHING}
     check_choice("--duplicates", duplicates, get_args(Duplicates))
-    pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion)
+    pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion, slow_motion_sound)
     interpolator = find_method(method) if isinstance(method, str) else method
     encoding = encoding or Encoding()
     to_video = makes_video(output)
     excerpt = excerpt or Excerpt()
-    is_file = to_video or makes_animation(output)
-    with open_source(
-        input,
-        _fraction(input_fps),
-        needs_rate=is_file or fps is not None or excerpt.needs_rate,
-        for_images=not to_video,
-        keeps_alpha=holds_alpha(output, encoding),
-        upright=is_file,
-        reading=reading,
-        limit=limit,
-    ) as whole:
+    purpose = purpose_of(output, encoding, needs_rate=fps is not None or excerpt.needs_rate)
+    with open_source(input, _fraction(input_fps), purpose=purpose, reading=reading, limit=limit) as whole:
         may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
         source = cut_out(whole, excerpt, may_skip=may_skip, stretch=pace.stretch)
         info = source.info
-        encoding, lost = _with_sound_that_fits(encoding or Encoding(), whole, pace)
+        encoding, lost = _with_sound_that_fits(encoding, whole, pace)
         schedule = pace.schedule(info, has_clock=to_video)
         sink = open_sink(
             output,
@@ -241,6 +234,8 @@ def convert(
                 stretch=pace.stretch,
                 skip=there,
             )
+    # some are known only when everything has been put together
+    summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
     summary.remarks += [*lost, *pace.remarks(info, schedule, summary.rhythm)]
     return summary
 
@@ -314,8 +309,10 @@ def boost(
 
 
 def _with_sound_that_fits(encoding: Encoding, source: FrameSource, pace: Pace) -> tuple[Encoding, list[str]]:
-    """Sound lasts as long as it lasts, so that slow motion has none; and a remark where that is a loss."""
-    if pace.stretch == 1 or not encoding.audio:
+    """Sound lasts as long as it lasts, so that slow motion has none unless told; and a remark where that is a loss."""
+    if pace.slow_motion_sound == "stretch" and not encoding.audio:
+        raise OptionError("--slow-motion-sound stretch and --no-audio contradict each other; give one of them.")
+    if pace.stretch == 1 or not encoding.audio or pace.slow_motion_sound == "stretch":
         return encoding, []
     has_sound = isinstance(source, VideoSource) and "sound" in source.companions
     lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []

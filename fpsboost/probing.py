@@ -18,12 +18,13 @@ from fpsboost.frame import Frame
 from fpsboost.held import Shown, by_moments
 from fpsboost.interpolator import Pair, with_neighbours
 from fpsboost.media import FrameSource, OutputTiming
-from fpsboost.media.animation_source import AnimationSource, animation_format
-from fpsboost.media.encoding import Encoding
+from fpsboost.media.animation.source import AnimationSource, animation_format
 from fpsboost.media.opening import open_sink, open_source
-from fpsboost.media.other_streams import StreamFacts, list_streams
-from fpsboost.media.reading import Reading
-from fpsboost.media.video_source import VideoSource, VideoTraits
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.other_streams import StreamFacts, list_streams
+from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.source import VideoSource
+from fpsboost.media.video.traits import VideoTraits
 from fpsboost.method_table import methods
 from fpsboost.pace import Pace
 from fpsboost.pipeline import count_frames

@@ -16,7 +16,7 @@ from hypothesis import settings
 from numpy.typing import NDArray
 from video_truth import scene
 
-from fpsboost import cli
+from fpsboost import cli, cli_progress
 from fpsboost.exr import write_exr
 
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
@@ -86,7 +86,7 @@ def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
     """Run the command line in this process and in `tmp_path`, as if its output were piped."""
     handler = signal.getsignal(signal.SIGTERM)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "COMPILE_HINT_AFTER", 3600)
+    monkeypatch.setattr(cli_progress, "COMPILE_HINT_AFTER", 3600)
     for name in COLOUR_VARIABLES:
         monkeypatch.delenv(name, raising=False)
 

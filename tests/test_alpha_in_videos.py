@@ -13,10 +13,10 @@ from animation_truth import disc, write_animation
 from video_truth import samples_of
 
 import fpsboost
-from fpsboost.media.encoding import Encoding, encodes_alpha
 from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.video_source import VideoSource
-from fpsboost.media.ycc import SMPTE170M, from_bgr, to_bgra
+from fpsboost.media.video.encoding import Encoding, encodes_alpha
+from fpsboost.media.video.source import VideoSource
+from fpsboost.media.video.ycc import SMPTE170M, from_bgr, to_bgra
 from fpsboost.position import parse_position
 
 VP9 = {"auto-alt-ref": "0", "lossless": "1", "cpu-used": "8", "deadline": "realtime"}

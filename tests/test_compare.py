@@ -179,7 +179,6 @@ def test_a_filter_that_fails_says_why(folder):
             list(Minterpolate("no_such_option=1").make(Hiding().intervals(folder)))
 
 
-@pytest.mark.usefixtures("impatient")
 def test_the_command_prints_tables_and_writes_figures(fpsboost_, folder, tmp_path):
     """Exit code 0, every method by name, and JSON that says the same."""
     result = fpsboost_("compare", folder, "-m", "dis,blend", "--json", "figures.json")

@@ -13,15 +13,13 @@ from video_truth import write_clip
 from fpsboost.cut_list import CutList, read_cuts
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt
+from fpsboost.media.video.encoding import Encoding
 from fpsboost.motion.opencv import Still
 from fpsboost.pipeline import convert
 from fpsboost.position import Position, parse_position
 from fpsboost.prepared import Moment, PreparedImage
 from fpsboost.synthesis.blend import Blend
-
-pytestmark = pytest.mark.usefixtures("impatient")
 
 SCENES = """Timecode List:,00:00:00.417
 Scene Number,Start Frame,Start Timecode,Start Time (seconds),End Frame,End Timecode,End Time (seconds)

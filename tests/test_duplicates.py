@@ -28,8 +28,6 @@ from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.timing import ByFactor, ByRate, Schedule
 
-pytestmark = pytest.mark.usefixtures("impatient")
-
 HEIGHT, WIDTH = 64, 96
 RATE = Fraction(24)
 SPEED = 1.5

@@ -15,16 +15,14 @@ from video_truth import packets_of, pictures_of, spoil_packets, stream_of, write
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
 from fpsboost.media.opening import cut_out, open_source
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.source import VideoSource
 from fpsboost.motion.opencv import Still
 from fpsboost.pipeline import convert
 from fpsboost.position import Position, parse_position
 from fpsboost.synthesis.blend import Blend
-
-pytestmark = pytest.mark.usefixtures("impatient")
 
 BLEND = Interpolator(Still(), Blend(), cuts=None)
 FAST = Encoding(preset="ultrafast")

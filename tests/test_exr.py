@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from fpsboost.errors import InputError, OutputError
 from fpsboost.exr import encode_exr, find_layer, read_exr, read_exr_header, write_exr
 from fpsboost.frame import Frame
-from fpsboost.media.image_files import read_image
-from fpsboost.media.images import ImageSink, ImageSource
+from fpsboost.media.images.files import read_image
+from fpsboost.media.images.numbered import ImageSink, ImageSource
 
 HEIGHT, WIDTH = 40, 60
 RATE = Fraction(24)

@@ -9,12 +9,11 @@ from pathlib import Path
 import pytest
 from video_truth import write_clip
 
-from fpsboost.media.encoding import Encoding
-from fpsboost.media.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display, with_hdr
-from fpsboost.media.video_source import VideoSource, VideoTraits
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display, with_hdr
+from fpsboost.media.video.source import VideoSource
+from fpsboost.media.video.traits import VideoTraits
 from fpsboost.pipeline import Summary, convert
-
-pytestmark = pytest.mark.usefixtures("impatient")
 
 DISPLAY = MasteringDisplay(
     red=(Fraction(34, 50), Fraction(16, 50)),

@@ -15,8 +15,8 @@ from video_truth import pictures_of, scene
 
 import fpsboost
 from fpsboost.exr import encode_exr, read_exr_attributes
-from fpsboost.media import png
-from fpsboost.media.image_metadata import read_metadata, upright, with_metadata
+from fpsboost.media.images import png_chunks
+from fpsboost.media.images.metadata import read_metadata, upright, with_metadata
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 XMP = b"<x:xmpmeta xmlns:x='adobe:ns:meta/'/>"
@@ -95,7 +95,7 @@ def test_large_profiles_in_jpeg(tmp_path):
 def test_xmp_is_kept(tmp_path, suffix):
     """XMP is read again where it was written."""
     image = scene(0)
-    metadata = fpsboost.media.image_metadata.ImageMetadata(xmp=XMP)
+    metadata = fpsboost.media.images.metadata.ImageMetadata(xmp=XMP)
     options = [cv2.IMWRITE_WEBP_QUALITY, 101] if suffix == ".webp" else []
     path = tmp_path / f"one{suffix}"
     path.write_bytes(with_metadata(suffix, cv2.imencode(suffix, image, options)[1].tobytes(), metadata, 3))
@@ -108,19 +108,19 @@ def test_words_on_colour_of_png(tmp_path):
     """Gamma, primaries, sRGB, coding-independent points and the shape of pixels stand in the made images too."""
     sources = write(tmp_path / "in", ".png")
     words = [
-        png.Chunk(b"cICP", bytes((9, 16, 0, 1))),
-        png.Chunk(b"gAMA", struct.pack(">I", 45455)),
-        png.Chunk(b"cHRM", struct.pack(">8I", *range(31270, 31278))),
-        png.Chunk(b"pHYs", struct.pack(">IIB", 2, 1, 0)),
+        png_chunks.Chunk(b"cICP", bytes((9, 16, 0, 1))),
+        png_chunks.Chunk(b"gAMA", struct.pack(">I", 45455)),
+        png_chunks.Chunk(b"cHRM", struct.pack(">8I", *range(31270, 31278))),
+        png_chunks.Chunk(b"pHYs", struct.pack(">IIB", 2, 1, 0)),
     ]
     for path in sources:
         data = path.read_bytes()
-        path.write_bytes(data[:33] + b"".join(png.chunk_bytes(*word) for word in words) + data[33:])
+        path.write_bytes(data[:33] + b"".join(png_chunks.chunk_bytes(*word) for word in words) + data[33:])
     (tmp_path / "out").mkdir()
     outputs, remarks = double(tmp_path / "in", tmp_path / "out" / "new_####.png")
     assert remarks == []
     for path in outputs:
-        chunks = list(png.chunks_in(BytesIO(path.read_bytes())))
+        chunks = list(png_chunks.chunks_in(BytesIO(path.read_bytes())))
         assert all(word in chunks for word in words)
         assert [chunk.name for chunk in chunks].index(b"IDAT") > max(chunks.index(word) for word in words)
     (_, remarks) = double(tmp_path / "in", tmp_path / "out" / "other_####.tif")

@@ -18,8 +18,6 @@ from fpsboost.errors import OptionError
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 
-pytestmark = pytest.mark.usefixtures("impatient")
-
 
 def test_names_and_endings(monkeypatch, tmp_path):
     """Videos keep their names, and endings that can be written; images go into a folder named like theirs."""

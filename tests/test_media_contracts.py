@@ -18,9 +18,9 @@ from video_truth import packets_of, scene, write_clip, write_stream
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import open_sink, open_source
-from fpsboost.media.pipe import INPUT_NAME, PipeSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.pipe import INPUT_NAME, PipeSource
 
 RATE = Fraction(24)
 COUNT = 6

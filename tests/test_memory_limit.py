@@ -19,12 +19,12 @@ from video_truth import scene, write_clip
 from fpsboost import memory_limit
 from fpsboost.errors import InputError, OptionError
 from fpsboost.exr import encode_exr, read_exr
-from fpsboost.media.animation_source import AnimationSource
-from fpsboost.media.image_files import read_image
-from fpsboost.media.image_sizes import declared_size
-from fpsboost.media.images import ImageSource
-from fpsboost.media.pipe import PipeSource
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.animation.source import AnimationSource
+from fpsboost.media.images.files import read_image
+from fpsboost.media.images.numbered import ImageSource
+from fpsboost.media.images.sizes import declared_size
+from fpsboost.media.video.pipe import PipeSource
+from fpsboost.media.video.source import VideoSource
 from fpsboost.memory_limit import AT_LEAST, BYTES_PER_PIXEL, MemoryLimit, available_memory, parse_memory
 
 HUGE = 60000

@@ -13,14 +13,12 @@ import pytest
 from video_truth import packets_of, scene, write_clip
 
 from fpsboost.errors import OutputError
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.timecode import at_rate, frames_later
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.timecode import at_rate, frames_later
 from fpsboost.pipeline import convert
 from fpsboost.position import parse_position
 from fpsboost.probing import probe
-
-pytestmark = pytest.mark.usefixtures("impatient")
 
 FAST = Encoding(preset="ultrafast")
 LINES = [(0, 100, b"one <b>bold</b> word"), (120, 80, "zwei\nZäune".encode()), (300, 90, b"three")]

@@ -20,15 +20,13 @@ from video_truth import pictures_of, samples_of, scene, write_clip
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.encoding import Encoding
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.source import VideoSource
 from fpsboost.motion.opencv import Still
 from fpsboost.pace import Pace, Rhythm
 from fpsboost.pipeline import Summary, boost, convert, count_frames
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing import LONGEST_FILLED, ByFactor, ByRate, Step
-
-pytestmark = pytest.mark.usefixtures("impatient")
 
 MILLISECOND = Fraction(1, 1000)
 BLEND = Interpolator(Still(), Blend(), cuts=None)

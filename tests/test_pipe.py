@@ -24,21 +24,19 @@ from hypothesis import strategies as st
 from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, stream_of, write_clip, write_stream
 
 import fpsboost
-from fpsboost import cli
+from fpsboost import cli, cli_progress
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import OutputTiming, Waiting
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import makes_video, open_source
-from fpsboost.media.pipe import LONGEST_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.pipe import LONGEST_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
+from fpsboost.media.video.source import VideoSource
 
 NAMES = tuple(formats)
 UNKNOWN_TO_FFMPEG = ("mono14",)
 ODD = (47, 63)
 NEAREST = ("--method", "nearest", "--no-cuts")
-
-pytestmark = pytest.mark.usefixtures("impatient")
 
 ratios = st.builds(Fraction, st.integers(1, 2**31 - 1), st.integers(1, 2**31 - 1))
 rates = ratios.filter(lambda rate: rate <= 100_000)
@@ -78,7 +76,7 @@ def piped(monkeypatch, capfdbinary, tmp_path) -> Iterator[Piped]:
     """The command line in this process and in `tmp_path`, between two pipes; most of a process's time is its start."""
     handler = signal.getsignal(signal.SIGTERM)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "COMPILE_HINT_AFTER", 3600)
+    monkeypatch.setattr(cli_progress, "COMPILE_HINT_AFTER", 3600)
 
     def feed(target: BinaryIO, data: bytes) -> None:
         with suppress(BrokenPipeError), target:

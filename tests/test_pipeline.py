@@ -25,14 +25,14 @@ from video_truth import packets_of, pictures_of, samples_of, spoil_packets, writ
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.encoding import Encoding
+from fpsboost.media.video.encoding import Encoding
 from fpsboost.method_table import methods
 from fpsboost.motion.opencv import Still
 from fpsboost.pipeline import Summary, boost, convert, count_frames
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing import ByFactor, ByRate, Schedule
 
-pytestmark = pytest.mark.usefixtures("impatient", "no_thread_left")
+pytestmark = pytest.mark.usefixtures("no_thread_left")
 
 BLEND = Interpolator(Still(), Blend(), cuts=None)
 FAST = Encoding(preset="ultrafast")

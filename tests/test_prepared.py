@@ -128,7 +128,6 @@ def test_neighbouring_pairs_share_what_their_frame_needs(counted, name):
     assert counter.calls == len(frames)
 
 
-@pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize("name", PER_FRAME)
 @pytest.mark.parametrize(("factor", "calls"), [(Fraction(3), 5), (Fraction(5, 2), 5), (Fraction(1), 0)], ids=str)
 def test_a_conversion_prepares_every_frame_once(tmp_path, save_images, counted, name, factor, calls):
@@ -140,7 +139,6 @@ def test_a_conversion_prepares_every_frame_once(tmp_path, save_images, counted, 
     assert counter.calls == calls
 
 
-@pytest.mark.usefixtures("impatient")
 def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypatch):
     """What was made of a frame goes with it: of 20 frames, the samples of no more than five are there at a time."""
     alive: set[int] = set()

@@ -19,7 +19,6 @@ from fpsboost.pipeline import convert
 from fpsboost.probing import probe
 
 pytestmark = [
-    pytest.mark.usefixtures("impatient"),
     pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),
 ]
 

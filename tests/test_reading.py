@@ -16,15 +16,14 @@ from video_truth import pictures_of, png, scene, write_clip
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame
-from fpsboost.media.encoding import Encoding
 from fpsboost.media.opening import open_source
-from fpsboost.media.reading import Reading
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.source import VideoSource
 from fpsboost.pipeline import convert
 from fpsboost.probing import probe
 
 pytestmark = [
-    pytest.mark.usefixtures("impatient"),
     pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),
 ]
 

@@ -28,8 +28,6 @@ from fpsboost.pipeline import Silent, Summary
 CHEAP = ("--method", "nearest", "--no-cuts")
 on_unix = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals, pipes and limits")
 
-pytestmark = pytest.mark.usefixtures("impatient")
-
 
 def assert_one_sentence(result: Result, *words: str) -> None:
     """It failed, and said so once."""

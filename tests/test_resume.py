@@ -21,13 +21,13 @@ from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
 from fpsboost.media import OutputTiming
-from fpsboost.media.assembly import decoding_times_of
-from fpsboost.media.chunks import find_chunks
-from fpsboost.media.encoding import Encoding
-from fpsboost.media.images import ImageSink, ImageSource
+from fpsboost.media.images.numbered import ImageSink, ImageSource
 from fpsboost.media.unfinished import Job, Unfinished, facts_of
-from fpsboost.media.video_sink import VideoSink
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.assembly import decoding_times_of
+from fpsboost.media.video.chunks import find_chunks
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.sink import VideoSink
+from fpsboost.media.video.source import VideoSource
 from fpsboost.method_table import find_method
 from fpsboost.motion.flow_files import write_flow
 from fpsboost.motion.opencv import Still
@@ -35,8 +35,6 @@ from fpsboost.motion.vectors import VectorFolder
 from fpsboost.pipeline import Summary, boost, convert
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing import ByFactor
-
-pytestmark = pytest.mark.usefixtures("impatient")
 
 FRAMES = 25
 CHUNK = 10
@@ -169,7 +167,7 @@ def test_chunks_are_one_clip(tmp_path, clip, kind):
     target = tmp_path / f"out{suffix}"
     run(clip, target, encoding=encoding)
     assert len(pictures_of(target)) == 2 * FRAMES
-    with fpsboost.media.video_source.open_video(target, "out") as file:
+    with fpsboost.media.video.source.open_video(target, "out") as file:
         stream = file.streams.video[0]
         length = stream.duration
         packets = [(packet.dts, packet.pts) for packet in file.demux(stream) if packet.size]
@@ -273,7 +271,7 @@ def test_less_than_a_chunk_leaves_nothing(tmp_path, clip):
 
 def test_all_may_be_there(tmp_path, clip, monkeypatch):
     """A run that is stopped while its file is put together goes on with that alone."""
-    monkeypatch.setattr("fpsboost.media.assembly.Assembly.finish", lambda *_: 1 / 0)
+    monkeypatch.setattr("fpsboost.media.video.assembly.Assembly.finish", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as caught:
         run(clip, tmp_path / "out.mp4")
     assert caught.value.__notes__ == ["50 frames are finished, and --resume goes on from there."]
@@ -495,11 +493,13 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
     def move_some(moves: list[tuple[Path, Path]]) -> None:
         for here, there in moves[:moved]:
             here.rename(there)
-        monkeypatch.setattr("fpsboost.media.images.ImageSink._leave", lambda sink, _: sink._unfinished._release())
+        monkeypatch.setattr(
+            "fpsboost.media.images.numbered.ImageSink._leave", lambda sink, _: sink._unfinished._release()
+        )
         raise Killed
 
     with monkeypatch.context() as patch:
-        patch.setattr("fpsboost.media.images._move_all", move_some)
+        patch.setattr("fpsboost.media.images.numbered._move_all", move_some)
         patch.setattr(Path, "unlink", lambda *_, **__: None)
         with pytest.raises(Killed):
             write_images(images, tmp_path / "out")

@@ -14,11 +14,11 @@ import pytest
 from truth import Clip, affine, as_type, frozen, moving_object, noise, translation, waves
 from vector_truth import constant, save_object, save_translation, save_vectors
 
-from fpsboost import cli
+from fpsboost import cli, cli_progress
 from fpsboost.errors import InputError, OptionError
 from fpsboost.exr import write_exr
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.image_files import read_image
+from fpsboost.media.images.files import read_image
 from fpsboost.method_table import configure, find_method, interpolate, vector_methods
 from fpsboost.motion.opencv import Still
 from fpsboost.motion.vectors import VectorFolder
@@ -260,7 +260,7 @@ def test_folders_from_end_to_end(renders, method):
 
 def run(monkeypatch, capsys, folder: Path, line: str) -> tuple[int, str]:
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(cli, "COMPILE_HINT_AFTER", 3600)
+    monkeypatch.setattr(cli_progress, "COMPILE_HINT_AFTER", 3600)
     monkeypatch.setattr(sys, "argv", ["fpsboost", *line.split()])
     code = 0
     try:

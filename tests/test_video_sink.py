@@ -16,10 +16,10 @@ from video_truth import QUARTER_TURN, packets_of, pictures_of, png, samples_of, 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import OutputTiming
-from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding, parse_bitrate, parse_encoder_options
-from fpsboost.media.video_sink import VideoSink
-from fpsboost.media.video_source import VideoSource
-from fpsboost.media.ycc import from_bgr
+from fpsboost.media.video.encoding import VIDEO_SUFFIXES, Encoding, parse_bitrate, parse_encoder_options
+from fpsboost.media.video.sink import VideoSink
+from fpsboost.media.video.source import VideoSource
+from fpsboost.media.video.ycc import from_bgr
 from fpsboost.pipeline import convert
 from fpsboost.timing import ByFactor
 

@@ -18,7 +18,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost import __version__
 from fpsboost.errors import OutputError, explained
 from fpsboost.evaluation.hiding import Hidden, Hiding, Interval
 from fpsboost.evaluation.making import Made, Maker
@@ -27,6 +26,7 @@ from fpsboost.evaluation.regions import NAMES, Regions, find_regions
 from fpsboost.frame import Image, describe
 from fpsboost.method_table import methods
 from fpsboost.scenes import CutDetector
+from fpsboost.version import __version__
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame, Image
-from fpsboost.media.opening import PIPES, open_source
+from fpsboost.media.opening import PIPES, Purpose, open_source
 from fpsboost.prepared import PreparedImage
 
 
@@ -96,7 +96,7 @@ class Hiding:
         found = False
         if path in PIPES:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
-        with open_source(path, input_fps, for_images=True) as source:
+        with open_source(path, input_fps, purpose=Purpose(pictures_alone=True, upright=True)) as source:
             for number, frame in islice(enumerate(source), self.first, self.last):
                 _check_numbers(frame.image, number, path)
                 if shown is not None and len(waiting) < self.skip:

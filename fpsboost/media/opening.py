@@ -5,28 +5,29 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fpsboost import __version__
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.media import FrameSink, FrameSource, OutputTiming
-from fpsboost.media.animation import ANIMATION_SUFFIXES
-from fpsboost.media.animation_sink import AnimationSink
-from fpsboost.media.animation_source import AnimationSource, animation_format
-from fpsboost.media.encoding import VIDEO_SUFFIXES, Encoding, containers, encodes_alpha
+from fpsboost.media.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.media.animation.sink import AnimationSink
+from fpsboost.media.animation.source import AnimationSource, animation_format
 from fpsboost.media.excerpt import Excerpt, ExcerptSource, Window
-from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of, keeps_alpha
-from fpsboost.media.images import ImageSink, ImageSource
-from fpsboost.media.numbering import is_pattern
-from fpsboost.media.pipe import PipeSink, PipeSource
-from fpsboost.media.reading import Reading
+from fpsboost.media.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
+from fpsboost.media.images.numbered import ImageSink, ImageSource
+from fpsboost.media.images.numbering import is_pattern
 from fpsboost.media.unfinished import Job, facts_of, facts_of_files
-from fpsboost.media.video_sink import VideoSink
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.encoding import VIDEO_SUFFIXES, Encoding, containers, encodes_alpha
+from fpsboost.media.video.pipe import PipeSink, PipeSource
+from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.sink import VideoSink
+from fpsboost.media.video.source import VideoSource
 from fpsboost.memory_limit import MemoryLimit
+from fpsboost.version import __version__
 
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""
@@ -37,16 +38,41 @@ PIPES = ("-", "pipe:")
 SLOWEST, FASTEST = Fraction(1, 1000), Fraction(100_000)
 
 
+@dataclass(frozen=True)
+class Purpose:
+    """What a target asks of its source.
+
+    Parameters
+    ----------
+    pictures_alone : bool
+        It holds pictures and nothing else: no sound, and no tag that turns them, so that videos come upright.
+    upright : bool
+        It cannot say an image's EXIF orientation, so that images come upright.
+    alpha : bool
+        It can hold alpha.
+    needs_rate : bool
+        Images must say how fast they play.
+    """
+
+    pictures_alone: bool = False
+    upright: bool = False
+    alpha: bool = False
+    needs_rate: bool = False
+
+
+def purpose_of(path: str, encoding: Encoding, *, needs_rate: bool) -> Purpose:
+    """What the output under a path asks of its source; a file always has a rate."""
+    is_file = makes_video(path) or makes_animation(path)
+    return Purpose(not makes_video(path), is_file, holds_alpha(path, encoding), is_file or needs_rate)
+
+
 def open_source(
     path: str,
     input_fps: Fraction | None = None,
     *,
-    needs_rate: bool = False,
-    for_images: bool = False,
+    purpose: Purpose | None = None,
     reading: Reading | None = None,
     limit: MemoryLimit | None = None,
-    keeps_alpha: bool = False,
-    upright: bool = False,
 ) -> FrameSource:
     """Open a clip for reading.
 
@@ -56,18 +82,12 @@ def open_source(
         A video file, an animation, a folder of images, a pattern of images, or ``-`` for YUV4MPEG2 from standard input.
     input_fps : Fraction, optional
         Frames per second of images.
-    needs_rate : bool
-        Whether images must say how fast they play.
-    for_images : bool
-        The target will be images, which hold no rotation and no sound.
+    purpose : Purpose, optional
+        What the target asks of it.
     reading : Reading, optional
         How a video file is read.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
-    keeps_alpha : bool
-        The target can hold alpha.
-    upright : bool
-        Turn images as their EXIF orientation says, because the target will not be images.
 
     Returns
     -------
@@ -84,33 +104,28 @@ def open_source(
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
     if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
+    purpose, reading = purpose or Purpose(), reading or Reading()
     with explained(InputError, "read", path, "check the name and the permissions"):
-        return _open_source(path, input_fps, needs_rate, for_images, keeps_alpha, upright, reading, limit)
+        if path in PIPES:
+            _check_reading(reading, "standard input", "let the program before the pipe do that")
+            _check_has_own_rate(input_fps, "standard input")
+            return PipeSource(for_images=purpose.pictures_alone, limit=limit)
+        if Path(path).is_dir() or (is_pattern(path) and not Path(path).is_file()):
+            _check_reading(reading, f"{path}, which holds images", "leave it out")
+            return _open_images(path, input_fps, purpose, limit)
+        return _open_file(path, input_fps, purpose, reading, limit)
 
 
-def _open_source(
-    path: str,
-    input_fps: Fraction | None,
-    needs_rate: bool,
-    for_images: bool,
-    keeps_alpha: bool,
-    upright: bool,
-    reading: Reading | None,
-    limit: MemoryLimit | None,
-) -> FrameSource:
-    if path in PIPES:
-        if input_fps is not None:
-            raise OptionError("--input-fps is for images; standard input is a video and has its own frame rate.")
-        _check_reading(reading, "standard input", "let the program before the pipe do that")
-        return PipeSource(for_images=for_images, limit=limit)
-    if Path(path).is_dir() or (is_pattern(path) and not Path(path).is_file()):
-        _check_reading(reading, f"{path}, which holds images", "leave it out")
-        if input_fps is None and needs_rate:
-            raise OptionError(
-                f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
-            )
-        rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
-        return ImageSource(path, rate, upright=upright, limit=limit)
+def _open_images(path: str, input_fps: Fraction | None, purpose: Purpose, limit: MemoryLimit | None) -> ImageSource:
+    if input_fps is None and purpose.needs_rate:
+        raise OptionError(f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24.")
+    rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
+    return ImageSource(path, rate, upright=purpose.upright, limit=limit)
+
+
+def _open_file(
+    path: str, input_fps: Fraction | None, purpose: Purpose, reading: Reading, limit: MemoryLimit | None
+) -> AnimationSource | VideoSource:
     if not Path(path).exists():
         raise InputError(f"{path} does not exist; check the name.")
     if Path(path).is_fifo():
@@ -118,16 +133,20 @@ def _open_source(
     is_animation = animation_format(Path(path)) is not None
     if not is_animation and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
-    if input_fps is not None:
-        raise OptionError(f"--input-fps is for images; {path} is a video and has its own frame rate.")
+    _check_has_own_rate(input_fps, path)
     if is_animation:
         _check_reading(reading, f"{path}, which is an animation", "leave it out")
-        return AnimationSource(path, keeps_alpha=keeps_alpha, limit=limit)
-    return VideoSource(path, for_images=for_images, keeps_alpha=keeps_alpha, reading=reading, limit=limit)
+        return AnimationSource(path, keeps_alpha=purpose.alpha, limit=limit)
+    return VideoSource(path, for_images=purpose.pictures_alone, keeps_alpha=purpose.alpha, reading=reading, limit=limit)
 
 
-def _check_reading(reading: Reading | None, what: str, advice: str) -> None:
-    if reading is not None and reading.given:
+def _check_has_own_rate(input_fps: Fraction | None, name: str) -> None:
+    if input_fps is not None:
+        raise OptionError(f"--input-fps is for images; {name} is a video and has its own frame rate.")
+
+
+def _check_reading(reading: Reading, what: str, advice: str) -> None:
+    if reading.given:
         raise OptionError(f"{' and '.join(reading.given)} is for video files and not for {what}; {advice}.")
 
 

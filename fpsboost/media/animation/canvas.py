@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import BinaryIO, Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from fpsboost.errors import InputError
 from fpsboost.frame import Image
+from fpsboost.media.images.exact import DamagedError
 
 ANIMATION_SUFFIXES = (".gif", ".apng", ".webp")
 """Suffixes of the animations that can be written."""
@@ -24,10 +24,6 @@ DEFAULT_DELAY = Fraction(1, 10)
 """What players take a delay of nothing for."""
 
 Disposal = Literal["keep", "clear", "restore"]
-
-
-class DamagedError(Exception):
-    """The file is not what its format says; whoever opened it knows its name."""
 
 
 @dataclass(frozen=True)
@@ -183,34 +179,6 @@ def changed_part(before: Image, image: Image, step: int) -> tuple[slice, slice]:
         first, last = (int(places[0]), int(places[-1])) if places.size else (0, 0)
         slices.append(slice(first - first % step, last + 1))
     return slices[0], slices[1]
-
-
-def read_exactly(file: BinaryIO, count: int) -> bytes:
-    """The next bytes of a file.
-
-    Raises
-    ------
-    DamagedError
-        It ends before that.
-    """
-    data = file.read(count)
-    if len(data) < count:
-        raise DamagedError
-    return data
-
-
-def unpacked(layout: str, data: bytes) -> tuple[int, ...]:
-    """The whole numbers at the beginning of some bytes; see `struct`.
-
-    Raises
-    ------
-    DamagedError
-        There are too few.
-    """
-    try:
-        return struct.unpack_from(layout, data)
-    except struct.error:
-        raise DamagedError from None
 
 
 def damaged(path: Path | str) -> InputError:

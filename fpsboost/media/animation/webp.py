@@ -1,4 +1,4 @@
-"""The chunks of a WebP file, and animations made of them."""
+"""Animations made of the chunks of WebP files."""
 
 from __future__ import annotations
 
@@ -15,60 +15,28 @@ import numpy as np
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import Image
-from fpsboost.media.animation import (
+from fpsboost.media.animation.canvas import (
     DEFAULT_DELAY,
-    DamagedError,
     Disposal,
     Outline,
     Piece,
     changed_part,
     outline_of,
-    read_exactly,
-    unpacked,
     with_four_channels,
 )
-from fpsboost.media.image_files import encode_image
-from fpsboost.media.image_sizes import declared_size
+from fpsboost.media.images.exact import DamagedError, read_exactly, unpacked
+from fpsboost.media.images.files import encode_image
+from fpsboost.media.images.sizes import declared_size
+from fpsboost.media.images.webp_chunks import ALPHA, ANIMATED, chunk_bytes, chunks_in
 
 CLOCK = 1000  # ticks per second
 LONGEST_DELAY = Fraction(2**24 - 1, CLOCK)
 LARGEST_FILE = 2**32 - 2
 
-ANIMATED, ALPHA, PROFILE = 0x02, 0x10, 0x20
-"""Flags of the chunk VP8X."""
-
 CLEARS, REPLACES = 0x01, 0x02
 """Flags of a frame."""
 
 _pixels = (b"ALPH", b"VP8 ", b"VP8L")
-
-
-def chunks_in(file: BinaryIO) -> Iterator[tuple[bytes, int]]:
-    """Yield name and size of the chunks of an open file; it stands at the content, and may be read or left.
-
-    Raises
-    ------
-    DamagedError
-        It does not begin like a WebP file, or ends within a chunk.
-    """
-    head = file.read(12)
-    if head[:4] != b"RIFF" or head[8:] != b"WEBP":
-        raise DamagedError
-    end = 8 + unpacked("<I", head[4:])[0]
-    size_of_file = file.seek(0, 2)
-    place = 12
-    while place < end:
-        file.seek(place)
-        name, size = struct.unpack("<4sI", read_exactly(file, 8))
-        if place + 8 + size > size_of_file:
-            raise DamagedError
-        yield name, size
-        place += 8 + size + size % 2
-
-
-def chunk_bytes(name: bytes, data: bytes) -> bytes:
-    """A chunk as it stands in the file, padded to an even length."""
-    return struct.pack("<4sI", name, len(data)) + data + b"\0" * (len(data) % 2)
 
 
 def is_animated(file: BinaryIO) -> bool:

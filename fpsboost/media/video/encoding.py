@@ -14,7 +14,7 @@ from av.codec.codec import Capabilities, UnknownCodecError
 from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError
-from fpsboost.media.ycc import has_alpha
+from fpsboost.media.video.ycc import has_alpha
 
 containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}
 """FFmpeg's name of the container by suffix."""

@@ -14,12 +14,12 @@ import av.container
 import av.error
 
 from fpsboost.errors import OutputError
-from fpsboost.media.chunks import Chunk
-from fpsboost.media.encoding import EXACT_CLOCKS, Encoding
 from fpsboost.media.excerpt import Window
-from fpsboost.media.other_streams import OtherStreams
 from fpsboost.media.unfinished import sync
-from fpsboost.media.video_source import VideoSource
+from fpsboost.media.video.chunks import Chunk
+from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding
+from fpsboost.media.video.other_streams import OtherStreams
+from fpsboost.media.video.source import VideoSource
 
 
 class Assembly:

@@ -1,7 +1,7 @@
 """Everything of a video file but its pictures: sound, subtitles, data, cover, titles and chapters, carried over.
 
-Packets pass untouched; only text subtitles become another text where the container asks for it, and a timecode counts
-at the new rate.
+Packets pass untouched; only text subtitles become another text where the container asks for it, a timecode counts at
+the new rate, and sound is encoded anew where it lasts longer.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ import av.container
 import av.error
 
 from fpsboost.errors import OutputError
-from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, holds, suffixes_holding
 from fpsboost.media.excerpt import Window
-from fpsboost.media.stream_choice import is_cover_art
-from fpsboost.media.subtitles import TextConverter, formats, is_text
-from fpsboost.media.timecode import at_rate, find_timecode, frames_later
-from fpsboost.media.video_source import VideoSource, open_video
+from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, containers, holds, suffixes_holding
+from fpsboost.media.video.source import VideoSource, open_video
+from fpsboost.media.video.stream_choice import is_cover_art
+from fpsboost.media.video.stretched_sound import StretchedSound, can_stretch, remark_on
+from fpsboost.media.video.subtitles import TextConverter, formats, is_text
+from fpsboost.media.video.timecode import at_rate, find_timecode, frames_later
 
 SOON = 200
 """Packets among which each stream's first is looked for."""
@@ -71,6 +72,7 @@ class OtherStreams:
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.stream.Stream] = []
         self._converters: dict[int, TextConverter] = {}
+        self._sounds: dict[int, StretchedSound] = {}
         _copy_titles(self._input, output)
         if window is None:
             output.set_chapters(self._input.chapters())
@@ -94,6 +96,7 @@ class OtherStreams:
         while True:
             packet, self._ahead = self._ahead or next(self._packets, None), None
             if packet is None or (time is None and self._is_past(packet)):
+                self._finish_sounds()
                 return
             if (
                 time is not None
@@ -118,6 +121,8 @@ class OtherStreams:
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:
             pass  # chapters as an mp4 keeps them, which FFmpeg reads by itself
+        elif stream.type == "audio" and encoding.audio and _stretches(self._window):
+            self._add_stretched(stream)
         elif _is_wanted(stream, encoding) and is_text(stream) and not _fits(self._container, stream, None):
             self._add_converted(stream)
         elif _is_wanted(stream, encoding) or (stream.type == "data" and _keeps_data(self._container, stream)):
@@ -142,6 +147,26 @@ class OtherStreams:
             f"{self._name} holds stream {stream.index} ({_codec_of(stream)} subtitles) of its source as "
             f"{formats[self._container]}; styles may differ."
         )
+
+    def _add_stretched(self, stream: av.stream.Stream) -> None:
+        """Give sound a counterpart that lasts as long as the pictures; `check_streams` has seen that it can be."""
+        assert self._window is not None
+        sound = StretchedSound(stream, self._output, self._container, self._window)
+        self._sounds[stream.index] = sound
+        self._add_target(stream, sound.stream)
+        mixed = "" if sound.layout == sound.source_layout else f", its {sound.source_layout} as {sound.layout}"
+        self.remarks.append(
+            f"{self._name} holds stream {stream.index} ({_codec_of(stream)} sound) of its source stretched to "
+            f"{self._window.stretch} times its length and encoded anew as {_codec_of(sound.stream)}{mixed}."
+        )
+
+    def _finish_sounds(self) -> None:
+        """Write what stretched sound has left, and say what it lost."""
+        for index, sound in self._sounds.items():
+            self._output.mux(sound.finish())
+            if sound.lost_packets:
+                self.remarks.append(remark_on(sound.lost_packets, index, self._source.info.name, self._name))
+        self._sounds = {}
 
     def _copy_timecode(self, video: av.VideoStream) -> bool:
         """Say at which timecode the video starts; whether that succeeds, or there is nothing to say."""
@@ -225,9 +250,9 @@ class OtherStreams:
     def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
         """Mux one packet, unless its time runs backwards, which no container takes."""
         assert packet.dts is not None
-        if self._window is not None and not self._move(packet, self._window):
-            return
         index, kind = packet.stream.index, packet.stream.type
+        if index not in self._sounds and self._window is not None and not self._move(packet, self._window):
+            return
         last = self._last_dts.get(index)
         equal_is_fine = kind == "subtitle" or self._container not in EXACT_CLOCKS
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
@@ -236,6 +261,9 @@ class OtherStreams:
                 self.remarks.append(sentence)
             return
         self._last_dts[index] = packet.dts
+        if index in self._sounds:
+            self._output.mux(self._sounds[index].converted(packet))
+            return
         if index in self._converters:
             converted = self._converters[index].converted(packet)
             if converted is not None:
@@ -245,10 +273,20 @@ class OtherStreams:
         self._output.mux(packet)
 
 
-def check_streams(source: VideoSource, encoding: Encoding, encoder: str, container: str, name: str) -> None:
+def check_streams(
+    source: VideoSource, encoding: Encoding, encoder: str, container: str, name: str, window: Window | None = None
+) -> None:
     """Raise `OutputError` where the container cannot hold the source's sound or subtitles."""
     with open_video(source.path, source.info.name) as file:
         streams = [stream for stream in file.streams if _is_wanted(stream, encoding)]
+        if _stretches(window):
+            for stream in streams:
+                if stream.type == "audio" and not can_stretch(stream, container):
+                    raise OutputError(
+                        f"The {_codec_of(stream)} sound of {source.info.name} cannot be stretched here; leave it out "
+                        "with --slow-motion-sound drop."
+                    )
+            streams = [stream for stream in streams if stream.type != "audio"]
         strict = [stream for stream in streams if not is_text(stream)]
         samples = _first_packets(file, strict)
         codecs = [stream.codec_context.codec.name if stream.codec_context else "" for stream in strict]
@@ -256,7 +294,8 @@ def check_streams(source: VideoSource, encoding: Encoding, encoder: str, contain
             if _fits(container, stream, samples.get(stream.index)):
                 continue
             what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
-            others = suffixes_holding([*codecs, encoder] if encoding.codec else codecs)
+            holding = suffixes_holding([*codecs, encoder] if encoding.codec else codecs)
+            others = [suffix for suffix in holding if containers[suffix] != container]
             instead = f"write {' or '.join(others)}, or " if others else ""
             raise OutputError(
                 f"{name} cannot hold the {_codec_of(stream)} {what} of {source.info.name}; {instead}leave the {what} "
@@ -330,6 +369,11 @@ def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) ->
 
 def _is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
     return (stream.type == "audio" and encoding.audio) or (stream.type == "subtitle" and encoding.subtitles)
+
+
+def _stretches(window: Window | None) -> bool:
+    """Whether sound has to last longer or shorter than it does."""
+    return window is not None and window.stretch != 1
 
 
 def _first_packets(file: av.container.InputContainer, streams: Sequence[av.stream.Stream]) -> dict[int, bytes]:

@@ -13,9 +13,11 @@ import numpy as np
 
 from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.media import gif, png, webp
-from fpsboost.media.animation import DamagedError, Outline, Shown, composed, damaged
-from fpsboost.media.image_sizes import declared_size
+from fpsboost.media.animation import gif, png, webp
+from fpsboost.media.animation.canvas import Outline, Shown, composed, damaged
+from fpsboost.media.images.exact import DamagedError
+from fpsboost.media.images.png_chunks import SIGNATURE
+from fpsboost.media.images.sizes import declared_size
 from fpsboost.memory_limit import MemoryLimit
 
 LONGEST_HEADER = 64
@@ -32,7 +34,7 @@ def animation_format(path: Path) -> Format | None:
             file.seek(0)
             if start.startswith(b"GIF8"):
                 return "gif"
-            if start.startswith(png.SIGNATURE) and png.is_apng(file):
+            if start.startswith(SIGNATURE) and png.is_apng(file):
                 return "apng"
             if start[8:] == b"WEBP" and webp.is_animated(file):
                 return "webp"

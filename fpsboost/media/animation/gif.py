@@ -20,15 +20,13 @@ import av.filter
 import numpy as np
 
 from fpsboost.frame import Image
-from fpsboost.media.animation import (
+from fpsboost.media.animation.canvas import (
     DEFAULT_DELAY,
-    DamagedError,
     Outline,
     Shown,
     outline_of,
-    read_exactly,
-    unpacked,
 )
+from fpsboost.media.images.exact import DamagedError, read_exactly, unpacked
 
 CLOCK = 100  # ticks per second
 SHORTEST_DELAY = Fraction(2, CLOCK)

@@ -11,7 +11,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import TypeVar
 
-from fpsboost.media.damage import Damage
+from fpsboost.media.video.damage import Damage
 
 T = TypeVar("T")
 

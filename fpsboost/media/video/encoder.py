@@ -20,10 +20,10 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import OutputTiming
-from fpsboost.media.encoding import EXACT_CLOCKS, Encoding, encoders, encodes_alpha, needs_hardware, pixel_formats
-from fpsboost.media.hdr import with_hdr
-from fpsboost.media.video_source import VideoTraits
-from fpsboost.media.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
+from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, encoders, encodes_alpha, needs_hardware, pixel_formats
+from fpsboost.media.video.hdr import with_hdr
+from fpsboost.media.video.traits import VideoTraits
+from fpsboost.media.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
 NARROWEST_CUTREE = 64
 """Pixels; in narrower pictures x265's "cutree" writes past its memory (seen up to 48)."""

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 from fpsboost.errors import InputError
-from fpsboost.media.encoding import VIDEO_SUFFIXES
-from fpsboost.media.image_files import IMAGE_SUFFIXES, extension_of
+from fpsboost.media.images.files import IMAGE_SUFFIXES, extension_of
+from fpsboost.media.video.encoding import VIDEO_SUFFIXES
 from fpsboost.sequence import Numbering, find_placeholder, list_files, order_names
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from fpsboost.errors import InputError, OutputError, explained
 from fpsboost.exr import encode_exr, find_layer, read_exr, read_exr_header
 from fpsboost.frame import ClipInfo, Image, describe, type_names
-from fpsboost.media.image_sizes import declared_size
+from fpsboost.media.images.sizes import declared_size
 from fpsboost.memory_limit import MemoryLimit
 
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp", ".exr")

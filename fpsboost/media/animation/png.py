@@ -1,9 +1,8 @@
-"""The chunks of a PNG file, and animations made of them (APNG)."""
+"""Animations made of the chunks of PNG files (APNG)."""
 
 from __future__ import annotations
 
 import struct
-import zlib
 from collections import Counter
 from collections.abc import Iterator
 from fractions import Fraction
@@ -15,30 +14,22 @@ import numpy as np
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import Image, describe
-from fpsboost.media.animation import (
+from fpsboost.media.animation.canvas import (
     DEFAULT_DELAY,
-    DamagedError,
     Disposal,
     Outline,
     Piece,
     changed_part,
     outline_of,
-    unpacked,
     with_four_channels,
 )
+from fpsboost.media.images.exact import DamagedError, unpacked
+from fpsboost.media.images.png_chunks import SIGNATURE, chunk_bytes, chunks_in
 
-SIGNATURE = b"\x89PNG\r\n\x1a\n"
 LARGEST_DELAY_PART = 65535  # a delay is a fraction of two 16-bit numbers
 
 _disposals: tuple[Disposal, ...] = ("keep", "clear", "restore")
 _coarse_clocks = (10_000, 1000, 100, 10, 1)
-
-
-class Chunk(NamedTuple):
-    """A named part of the file."""
-
-    name: bytes
-    data: bytes
 
 
 class _Control(NamedTuple):
@@ -51,45 +42,6 @@ class _Control(NamedTuple):
     delay: Fraction
     disposal: Disposal
     is_over: bool
-
-
-def chunks_in(file: BinaryIO, without_data: tuple[bytes, ...] = ()) -> Iterator[Chunk]:
-    """Yield the chunks of an open file, up to its end or IEND.
-
-    Parameters
-    ----------
-    file : file of bytes
-        At its beginning.
-    without_data : tuple of bytes
-        Names of chunks whose content is passed over.
-
-    Raises
-    ------
-    DamagedError
-        It does not begin like a PNG file, or ends within a chunk.
-    """
-    if file.read(len(SIGNATURE)) != SIGNATURE:
-        raise DamagedError
-    size = file.seek(0, 2)
-    file.seek(len(SIGNATURE))
-    while head := file.read(8):
-        length, name = struct.unpack(">I4s", head.ljust(8, b"\0"))
-        if len(head) < 8 or file.tell() + length + 4 > size:
-            raise DamagedError
-        if name in without_data:
-            file.seek(length, 1)
-            yield Chunk(name, b"")
-        else:
-            yield Chunk(name, file.read(length))
-        file.seek(4, 1)
-        if name == b"IEND":
-            return
-    raise DamagedError
-
-
-def chunk_bytes(name: bytes, data: bytes) -> bytes:
-    """A chunk as it stands in the file."""
-    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
 
 def is_apng(file: BinaryIO) -> bool:

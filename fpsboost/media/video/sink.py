@@ -22,9 +22,13 @@ import av.error
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame, describe
 from fpsboost.media import OutputTiming
-from fpsboost.media.assembly import Assembly
-from fpsboost.media.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
-from fpsboost.media.encoding import (
+from fpsboost.media.excerpt import Window
+from fpsboost.media.target import check_target
+from fpsboost.media.unfinished import Job, Unfinished, complete_already, hidden_place
+from fpsboost.media.video.assembly import Assembly
+from fpsboost.media.video.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
+from fpsboost.media.video.encoder import VideoEncoder, traits_of_image
+from fpsboost.media.video.encoding import (
     CLOCK_OF_MATROSKA,
     EXACT_CLOCKS,
     VIDEO_SUFFIXES,
@@ -32,13 +36,11 @@ from fpsboost.media.encoding import (
     choose_encoder,
     containers,
 )
-from fpsboost.media.excerpt import Window
-from fpsboost.media.other_streams import check_streams
-from fpsboost.media.pipe import PipeSource
-from fpsboost.media.unfinished import Job, Unfinished, complete_already, hidden_place
-from fpsboost.media.video_encoder import VideoEncoder, traits_of_image
-from fpsboost.media.video_source import VideoSource, VideoTraits
-from fpsboost.media.ycc import has_alpha
+from fpsboost.media.video.other_streams import check_streams
+from fpsboost.media.video.pipe import PipeSource
+from fpsboost.media.video.source import VideoSource
+from fpsboost.media.video.traits import VideoTraits
+from fpsboost.media.video.ycc import has_alpha
 
 
 class VideoSink:
@@ -117,7 +119,7 @@ class VideoSink:
         self._source, self._traits = file, source.traits if source is not None else None
         self._info = info if file is None else file.info  # whose first picture knows the size better than the header
         if file is not None:
-            check_streams(file, encoding, self._codec, self._format, self._name)
+            check_streams(file, encoding, self._codec, self._format, self._name, window)
         self._frame_count, self._chunk_frames = frame_count, chunk_frames
         self._encoder: VideoEncoder | None = None
         self._assembly: Assembly | None = None
@@ -288,34 +290,6 @@ def _is_there_already(path: Path, inputs: Collection[Path], unfinished: Unfinish
     """Whether a run has finished an output, and none has begun it again."""
     is_input = path.exists() and any(each.exists() and path.samefile(each) for each in inputs)
     return path.is_file() and not is_input and not unfinished.is_pending
-
-
-def check_target(path: Path, name: str, inputs: Collection[Path], overwrite: bool) -> None:
-    """Raise `OutputError` unless a file can be written under this path.
-
-    Parameters
-    ----------
-    path : Path
-    name : str
-        What to call it in messages.
-    inputs : collection of Path
-        Files that are being read.
-    overwrite : bool
-        Replace what exists.
-    """
-    if path.is_dir():
-        raise OutputError(f"{name} is a folder; name a file in it.")
-    if not path.parent.is_dir():
-        raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
-    if os.path.lexists(path):
-        if path.exists() and not path.is_file():
-            raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
-        if path.exists() and any(each.exists() and path.samefile(each) for each in inputs):
-            raise OutputError(f"{name} is the input itself; write to another name.")
-        if not overwrite:
-            raise OutputError(f"{name} exists already; choose another name or pass --overwrite.")
-    if not os.access(path.parent, os.W_OK):
-        raise OutputError(f"{name} cannot be written because its folder may not be written to; choose another folder.")
 
 
 def _explain(error: Exception, name: str) -> str:

@@ -16,10 +16,11 @@ import numpy as np
 
 from fpsboost.errors import OutputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image, describe
-from fpsboost.media import OutputTiming, gif, png, webp
-from fpsboost.media.animation import AnimationWriter, with_four_channels
-from fpsboost.media.video_sink import check_target
-from fpsboost.media.ycc import straight_16_bit
+from fpsboost.media import OutputTiming
+from fpsboost.media.animation import gif, png, webp
+from fpsboost.media.animation.canvas import AnimationWriter, with_four_channels
+from fpsboost.media.target import check_target
+from fpsboost.media.video.ycc import straight_16_bit
 
 BROWSERS_SLOW_DOWN = Fraction(1, 100)
 """Browsers show frames of this length and shorter ones for a tenth of a second."""

@@ -28,17 +28,12 @@ from numpy.typing import NDArray
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame, Image, describe
 from fpsboost.media import OutputTiming
-from fpsboost.media.encoding import Encoding
-from fpsboost.media.video_source import (
-    ASSUMED_RATE,
-    VideoSource,
-    VideoTraits,
-    assumed_rate_remark,
-    interlaced_remark,
-    lost_companions_remark,
-    lost_shape_remark,
-)
-from fpsboost.media.ycc import (
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.losses import interlaced_remark, lost_companions_remark, lost_shape_remark
+from fpsboost.media.video.nominal_rate import ASSUMED_RATE, assumed_rate_remark
+from fpsboost.media.video.source import VideoSource
+from fpsboost.media.video.traits import VideoTraits
+from fpsboost.media.video.ycc import (
     FULL_RANGE,
     LIMITED_RANGE,
     UNSPECIFIED,

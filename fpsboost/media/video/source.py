@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import math
 import os
-import statistics
-from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterator
+from dataclasses import replace
 from fractions import Fraction
-from itertools import islice, pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, cast
@@ -20,82 +18,34 @@ from typing import Any, Self, cast
 import av
 import av.container
 import av.error
-import numpy as np
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.media.damage import Damage, counted
-from fpsboost.media.fields import frames_of_fields
-from fpsboost.media.frame_times import in_rising_order
-from fpsboost.media.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display
-from fpsboost.media.reading import Reading
-from fpsboost.media.size_change import Alike
-from fpsboost.media.stream_choice import choose_video, left_out_remarks
-from fpsboost.media.ycc import chroma_location_of, color_space_of, has_alpha, is_full_range, to_bgr, to_bgra
+from fpsboost.media.video.damage import Damage, counted
+from fpsboost.media.video.fields import frames_of_fields
+from fpsboost.media.video.frame_times import in_rising_order
+from fpsboost.media.video.losses import (
+    interlaced_remark,
+    lost_alpha_remark,
+    lost_companions_remark,
+    lost_shape_remark,
+)
+from fpsboost.media.video.nominal_rate import as_fraction, assumed_rate_remark, declared_duration, nominal_rate
+from fpsboost.media.video.orientation import is_on_its_side, turned_upright
+from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.size_change import Alike
+from fpsboost.media.video.stream_choice import choose_video, left_out_remarks
+from fpsboost.media.video.traits import VideoTraits, read_traits
+from fpsboost.media.video.ycc import has_alpha, to_bgr, to_bgra
 from fpsboost.memory_limit import MemoryLimit
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 SEEKABLE = ("matroska", "mov")
 """Containers whose index says which frames decoding can begin at."""
 STEPS_BACK = (0, 1, 10)
-HIGHEST_RATE = 1000
-ASSUMED_RATE = Fraction(25)
 DEMUX_RETRIES = 10
-DYNAMIC_HDR = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
-FRAMES_LOOKED_AT = 10_000
-"""Entries of a file's index that its usual rate is taken from."""
-
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
-
-
-@dataclass(frozen=True)
-class VideoTraits:
-    """What a video's pictures mean beyond their numbers; a sink keeps it.
-
-    Attributes
-    ----------
-    pixel_format : str
-        FFmpeg's name, ``yuv420p``.
-    color_space : int
-        AVColorSpace that the pictures are converted with: as tagged, otherwise BT.709 from 720 lines, BT.601 below.
-    tagged_color_space, color_range, color_primaries, color_transfer : int
-        The tags themselves, FFmpeg's numbers, 2 (range: 0) for unspecified.
-    full_range : bool
-        Black is 0 rather than 16 (in 8 bits).
-    chroma_location : str
-        Where a subsampled chroma sample sits: ``left``, ``center``, ``topleft``...
-    tagged_chroma_location : bool
-        False where that is only FFmpeg's guess.
-    sample_aspect_ratio : Fraction or None
-        Width of a pixel over its height.
-    display_matrix : tuple of 9 int or None
-        Rotation and flip for display, 16.16 and 2.30 fixed point.
-    mastering_display : MasteringDisplay or None
-    light_level : LightLevel or None
-    has_dynamic_hdr : bool
-        Dolby Vision, HDR10+ and their like, which change from frame to frame.
-    """
-
-    pixel_format: str
-    color_space: int
-    tagged_color_space: int
-    color_range: int
-    color_primaries: int
-    color_transfer: int
-    full_range: bool
-    chroma_location: str
-    tagged_chroma_location: bool
-    sample_aspect_ratio: Fraction | None
-    display_matrix: tuple[int, ...] | None
-    mastering_display: MasteringDisplay | None = None
-    light_level: LightLevel | None = None
-    has_dynamic_hdr: bool = False
-
-    @property
-    def has_hdr_data(self) -> bool:
-        """Whether there is more to the brightness of the pictures than their colour tags say."""
-        return (self.mastering_display, self.light_level) != (None, None) or self.has_dynamic_hdr
 
 
 class VideoSource:
@@ -142,7 +92,7 @@ class VideoSource:
         try:
             self._stream = choose_video(self._container, self._name, self._reading.stream)
             self._limit.check(self._name, self._stream.codec_context.width, self._stream.codec_context.height)
-            self._rate, rate_is_known = _nominal_rate(self._stream)
+            self._rate, rate_is_known = nominal_rate(self._stream)
         except BaseException:
             self._container.close()
             raise
@@ -154,7 +104,7 @@ class VideoSource:
         self._alike: Alike | None = None
         self._furthest = Fraction(0)
         self._ahead: list[av.VideoFrame] = []
-        self._ticks = _fraction(self._stream.time_base) or 1 / self._rate
+        self._ticks = as_fraction(self._stream.time_base) or 1 / self._rate
         fields = 2 if self._reading.deinterlace else 1
         self._rate *= fields
         self._begin()
@@ -168,7 +118,7 @@ class VideoSource:
             rate=self._rate,
             time_base=self._ticks / fields,
             frame_count=fields * self._stream.frames or None,
-            duration=_duration(self._stream),
+            duration=declared_duration(self._stream),
         )
         if for_images:
             self._prepare_for_images()
@@ -401,13 +351,13 @@ class VideoSource:
     def _time_of(self, picture: av.VideoFrame, end: Fraction | None = None) -> Fraction:
         """When a picture is shown; where it does not say, when the one before it ends."""
         if picture.pts is not None:
-            return picture.pts * (_fraction(picture.time_base) or self._info.time_base)
+            return picture.pts * (as_fraction(picture.time_base) or self._info.time_base)
         self._damage.untimed += 1
         tick = self._info.time_base
         return Fraction(0) if end is None else round(end / tick) * tick
 
     def _duration_of(self, picture: av.VideoFrame) -> Fraction:
-        time_base = _fraction(picture.time_base) or self._info.time_base
+        time_base = as_fraction(picture.time_base) or self._info.time_base
         return picture.duration * time_base if picture.duration > 0 else 1 / self._rate
 
     def _last_duration(self, last: Frame) -> Fraction:
@@ -432,40 +382,12 @@ class VideoSource:
         return alike
 
     def _read_traits(self, picture: av.VideoFrame) -> VideoTraits:
-        context = self._stream.codec_context
         # The header may be wrong or silent about the size; the first picture is not.
         self._limit.check(self._name, picture.width, picture.height)
         self._info = replace(self._info, width=picture.width, height=picture.height)
-        sides = {side.type.name: bytes(side) for side in _side_data(picture)}
-        matrix = sides.get("DISPLAYMATRIX")
         if has_alpha(picture.format.name) and not self._keeps_alpha:
             self._remarks.append(lost_alpha_remark(self._name))
-        aspect = _fraction(self._stream.sample_aspect_ratio)
-        try:
-            color_space = color_space_of(picture)
-        except ValueError:
-            raise InputError(
-                f"{self._name} uses the colour matrix number {picture.colorspace}, which is not supported; convert it "
-                "to BT.709 or BT.2020 first."
-            ) from None
-        location = chroma_location_of(picture, self._reformatter)
-        traits = VideoTraits(
-            pixel_format=picture.format.name,
-            color_space=color_space,
-            tagged_color_space=picture.colorspace,
-            color_range=picture.color_range,
-            color_primaries=picture.color_primaries,
-            color_transfer=picture.color_trc,
-            full_range=is_full_range(picture),
-            chroma_location=location,
-            # FFmpeg takes an unsaid place for the centre; only these two formats always say.
-            tagged_chroma_location=location != "center" or context.codec.canonical_name in ("h264", "hevc"),
-            sample_aspect_ratio=aspect,
-            display_matrix=tuple(np.frombuffer(matrix, np.int32).tolist()) if matrix else None,
-            mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),
-            light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL")),
-            has_dynamic_hdr=not DYNAMIC_HDR.isdisjoint(sides),
-        )
+        traits = read_traits(picture, self._stream, self._reformatter, self._name)
         self._alike = Alike(picture.width, picture.height, traits)
         return traits
 
@@ -525,102 +447,3 @@ def open_video(path: Path, name: str) -> av.container.InputContainer:
         container.close()
         raise InputError(f"{name} is a text file; name a video file.")
     return container
-
-
-def assumed_rate_remark(name: str) -> str:
-    """What to say of a clip that does not tell its rate."""
-    return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed."
-
-
-def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it first") -> str:
-    """What to say of a clip with two fields in one picture; `which` may narrow it: `` in 2 of 10 frames``."""
-    return f"{name} is interlaced{which} and its fields were taken as whole pictures; {advice} for smooth motion."
-
-
-def lost_alpha_remark(name: str) -> str:
-    """What to say of alpha that the target cannot hold, and what can."""
-    return (
-        f"{name} has an alpha channel, which was left out; a .webm, images as .png, or --codec prores_ks in a .mov "
-        "keep it."
-    )
-
-
-def lost_companions_remark(name: str, companions: Sequence[str], target: str) -> str:
-    """What to say of sound and subtitles that do not fit into a kind of target."""
-    return f"{name} has {' and '.join(companions)}, which {target} cannot hold; left out."
-
-
-def lost_shape_remark(name: str, aspect: Fraction | None) -> str:
-    """What to say of pixels that are not square, where images are written."""
-    return f"{name} has pixels of the shape {aspect}, which images cannot say; they come out unscaled."
-
-
-def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
-    """Whether a display matrix exchanges width and height; only quarter turns and flips are looked at."""
-    return matrix is not None and matrix[0] == 0 and matrix[4] == 0
-
-
-def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
-    """Turn and flip a picture as its display matrix says.
-
-    Parameters
-    ----------
-    image : (H, W, C)
-    matrix : tuple of 9 int or None
-        x' = a x + c y, y' = b x + d y, with (a, b, c, d) at places 0, 1, 3 and 4. Other angles than quarter turns are
-        left as they are.
-
-    Returns
-    -------
-    (H, W, C) or (W, H, C), contiguous
-    """
-    if matrix is None:
-        return image
-    if is_on_its_side(matrix):
-        image = image.transpose(1, 0, 2)
-        left, down = matrix[3], matrix[1]
-    else:
-        left, down = matrix[0], matrix[4]
-    return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])
-
-
-def _nominal_rate(stream: av.VideoStream) -> tuple[Fraction, bool]:
-    """The rate that a stream has or, where it varies, most of it; and whether that is more than a guess."""
-    average, guessed = _fraction(stream.average_rate), _fraction(stream.guessed_rate)
-    sane = [rate for rate in (average, guessed) if rate is not None and 0 < rate <= HIGHEST_RATE]
-    if len(sane) < 2:
-        return (sane[0], True) if sane else (ASSUMED_RATE, False)
-    if (
-        abs(sane[0] - sane[1]) * 100 < sane[1] or stream.start_time is None
-    ):  # without times, the codec's own headers say
-        return sane[1], True
-    usual = _usual_rate(stream) or sane[0]
-    return next((rate for rate in sane if abs(rate - usual) * 100 < usual), usual), True
-
-
-def _usual_rate(stream: av.VideoStream) -> Fraction | None:
-    """The rate by the usual distance between frames, where the file lists them all."""
-    if not stream.frames or len(stream.index_entries) != stream.frames or stream.time_base is None:
-        return None
-    listed = [entry.timestamp for entry in islice(stream.index_entries, FRAMES_LOOKED_AT)]
-    usual = statistics.median_low([after - before for before, after in pairwise(listed) if after > before] or [0])
-    rate = 1 / (usual * Fraction(stream.time_base)) if usual else Fraction(0)
-    return rate if 0 < rate <= HIGHEST_RATE else None
-
-
-def _duration(stream: av.VideoStream) -> Fraction | None:
-    if stream.duration is None or stream.time_base is None or stream.duration <= 0:
-        return None
-    return stream.duration * Fraction(stream.time_base)
-
-
-def _side_data(picture: av.VideoFrame) -> list[Any]:
-    held: Any = picture.side_data
-    return [held[index] for index in range(len(held))]
-
-
-def _fraction(value: Any) -> Fraction | None:
-    """An exact Fraction of FFmpeg's rational, which may also be absent, 0/1 or 1/0."""
-    if not value:
-        return None
-    return Fraction(value.numerator, value.denominator)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import av
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.media.damage import counted
-from fpsboost.media.ycc import color_space_of, from_bgr, is_full_range, reformatted, to_bgr
-
-if TYPE_CHECKING:
-    from fpsboost.media.video_source import VideoTraits
+from fpsboost.media.video.damage import counted
+from fpsboost.media.video.traits import VideoTraits
+from fpsboost.media.video.ycc import color_space_of, from_bgr, is_full_range, reformatted, to_bgr
 
 
 class Alike:

@@ -18,9 +18,9 @@ import numpy as np
 from fpsboost.errors import InputError, explained
 from fpsboost.exr import read_exr_attributes
 from fpsboost.frame import Image
-from fpsboost.media import png, tiff_tags, webp
-from fpsboost.media.animation import DamagedError
-from fpsboost.media.tiff_tags import Tag
+from fpsboost.media.images import png_chunks, tiff_tags, webp_chunks
+from fpsboost.media.images.exact import DamagedError
+from fpsboost.media.images.tiff_tags import Tag
 
 LARGEST_PROFILE = 2**24
 INCH = 0.0254  # metres
@@ -29,7 +29,7 @@ LARGEST_SEGMENT, LARGEST_FILE = 65533, 2**31  # bytes: of a JPEG, of what can be
 _exif_mark, _xmp_mark, _profile_mark = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0"
 _colour_chunks = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
 _start_of_frame = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
-_webp_flags = {b"ICCP": webp.PROFILE, b"EXIF": 0x08, b"XMP ": 0x04}
+_webp_flags = {b"ICCP": webp_chunks.PROFILE, b"EXIF": 0x08, b"XMP ": 0x04}
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class ImageMetadata:
     dots_per_inch: tuple[float, float] | None = None
     exif: bytes = b""
     xmp: bytes = b""
-    chunks: tuple[png.Chunk, ...] = ()
+    chunks: tuple[png_chunks.Chunk, ...] = ()
     attributes: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     @property
@@ -86,7 +86,7 @@ def read_metadata(path: Path) -> ImageMetadata:
     """
     data = content_of(path)
     try:
-        if data.startswith(png.SIGNATURE):
+        if data.startswith(png_chunks.SIGNATURE):
             return _of_png(data)
         if data[:2] == b"\xff\xd8":
             return _of_jpeg(data)
@@ -167,7 +167,7 @@ def lost_metadata(extension: str, metadata: ImageMetadata, channels: int) -> lis
 
 
 def _of_png(data: bytes) -> ImageMetadata:
-    chunks = {chunk.name: chunk for chunk in png.chunks_in(BytesIO(data), (b"IDAT",))}
+    chunks = {chunk.name: chunk for chunk in png_chunks.chunks_in(BytesIO(data), (b"IDAT",))}
     profile, density, others = b"", None, [chunks[name] for name in _colour_chunks if name in chunks]
     if b"iCCP" in chunks:
         _, _, rest = chunks[b"iCCP"].data.partition(b"\0")
@@ -175,7 +175,7 @@ def _of_png(data: bytes) -> ImageMetadata:
             profile = zlib.decompressobj().decompress(rest[1:], LARGEST_PROFILE)
         except zlib.error:
             profile = b""
-    if len(chunks.get(b"pHYs", png.Chunk(b"", b"")).data) == 9:
+    if len(chunks.get(b"pHYs", png_chunks.Chunk(b"", b"")).data) == 9:
         across, down, unit = struct.unpack(">IIB", chunks[b"pHYs"].data)
         others.append(chunks[b"pHYs"])
         density = (across * INCH, down * INCH) if unit == 1 else None
@@ -187,16 +187,16 @@ def _of_png(data: bytes) -> ImageMetadata:
 
 
 def _into_png(data: bytes, metadata: ImageMetadata, profile: bytes) -> bytes:
-    added = [] if not profile else [png.Chunk(b"iCCP", b"ICC profile\0\0" + zlib.compress(profile))]
+    added = [] if not profile else [png_chunks.Chunk(b"iCCP", b"ICC profile\0\0" + zlib.compress(profile))]
     added += metadata.chunks
     if metadata.dots_per_inch is not None and not any(chunk.name == b"pHYs" for chunk in metadata.chunks):
         added.append(
-            png.Chunk(b"pHYs", struct.pack(">IIB", *(round(dots / INCH) for dots in metadata.dots_per_inch), 1))
+            png_chunks.Chunk(b"pHYs", struct.pack(">IIB", *(round(dots / INCH) for dots in metadata.dots_per_inch), 1))
         )
-    added += [png.Chunk(b"eXIf", metadata.exif)] * bool(metadata.exif)
-    added += [png.Chunk(b"iTXt", b"XML:com.adobe.xmp\0\0\0\0\0" + metadata.xmp)] * bool(metadata.xmp)
-    behind_header = len(png.SIGNATURE) + 25
-    return data[:behind_header] + b"".join(png.chunk_bytes(*chunk) for chunk in added) + data[behind_header:]
+    added += [png_chunks.Chunk(b"eXIf", metadata.exif)] * bool(metadata.exif)
+    added += [png_chunks.Chunk(b"iTXt", b"XML:com.adobe.xmp\0\0\0\0\0" + metadata.xmp)] * bool(metadata.xmp)
+    behind_header = len(png_chunks.SIGNATURE) + 25
+    return data[:behind_header] + b"".join(png_chunks.chunk_bytes(*chunk) for chunk in added) + data[behind_header:]
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -245,7 +245,7 @@ def _into_jpeg(data: bytes, metadata: ImageMetadata, profile: bytes) -> bytes:
 
 def _of_webp(data: bytes) -> ImageMetadata:
     file = BytesIO(data)
-    found = {name: file.read(size) for name, size in webp.chunks_in(file) if name in _webp_flags}
+    found = {name: file.read(size) for name, size in webp_chunks.chunks_in(file) if name in _webp_flags}
     exif = found.get(b"EXIF", b"").removeprefix(_exif_mark)
     return ImageMetadata(found.get(b"ICCP", b""), None, exif, found.get(b"XMP ", b""))
 
@@ -255,13 +255,15 @@ def _into_webp(data: bytes, metadata: ImageMetadata, profile: bytes) -> bytes:
     if not any(added.values()):
         return data
     file = BytesIO(data)
-    chunks = {name: file.read(size) for name, size in webp.chunks_in(file)}
+    chunks = {name: file.read(size) for name, size in webp_chunks.chunks_in(file)}
     (bits,) = struct.unpack_from("<I", chunks[b"VP8L"], 1)  # without loss, as it was encoded here
     width, height, has_alpha = bits & 0x3FFF, bits >> 14 & 0x3FFF, bits >> 28 & 1
-    flags = webp.ALPHA * has_alpha + sum(_webp_flags[name] for name, content in added.items() if content)
+    flags = webp_chunks.ALPHA * has_alpha + sum(_webp_flags[name] for name, content in added.items() if content)
     head = bytes((flags, 0, 0, 0)) + width.to_bytes(3, "little") + height.to_bytes(3, "little")
     in_order = [(b"VP8X", head), (b"ICCP", profile), (b"VP8L", chunks[b"VP8L"]), *list(added.items())[1:]]
-    return webp.chunk_bytes(b"RIFF", b"WEBP" + b"".join(webp.chunk_bytes(*each) for each in in_order if each[1]))
+    return webp_chunks.chunk_bytes(
+        b"RIFF", b"WEBP" + b"".join(webp_chunks.chunk_bytes(*each) for each in in_order if each[1])
+    )
 
 
 def _of_tiff(data: bytes) -> ImageMetadata:

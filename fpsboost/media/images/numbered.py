@@ -15,7 +15,7 @@ from typing import Self
 
 from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image, describe
-from fpsboost.media.image_files import (
+from fpsboost.media.images.files import (
     IMAGE_SUFFIXES,
     check_format,
     check_size,
@@ -26,7 +26,7 @@ from fpsboost.media.image_files import (
     read_image,
     unread_channels,
 )
-from fpsboost.media.image_metadata import (
+from fpsboost.media.images.metadata import (
     ImageMetadata,
     can_pass,
     content_of,
@@ -35,7 +35,7 @@ from fpsboost.media.image_metadata import (
     upright,
     with_metadata,
 )
-from fpsboost.media.numbering import is_pattern, scan_folder
+from fpsboost.media.images.numbering import is_pattern, scan_folder
 from fpsboost.media.unfinished import Job, Unfinished, hidden_place, sync, write_safely
 from fpsboost.memory_limit import MemoryLimit
 from fpsboost.sequence import Numbering, find_without_gap

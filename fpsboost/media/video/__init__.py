@@ -1,0 +1,1 @@
+"""Video files and streams of pictures: FFmpeg decodes and encodes, through PyAV."""

@@ -1,0 +1,29 @@
+"""Sentences about what a clip has and its target does not hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+
+def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it first") -> str:
+    """What to say of a clip with two fields in one picture; `which` may narrow it: `` in 2 of 10 frames``."""
+    return f"{name} is interlaced{which} and its fields were taken as whole pictures; {advice} for smooth motion."
+
+
+def lost_alpha_remark(name: str) -> str:
+    """What to say of alpha that the target cannot hold, and what can."""
+    return (
+        f"{name} has an alpha channel, which was left out; a .webm, images as .png, or --codec prores_ks in a .mov "
+        "keep it."
+    )
+
+
+def lost_companions_remark(name: str, companions: Sequence[str], target: str) -> str:
+    """What to say of sound and subtitles that do not fit into a kind of target."""
+    return f"{name} has {' and '.join(companions)}, which {target} cannot hold; left out."
+
+
+def lost_shape_remark(name: str, aspect: Fraction | None) -> str:
+    """What to say of pixels that are not square, where images are written."""
+    return f"{name} has pixels of the shape {aspect}, which images cannot say; they come out unscaled."

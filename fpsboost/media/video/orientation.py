@@ -1,0 +1,36 @@
+"""Pictures turned and flipped as their video's display matrix says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fpsboost.frame import Image
+
+
+def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
+    """Whether a display matrix exchanges width and height; only quarter turns and flips are looked at."""
+    return matrix is not None and matrix[0] == 0 and matrix[4] == 0
+
+
+def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
+    """Turn and flip a picture as its display matrix says.
+
+    Parameters
+    ----------
+    image : (H, W, C)
+    matrix : tuple of 9 int or None
+        x' = a x + c y, y' = b x + d y, with (a, b, c, d) at places 0, 1, 3 and 4. Other angles than quarter turns are
+        left as they are.
+
+    Returns
+    -------
+    (H, W, C) or (W, H, C), contiguous
+    """
+    if matrix is None:
+        return image
+    if is_on_its_side(matrix):
+        image = image.transpose(1, 0, 2)
+        left, down = matrix[3], matrix[1]
+    else:
+        left, down = matrix[0], matrix[4]
+    return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])

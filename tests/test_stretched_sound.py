@@ -1,0 +1,352 @@
+"""Sound of slow motion: clicks where their pictures are, the same pitch, the same tracks, and what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from video_truth import packets_of, pictures_of, scene, spoil_packets, write_clip
+
+from fpsboost.errors import OptionError, OutputError
+from fpsboost.media.excerpt import Excerpt
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.pace import Pace
+from fpsboost.pipeline import Silent, Summary, convert
+from fpsboost.position import Position
+
+RATE = 48000
+CLICKS = (0.4, 1.0, 1.6)
+CLICK = 0.01
+"""Seconds that a click lasts, at 4000 Hz."""
+TONES = (440, 660, 880)
+"""Hz of the tone behind the clicks, of the first, second and third track."""
+
+
+def wave(track: int, seconds: float, rate: int = RATE) -> NDArray[np.float32]:
+    """A faint tone and three clicks."""
+    times = np.arange(round(seconds * rate)) / rate
+    sound = 0.05 * np.sin(2 * np.pi * TONES[track] * times)
+    for click in CLICKS:
+        sound += ((times >= click) & (times < click + CLICK)) * 0.6 * np.sin(2 * np.pi * 4000 * times)
+    return sound.astype(np.float32)
+
+
+def write_sounds(
+    path: Path,
+    layouts: Sequence[str] = ("mono",),
+    *,
+    codec: str = "pcm_s16le",
+    rate: int = RATE,
+    start: Fraction = Fraction(0),
+    seconds: float = 2.0,
+    left_out: tuple[float, float] = (0, 0),
+    languages: Sequence[str] = (),
+) -> Path:
+    """Write 50 frames at 25 a second and tracks of sound, which are not there between the times `left_out`."""
+    with av.open(str(path), "w") as output:
+        video = output.add_stream("libx264", rate=25, width=64, height=48)
+        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        sounds: list[Any] = [output.add_stream(codec, rate=rate, layout=layout) for layout in layouts]
+        for number, language in enumerate(languages):
+            sounds[number].metadata.update({"language": language, "title": f"track {language}"})
+            sounds[number].disposition = int(number == 1)
+        packets: list[Any] = []
+        for index in range(50):
+            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
+            picture.pts = index
+            packets += video.encode(picture)
+        packets += video.encode(None)
+        for track, sound in enumerate(sounds):
+            samples = np.rint(wave(track, seconds, rate) * 32767).astype(np.int16)
+            channels = av.AudioLayout(layouts[track]).nb_channels
+            for at in range(0, len(samples), 960):
+                if left_out[0] * rate <= at < left_out[1] * rate:
+                    continue
+                part = np.ascontiguousarray(np.repeat(samples[at : at + 960], channels)[None])
+                frame = av.AudioFrame.from_ndarray(part, format="s16", layout=layouts[track])
+                frame.sample_rate, frame.pts, frame.time_base = rate, at + round(start * rate), Fraction(1, rate)
+                packets += sound.encode(frame)
+            packets += sound.encode(None)
+        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+    return path
+
+
+def slow(source: Path, target: Path, factor: Fraction | int = 2, **more: Any) -> Summary:
+    """Convert in the cheapest way, with sound."""
+    encoding = Encoding(preset="8" if target.suffix == ".webm" else "ultrafast")
+    options = {"slow_motion_sound": "stretch", "method": "nearest", "encoding": encoding, **more}
+    return convert(str(source), str(target), factor=factor, slow_motion=True, **options)
+
+
+def heard(path: Path, track: int = 0) -> tuple[NDArray[np.float64], int]:
+    """The sound of a track from time 0 on, mixed to one channel, and its rate."""
+    with av.open(str(path)) as file:
+        stream = file.streams.audio[track]
+        rate, parts = stream.rate, []
+        resampler = av.AudioResampler(format="flt", layout="mono")
+        for frame in file.decode(stream):
+            assert frame.pts is not None
+            assert frame.time_base is not None
+            time = frame.pts * frame.time_base
+            parts += [(round(time * rate), each.to_ndarray()[0]) for each in resampler.resample(frame)]
+    sound = np.zeros(max(at + len(part) for at, part in parts))
+    for at, part in parts:
+        skipped = max(0, -at)
+        sound[at + skipped : at + len(part)] = part[skipped:]
+    return sound, rate
+
+
+def band(sound: NDArray[np.float64], rate: int, low: float, high: float) -> NDArray[np.float64]:
+    """What of a sound lies between two frequencies."""
+    spectrum, frequencies = np.fft.rfft(sound), np.fft.rfftfreq(len(sound), 1 / rate)
+    spectrum[(frequencies < low) | (frequencies > high)] = 0
+    result: NDArray[np.float64] = np.fft.irfft(spectrum, len(sound))
+    return result
+
+
+def clicks_of(path: Path, expected: Sequence[float], reach: float, track: int = 0) -> list[float]:
+    """The middle of what clicks within `reach` seconds of each of the expected times."""
+    sound, rate = heard(path, track)
+    energy = band(sound, rate, 3500, 4500) ** 2
+    middles = []
+    for time in expected:
+        begin, end = (max(0, round((time + side) * rate)) for side in (-reach, reach))
+        part = energy[begin:end]
+        assert part.sum() > 0.2 * energy.sum() / len(expected)
+        middles.append(float((np.arange(begin, begin + len(part)) * part).sum() / part.sum() / rate))
+    return middles
+
+
+def pitch_of(path: Path, track: int = 0) -> float:
+    """The strongest frequency below the clicks, Hz."""
+    sound, rate = heard(path, track)
+    spectrum = np.abs(np.fft.rfft(sound * np.hanning(len(sound))))
+    frequencies = np.fft.rfftfreq(len(sound), 1 / rate)
+    return float(frequencies[np.argmax(spectrum * (frequencies < 2000))])
+
+
+# ------------------------------------------------------------------------------------------- times, pitch, and length
+
+
+@pytest.mark.parametrize(
+    ("factor", "suffix", "layout", "codec"),
+    [
+        (Fraction(2), ".mp4", "mono", "aac"),
+        (Fraction(2), ".mkv", "5.1", "libopus"),
+        (Fraction(2), ".webm", "stereo", "libopus"),
+        (Fraction(5, 2), ".mov", "5.1", "aac"),
+        (Fraction(8), ".mkv", "mono", "libopus"),
+        (Fraction(8), ".mp4", "stereo", "aac"),
+        (Fraction(1, 2), ".m4v", "stereo", "aac"),
+        (Fraction(1, 2), ".mkv", "mono", "libopus"),
+    ],
+    ids=str,
+)
+def test_clicks_fall_on_their_pictures(tmp_path, factor, suffix, layout, codec):
+    """Clicks at factor x their times, to 30 ms or 5 ms of the source; the tone as high, the whole factor x as long."""
+    clip, target = write_sounds(tmp_path / "in.mkv", [layout]), tmp_path / f"out{suffix}"
+    summary = slow(clip, target, factor)
+    expected = [float(factor) * (click + CLICK / 2) for click in CLICKS]
+    assert clicks_of(target, expected, 0.25 * float(factor)) == pytest.approx(
+        expected, abs=max(0.03, 0.005 * float(factor))
+    )
+    assert pitch_of(target) == pytest.approx(TONES[0], rel=0.02)
+    sound, rate = heard(target)
+    assert len(sound) / rate == pytest.approx(2 * factor, abs=1024 / rate)
+    with av.open(str(target)) as file:
+        context = file.streams.audio[0].codec_context
+        assert (context.layout.name, context.sample_rate) == (layout, RATE)
+    encoder = {"aac": "aac", "libopus": "opus"}[codec]
+    assert summary.remarks == [
+        f"{target} holds stream 1 (pcm_s16le sound) of its source stretched to {factor} times its length and encoded "
+        f"anew as {encoder}."
+    ]
+    assert pictures_of(target)[0].pts == 0
+
+
+def test_tracks_keep_their_labels(tmp_path):
+    """Two tracks of other layouts and rates: each its own tone, language, title and role, and AAC's delay no matter."""
+    clip = write_sounds(tmp_path / "in.mp4", ["stereo", "mono"], codec="aac", rate=44100, languages=["fra", "deu"])
+    for suffix in (".mp4", ".mkv"):
+        target = tmp_path / f"out{suffix}"
+        summary = slow(clip, target)
+        assert [remark.split("(")[0] for remark in summary.remarks] == [
+            f"{target} holds stream {number} " for number in (1, 2)
+        ]
+        expected = [2 * click + CLICK for click in CLICKS]
+        for track in (0, 1):
+            assert clicks_of(target, expected, 0.5, track) == pytest.approx(expected, abs=0.03)
+            assert pitch_of(target, track) == pytest.approx(TONES[track], rel=0.02)
+        with av.open(str(target)) as file:
+            tracks = file.streams.audio
+            assert [each.metadata.get("language") for each in tracks] == ["fra", "deu"]
+            names = [each.metadata.get("title", each.metadata.get("name")) for each in tracks]
+            assert names == ["track fra", "track deu"]
+            assert [int(each.disposition) for each in tracks] == [0, 1]
+            contexts = [each.codec_context for each in tracks]
+            assert [each.layout.name for each in contexts] == ["stereo", "mono"]
+            assert {each.sample_rate for each in contexts} == {44100 if suffix == ".mp4" else 48000}
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_a_part_of_it(tmp_path, suffix):
+    """--start and --end cut the sound to the sample, and what clicked between them clicks in its place."""
+    clip, target = write_sounds(tmp_path / "in.mkv"), tmp_path / f"out{suffix}"
+    slow(clip, target, 3, excerpt=Excerpt(Position(Fraction(4, 5)), Position(Fraction(9, 5))))
+    expected = [3 * (click - 0.8 + CLICK / 2) for click in CLICKS[1:]]
+    assert clicks_of(target, expected, 0.5) == pytest.approx(expected, abs=0.03)
+    sound, rate = heard(target)
+    assert len(sound) / rate == pytest.approx(3, abs=1024 / rate)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+@pytest.mark.parametrize("start", [Fraction(1, 2), Fraction(-1, 4)], ids=["late", "early"])
+def test_sound_that_starts_at_another_time(tmp_path, start, suffix):
+    """Late sound starts late; of early sound nothing is heard before the first picture."""
+    clip, target = write_sounds(tmp_path / "in.mp4", codec="aac", start=start), tmp_path / f"out{suffix}"
+    slow(clip, target)
+    expected = [2 * (float(start) + click + CLICK / 2) for click in CLICKS]
+    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
+    begins = [float(packets_of(path, "audio")[0][0]) for path in (clip, target)]
+    assert begins[1] == pytest.approx(max(0, 2 * begins[0]), abs=0.03)
+    with av.open(str(target)) as file:
+        assert next(file.decode(video=0)).pts == 0
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_a_pause_stays_a_pause(tmp_path, suffix):
+    """Where the sound is interrupted, what comes behind is where it belongs."""
+    clip, target = write_sounds(tmp_path / "in.mkv", left_out=(0.5, 0.8)), tmp_path / f"out{suffix}"
+    slow(clip, target)
+    expected = [2 * click + CLICK for click in CLICKS]
+    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
+    sound, rate = heard(target)
+    assert np.abs(sound[round(1.1 * rate) : round(1.5 * rate)]).max() == 0
+    assert len(sound) / rate == pytest.approx(4, abs=1024 / rate)
+
+
+def test_other_layouts_are_said(tmp_path):
+    """Speakers that Opus has no name for become the nearest that it has."""
+    clip, target = write_sounds(tmp_path / "in.mkv", ["5.1(side)"], codec="ac3"), tmp_path / "out.webm"
+    assert slow(clip, target).remarks == [
+        f"{target} holds stream 1 (ac3 sound) of its source stretched to 2 times its length and encoded anew as "
+        "opus, its 5.1(side) as 5.1."
+    ]
+    with av.open(str(target)) as file:
+        assert file.streams.audio[0].codec_context.layout.name == "5.1"
+
+
+def test_channels_without_names(tmp_path):
+    """Six channels, of which Matroska says no more here, are taken for 5.1."""
+    clip, target = write_sounds(tmp_path / "in.mkv", ["5.1"]), tmp_path / "out.mp4"
+    with av.open(str(clip)) as file:
+        assert file.streams.audio[0].codec_context.layout.name == "6 channels"
+    slow(clip, target)
+    with av.open(str(target)) as file:
+        assert file.streams.audio[0].codec_context.layout.name == "5.1"
+    expected = [2 * click + CLICK for click in CLICKS]
+    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
+
+
+@pytest.mark.parametrize(("layout", "codec"), [("12 channels", "pcm_s16le"), ("7.1.4", "wavpack")])
+def test_too_many_channels_are_mixed(tmp_path, layout, codec):
+    """Twelve channels become two, no louder than they may be, and that is said."""
+    clip, target = write_sounds(tmp_path / "in.mkv", [layout], codec=codec), tmp_path / "out.mp4"
+    assert slow(clip, target).remarks[0].endswith(f"encoded anew as aac, its {layout} as stereo.")
+    assert np.abs(heard(target)[0]).max() < 1
+    expected = [2 * click + CLICK for click in CLICKS]
+    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
+
+
+# ------------------------------------------------------------------------------------------------ damage, and going on
+
+
+def test_damaged_sound(tmp_path):
+    """What decodes is in its place, what does not is silent, and that is said."""
+    clip = write_sounds(tmp_path / "in.mp4", codec="aac")
+    spoil_packets(clip, range(52, 62), "audio")  # about 1.1 to 1.3 s
+    target = tmp_path / "out.mp4"
+    summary = slow(clip, target)
+    expected = [2 * click + CLICK for click in CLICKS]
+    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.03)
+    [remark] = [remark for remark in summary.remarks if " is damaged" in remark]
+    assert remark == (
+        f"{clip} is damaged: 10 packets of sound in stream 1 could not be decoded, where {target} is silent; listen to "
+        "it."
+    )
+
+
+def test_a_resumed_run_makes_the_same_sound(tmp_path):
+    """Stopped in the middle and gone on with, the sound is the same to the bit."""
+    clip = write_sounds(tmp_path / "in.mkv", seconds=2.5)
+
+    class Stops(Silent):
+        def wrote(self, summary: Summary) -> None:
+            if summary.frames_out == 260:
+                raise KeyboardInterrupt
+
+    whole, stopped = tmp_path / "whole.mp4", tmp_path / "stopped.mp4"
+    slow(clip, whole, 8)
+    with pytest.raises(KeyboardInterrupt):
+        slow(clip, stopped, 8, observer=Stops())
+    assert slow(clip, stopped, 8, resume=True).frames_there == 240
+    assert packets_of(stopped, "audio") == packets_of(whole, "audio")
+
+
+# ------------------------------------------------------------------------------------------------------ what is asked
+
+
+def test_sound_is_left_out_unless_told(tmp_path):
+    """Neither without the option nor with drop is there sound; at factor 1 it passes untouched."""
+    clip = write_clip(tmp_path / "in.mp4", sound="aac")
+    for choice in (None, "drop"):
+        target = tmp_path / f"{choice}.mp4"
+        summary = slow(clip, target, slow_motion_sound=choice)
+        assert summary.remarks == [f"{clip} has sound, which slow motion leaves out."]
+        with av.open(str(target)) as file:
+            assert not file.streams.audio
+    target = tmp_path / "same.mp4"
+    assert slow(clip, target, 1).remarks == []
+    assert packets_of(target, "audio") == packets_of(clip, "audio")
+
+
+def test_contradictions(tmp_path, fpsboost_):
+    """The option alone, an unknown choice, and sound that is asked for and left out."""
+    write_clip(tmp_path / "in.mp4", sound="aac")
+    alone = fpsboost_("in.mp4", "out.mp4", "--slow-motion-sound", "stretch")
+    assert (alone.code, alone.lines) == (
+        2,
+        ["fpsboost: --slow-motion-sound goes with --slow-motion; give that too, or leave it out."],
+    )
+    both = fpsboost_("in.mp4", "out.mp4", "--slow-motion", "--slow-motion-sound", "stretch", "--no-audio")
+    assert (both.code, both.lines) == (
+        2,
+        ["fpsboost: --slow-motion-sound stretch and --no-audio contradict each other; give one of them."],
+    )
+    with pytest.raises(OptionError, match="--slow-motion-sound must be one of drop, stretch, not 'loud'"):
+        Pace(slow_motion=True, slow_motion_sound="loud")  # type: ignore[arg-type]
+    assert not (tmp_path / "out.mp4").exists()
+
+
+def test_the_command_line(tmp_path, fpsboost_):
+    """The option reaches the file."""
+    write_clip(tmp_path / "in.mp4", times=range(25), sound="aac")
+    options = ("--slow-motion", "--slow-motion-sound", "stretch", "-m", "nearest", "--preset", "ultrafast")
+    assert fpsboost_("in.mp4", "out.mp4", *options).code == 0
+    sound, rate = heard(tmp_path / "out.mp4")
+    assert len(sound) / rate == pytest.approx(2, abs=1024 / rate)
+
+
+def test_sound_that_nobody_can_decode(tmp_path):
+    """It is refused before any frame is read, with what to do."""
+    clip = write_clip(tmp_path / "in.mkv", sound="aac")
+    clip.write_bytes(clip.read_bytes().replace(b"A_AAC", b"A_ZZZ"))
+    with pytest.raises(OutputError, match=r"The unknown sound of .*in.mkv cannot be stretched here; .*-sound drop\."):
+        slow(clip, tmp_path / "out.mp4")
+    assert not (tmp_path / "out.mp4").exists()
