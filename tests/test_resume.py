@@ -416,20 +416,20 @@ while code != 0:
         run(clip, target, resume=True)
         os._exit(0)
     if kills < 4:
-        time.sleep(chance.uniform(0, 0.6))
+        time.sleep(chance.uniform(0, 0.4))
         os.kill(process, signal.SIGKILL)
     code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
     kills += code != 0
     assert code in (0, -signal.SIGKILL), code
     assert target.exists() == (code == 0)
-assert kills
+assert kills > 1, kills
 """
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_killed_at_random_moments(tmp_path):
     """However often a run is killed, no file has the final name before it is whole, and then it is the same."""
-    clip = write_clip(tmp_path / "in.mp4", times=range(150), sound="aac", size=(240, 320))
+    clip = write_clip(tmp_path / "in.mp4", times=range(100), sound="aac", size=(120, 160))
     run(clip, tmp_path / "whole.mp4")
     tests = os.pathsep.join([str(Path(__file__).parent), str(Path(fpsboost.__file__).parents[1])])
     environment = {**os.environ, "PYTHONPATH": tests}
