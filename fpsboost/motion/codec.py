@@ -19,6 +19,7 @@ from fpsboost.motion.block import colour_values, white_of
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField
 from fpsboost.prepared import PreparedImage
+from fpsboost.x264 import repeatable_parameters
 
 Preset = Literal[
     "ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow", "placebo"
@@ -103,7 +104,8 @@ class CodecMotion:
         frames = [av.VideoFrame.from_ndarray(picture, format="yuv420p") for picture in pictures]
         encoder.width, encoder.height, encoder.pix_fmt = frames[0].width, frames[0].height, "yuv420p"
         encoder.time_base, encoder.framerate = Fraction(1, RATE), Fraction(RATE)
-        encoder.options = {"crf": str(self.crf), "preset": self.preset, "x264-params": ONE_FROM_THE_OTHER}
+        parameters = ":".join([ONE_FROM_THE_OTHER, *repeatable_parameters])
+        encoder.options = {"crf": str(self.crf), "preset": self.preset, "x264-params": parameters}
         packets: list[av.Packet[Any]] = []
         for number, frame in enumerate(frames):
             frame.pts = number

@@ -9,12 +9,12 @@ from fractions import Fraction
 from io import BytesIO
 
 import av
-import cv2
 from av.codec.codec import Capabilities, UnknownCodecError
 from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError
 from fpsboost.media.video.ycc import has_alpha
+from fpsboost.x264 import repeatable_parameters
 
 containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}
 """FFmpeg's name of the container by suffix."""
@@ -27,7 +27,6 @@ LOWEST_BITRATE, HIGHEST_BITRATE = 1000, 2_000_000_000
 EXACT_CLOCKS = ("mp4", "mov")
 """Containers that count in the ticks asked for; the others count milliseconds."""
 
-CPU_AVX_512F = 13  # OpenCV's number, whose name is not told to Python
 
 x26x_presets = (
     *("ultrafast", "superfast", "veryfast", "faster", "fast"),
@@ -52,13 +51,10 @@ class Encoder:
     """Options with which decoding gives back what was encoded; none where nothing does so dependably."""
 
 
-# With AVX-512, x264 (core 165) decides by what it finds beside its tables, and hardly two runs make the same file.
-same_x264_everywhere = (("x264-params", "asm=avx2"),) if cv2.checkHardwareSupport(CPU_AVX_512F) else ()
-
 encoders = {
     "h264": Encoder(
         *("libx264", 18, 51, "medium", x26x_presets, "preset"),
-        same_x264_everywhere,
+        tuple(("x264-params", each) for each in repeatable_parameters),
         needs_whole_chroma=True,
         lossless=(("qp", "0"),),  # and not crf 0, which loses a little beyond 8 bits
     ),
