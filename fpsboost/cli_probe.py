@@ -12,7 +12,7 @@ from rich.table import Table
 from fpsboost.cli_messages import shown
 
 if TYPE_CHECKING:
-    from fpsboost.media.video.other_streams import StreamFacts
+    from fpsboost.media.video.listing import StreamFacts
     from fpsboost.probing import Look, Probe
 
 WIDEST = 80

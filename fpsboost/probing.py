@@ -21,7 +21,7 @@ from fpsboost.media import FrameSource, OutputTiming
 from fpsboost.media.animation.source import AnimationSource, animation_format
 from fpsboost.media.opening import open_sink, open_source
 from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.other_streams import StreamFacts, list_streams
+from fpsboost.media.video.listing import StreamFacts, list_streams
 from fpsboost.media.video.reading import Reading
 from fpsboost.media.video.source import VideoSource
 from fpsboost.media.video.traits import VideoTraits

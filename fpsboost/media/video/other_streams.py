@@ -7,29 +7,23 @@ the new rate, and sound is encoded anew where it lasts longer.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Iterator
 from fractions import Fraction
-from io import BytesIO
-from itertools import islice
 from typing import Any
 
 import av
 import av.container
 import av.error
 
-from fpsboost.errors import OutputError
 from fpsboost.media.excerpt import Window
-from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, containers, holds, suffixes_holding
+from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding
+from fpsboost.media.video.fitting import codec_of, fits, is_wanted, keeps_data, kind_of, stretches
 from fpsboost.media.video.source import VideoSource, open_video
 from fpsboost.media.video.stream_choice import is_cover_art
-from fpsboost.media.video.stretched_sound import StretchedSound, can_stretch, remark_on
+from fpsboost.media.video.stretched_sound import StretchedSound, remark_on
 from fpsboost.media.video.subtitles import TextConverter, formats, is_text
 from fpsboost.media.video.timecode import at_rate, find_timecode, frames_later
 
-SOON = 200
-"""Packets among which each stream's first is looked for."""
 WOVEN = 10
 """Seconds by which packets of one file may lie out of order between streams."""
 
@@ -121,18 +115,18 @@ class OtherStreams:
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:
             pass  # chapters as an mp4 keeps them, which FFmpeg reads by itself
-        elif stream.type == "audio" and encoding.audio and _stretches(self._window):
+        elif stream.type == "audio" and encoding.audio and stretches(self._window):
             self._add_stretched(stream)
-        elif _is_wanted(stream, encoding) and is_text(stream) and not _fits(self._container, stream, None):
+        elif is_wanted(stream, encoding) and is_text(stream) and not fits(self._container, stream, None):
             self._add_converted(stream)
-        elif _is_wanted(stream, encoding) or (stream.type == "data" and _keeps_data(self._container, stream)):
+        elif is_wanted(stream, encoding) or (stream.type == "data" and keeps_data(self._container, stream)):
             self._add_target(stream, self._output.add_stream_from_template(stream))
         elif stream.type == "attachment" and self._container == "matroska":
             self._output.add_stream_from_template(stream)
         elif stream.type == "data" and find_timecode(stream.metadata) and self._has_timecode:
             pass  # the container makes a stream of it by itself, or keeps it as a tag
         elif stream.type in ("data", "attachment", "unknown"):
-            self.remarks.append(f"{self._name} does not hold stream {stream.index} ({_kind(stream)}) of its source.")
+            self.remarks.append(f"{self._name} does not hold stream {stream.index} ({kind_of(stream)}) of its source.")
 
     def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
         _copy_labels(stream, target)
@@ -144,7 +138,7 @@ class OtherStreams:
         self._converters[stream.index] = converter
         self._add_target(stream, converter.stream)
         self.remarks.append(
-            f"{self._name} holds stream {stream.index} ({_codec_of(stream)} subtitles) of its source as "
+            f"{self._name} holds stream {stream.index} ({codec_of(stream)} subtitles) of its source as "
             f"{formats[self._container]}; styles may differ."
         )
 
@@ -156,8 +150,8 @@ class OtherStreams:
         self._add_target(stream, sound.stream)
         mixed = "" if sound.layout == sound.source_layout else f", its {sound.source_layout} as {sound.layout}"
         self.remarks.append(
-            f"{self._name} holds stream {stream.index} ({_codec_of(stream)} sound) of its source stretched to "
-            f"{self._window.stretch} times its length and encoded anew as {_codec_of(sound.stream)}{mixed}."
+            f"{self._name} holds stream {stream.index} ({codec_of(stream)} sound) of its source stretched to "
+            f"{self._window.stretch} times its length and encoded anew as {codec_of(sound.stream)}{mixed}."
         )
 
     def _finish_sounds(self) -> None:
@@ -271,181 +265,6 @@ class OtherStreams:
             return
         packet.stream = self._targets[index]
         self._output.mux(packet)
-
-
-def check_streams(
-    source: VideoSource, encoding: Encoding, encoder: str, container: str, name: str, window: Window | None = None
-) -> None:
-    """Raise `OutputError` where the container cannot hold the source's sound or subtitles."""
-    with open_video(source.path, source.info.name) as file:
-        streams = [stream for stream in file.streams if _is_wanted(stream, encoding)]
-        if _stretches(window):
-            for stream in streams:
-                if stream.type == "audio" and not can_stretch(stream, container):
-                    raise OutputError(
-                        f"The {_codec_of(stream)} sound of {source.info.name} cannot be stretched here; leave it out "
-                        "with --slow-motion-sound drop."
-                    )
-            streams = [stream for stream in streams if stream.type != "audio"]
-        strict = [stream for stream in streams if not is_text(stream)]
-        samples = _first_packets(file, strict)
-        codecs = [stream.codec_context.codec.name if stream.codec_context else "" for stream in strict]
-        for stream in strict:
-            if _fits(container, stream, samples.get(stream.index)):
-                continue
-            what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
-            holding = suffixes_holding([*codecs, encoder] if encoding.codec else codecs)
-            others = [suffix for suffix in holding if containers[suffix] != container]
-            instead = f"write {' or '.join(others)}, or " if others else ""
-            raise OutputError(
-                f"{name} cannot hold the {_codec_of(stream)} {what} of {source.info.name}; {instead}leave the {what} "
-                f"out with {option}."
-            )
-
-
-@dataclass(frozen=True)
-class StreamFacts:
-    """What a stream of a file is.
-
-    Attributes
-    ----------
-    index : int
-        Its number in the file.
-    kind : str
-        ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``.
-    codec : str or None
-        FFmpeg's name of the format.
-    language, title : str or None
-        As tagged.
-    details : str
-        Size, or sampling rate and channels.
-    carries_over : bool
-        Whether an .mp4 made of the first video stream holds it.
-    """
-
-    index: int
-    kind: str
-    codec: str | None
-    language: str | None
-    title: str | None
-    details: str
-    carries_over: bool
-
-
-def list_streams(source: VideoSource) -> list[StreamFacts]:
-    """Everything that the file of a source holds."""
-    with open_video(source.path, source.info.name) as file:
-        streams = list(file.streams)
-        samples = _first_packets(file, [each for each in streams if each.type in ("audio", "subtitle")])
-        return [_facts_of(each, source.stream_index, samples.get(each.index)) for each in streams]
-
-
-def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) -> StreamFacts:
-    context: Any = stream.codec_context
-    kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
-    details = ""
-    if stream.type == "video" and context:
-        details = f"{context.width}x{context.height}"
-    elif stream.type == "audio" and context:
-        details = f"{context.sample_rate} Hz, {context.layout.name}"
-    if kind in ("audio", "subtitle"):
-        carries_over = _fits("mp4", stream, sample) or is_text(stream)
-    elif kind == "cover":
-        carries_over = stream.name in ("png", "mjpeg")
-    elif kind == "data":
-        carries_over = bool(find_timecode(stream.metadata)) or _keeps_data("mp4", stream)
-    else:
-        carries_over = stream.index == converted
-    return StreamFacts(
-        stream.index,
-        kind,
-        context.codec.canonical_name if context else None,
-        stream.metadata.get("language"),
-        stream.metadata.get("title", stream.metadata.get("name")),
-        details,
-        carries_over,
-    )
-
-
-def _is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
-    return (stream.type == "audio" and encoding.audio) or (stream.type == "subtitle" and encoding.subtitles)
-
-
-def _stretches(window: Window | None) -> bool:
-    """Whether sound has to last longer or shorter than it does."""
-    return window is not None and window.stretch != 1
-
-
-def _first_packets(file: av.container.InputContainer, streams: Sequence[av.stream.Stream]) -> dict[int, bytes]:
-    """A packet of each stream by its number, where one comes soon; subtitles may come late."""
-    found: dict[int, bytes] = {}
-    if not streams:
-        return found
-    with suppress(av.error.FFmpegError):
-        for packet in islice(file.demux(streams), SOON):
-            if packet.size:
-                found.setdefault(packet.stream.index, bytes(packet))
-            if len(found) == len(streams):
-                break
-    return found
-
-
-def _fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
-    """Whether a container holds a stream as it is."""
-    context: Any = stream.codec_context
-    return context is not None and holds(container, context.codec.name) and _takes(container, stream, sample)
-
-
-def _codec_of(stream: av.stream.Stream) -> str:
-    context: Any = stream.codec_context
-    return str(context.codec.canonical_name) if context is not None else "unknown"
-
-
-def _kind(stream: av.stream.Stream) -> str:
-    """Say what a stream is that has no codec: ``data, klv``, ``attachment, font.ttf``."""
-    tags = {key.lower(): value for key, value in stream.metadata.items()}
-    name = tags.get("filename") if stream.type == "attachment" else getattr(stream, "name", None)
-    more = name or tags.get("handler_name")
-    return f"{stream.type}, {more}" if more else stream.type
-
-
-def _keeps_data(container: str, stream: av.stream.Stream) -> bool:
-    """Whether a container holds a data stream so that it is known again: tried, since lists of formats say too much."""
-    kind = getattr(stream, "name", None)
-    if kind is None:
-        return False
-    file = BytesIO()
-    try:
-        with av.open(file, "w", format=container) as probe:
-            target = probe.add_stream_from_template(stream)
-            probe.start_encoding()
-            packet = av.Packet(bytes(64))
-            packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
-            packet.time_base = target.time_base or Fraction(1)
-            probe.mux(packet)
-        file.seek(0)
-        with av.open(file, "r") as again:
-            return [each.name for each in again.streams.data] == [kind]
-    except (av.error.FFmpegError, ValueError):
-        return False
-
-
-def _takes(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
-    """Whether a container takes this very stream: some names are in its list and still refused.
-
-    Tried with a packet of the stream, since a muxer may have to rewrite it: sound in MPEG transport streams, say.
-    """
-    try:
-        with av.open(BytesIO(), "w", format=container) as probe:
-            target = probe.add_stream_from_template(stream)
-            probe.start_encoding()
-            packet = av.Packet(sample or bytes(64))
-            packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
-            packet.time_base = target.time_base or Fraction(1)
-            probe.mux(packet)
-    except (av.error.FFmpegError, ValueError):
-        return False
-    return True
 
 
 def _copy_titles(file: av.container.InputContainer, output: av.container.OutputContainer) -> None:

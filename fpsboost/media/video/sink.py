@@ -36,7 +36,7 @@ from fpsboost.media.video.encoding import (
     choose_encoder,
     containers,
 )
-from fpsboost.media.video.other_streams import check_streams
+from fpsboost.media.video.fitting import check_streams
 from fpsboost.media.video.pipe import PipeSource
 from fpsboost.media.video.source import VideoSource
 from fpsboost.media.video.traits import VideoTraits
