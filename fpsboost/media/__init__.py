@@ -43,6 +43,22 @@ class FrameSource(Protocol):
     ) -> None: ...
 
 
+class Closing:
+    """A context manager that closes what it is when it is left."""
+
+    def close(self) -> None:
+        """Let go of everything."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
 class FrameSink(Protocol):
     """Contract: a target that appears whole or not at all; only what goes into a pipe cannot be taken back.
 

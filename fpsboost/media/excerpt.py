@@ -6,12 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from types import TracebackType
-from typing import Protocol, Self, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.media import FrameSource
+from fpsboost.media import Closing, FrameSource
 from fpsboost.position import Position
 
 ROUNDED = Fraction(1, 1000)
@@ -117,7 +116,7 @@ class Skipping(Protocol):
         ...
 
 
-class ExcerptSource:
+class ExcerptSource(Closing):
     """The frames of a source that lie in an excerpt; the first one is shown at 0.
 
     Parameters
@@ -166,14 +165,6 @@ class ExcerptSource:
 
     def close(self) -> None:
         self._source.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __iter__(self) -> Iterator[Frame]:
         last: Frame | None = None

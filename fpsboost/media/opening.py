@@ -62,8 +62,9 @@ class Purpose:
 
 def purpose_of(path: str, encoding: Encoding, *, needs_rate: bool) -> Purpose:
     """What the output under a path asks of its source; a file always has a rate."""
-    is_file = makes_video(path) or makes_animation(path)
-    return Purpose(not makes_video(path), is_file, holds_alpha(path, encoding), is_file or needs_rate)
+    to_video = makes_video(path)
+    is_file = to_video or makes_animation(path)
+    return Purpose(not to_video, is_file, holds_alpha(path, encoding), is_file or needs_rate)
 
 
 def open_source(

@@ -9,6 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
+import cv2
 import numpy as np
 
 from fpsboost.errors import InputError
@@ -179,6 +180,23 @@ def changed_part(before: Image, image: Image, step: int) -> tuple[slice, slice]:
         first, last = (int(places[0]), int(places[-1])) if places.size else (0, 0)
         slices.append(slice(first - first % step, last + 1))
     return slices[0], slices[1]
+
+
+def decoded_still(data: bytes) -> Image:
+    """Decode the file of a still image, as which a frame is coded.
+
+    Raises
+    ------
+    DamagedError
+        It cannot be decoded.
+    """
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise DamagedError
+    return image.reshape(*image.shape[:2], -1)
 
 
 def damaged(path: Path | str) -> InputError:

@@ -20,6 +20,7 @@ from fpsboost.media.animation.canvas import (
     Outline,
     Piece,
     changed_part,
+    decoded_still,
     outline_of,
     with_four_channels,
 )
@@ -125,13 +126,7 @@ def _piece(header: bytes, common: bytes, control: _Control, content: bytes) -> P
     still = (
         SIGNATURE + chunk_bytes(b"IHDR", resized) + common + chunk_bytes(b"IDAT", content) + chunk_bytes(b"IEND", b"")
     )
-    try:
-        image = cv2.imdecode(np.frombuffer(still, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        raise DamagedError from None
-    if image is None:
-        raise DamagedError
-    image = with_four_channels(image.reshape(*image.shape[:2], -1))
+    image = with_four_channels(decoded_still(still))
     return Piece(image, control.top, control.left, control.delay, control.is_over, control.disposal)
 
 

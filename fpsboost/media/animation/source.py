@@ -6,13 +6,13 @@ from collections.abc import Generator, Iterator
 from contextlib import closing
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
-from typing import BinaryIO, Literal, Self
+from typing import BinaryIO, Literal
 
 import numpy as np
 
 from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.media import Closing
 from fpsboost.media.animation import gif, png, webp
 from fpsboost.media.animation.canvas import Outline, Shown, composed, damaged
 from fpsboost.media.images.exact import DamagedError
@@ -43,7 +43,7 @@ def animation_format(path: Path) -> Format | None:
     return None
 
 
-class AnimationSource:
+class AnimationSource(Closing):
     """Frames of an animation.
 
     Parameters
@@ -149,14 +149,6 @@ class AnimationSource:
 
     def close(self) -> None:
         self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def over_white(image: Image) -> Image:

@@ -10,7 +10,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
-import cv2
 import numpy as np
 
 from fpsboost.errors import OutputError
@@ -21,6 +20,7 @@ from fpsboost.media.animation.canvas import (
     Outline,
     Piece,
     changed_part,
+    decoded_still,
     outline_of,
     with_four_channels,
 )
@@ -120,11 +120,8 @@ def _decoded(content: bytes, height: int, width: int) -> Image:
     still = chunk_bytes(b"RIFF", b"WEBP" + extended + content)
     if declared_size(still) != (width, height):
         raise DamagedError
-    try:
-        image = cv2.imdecode(np.frombuffer(still, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        raise DamagedError from None
-    if image is None or image.shape[:2] != (height, width):
+    image = decoded_still(still)
+    if image.shape[:2] != (height, width):
         raise DamagedError
     return with_four_channels(image)
 

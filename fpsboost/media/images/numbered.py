@@ -15,6 +15,7 @@ from typing import Self
 
 from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image, describe
+from fpsboost.media import Closing
 from fpsboost.media.images.files import (
     IMAGE_SUFFIXES,
     check_format,
@@ -50,7 +51,7 @@ class ImageFile:
     path: Path
 
 
-class ImageSource:
+class ImageSource(Closing):
     """Read a folder or a pattern of images, one at a time.
 
     Parameters
@@ -160,14 +161,6 @@ class ImageSource:
 
     def close(self) -> None:
         """Do nothing: no file stays open."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class ImageSink:

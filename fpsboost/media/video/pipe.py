@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame, Image, describe
-from fpsboost.media import OutputTiming
+from fpsboost.media import Closing, OutputTiming
 from fpsboost.media.video.encoding import Encoding
 from fpsboost.media.video.losses import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.media.video.nominal_rate import ASSUMED_RATE, assumed_rate_remark
@@ -195,7 +195,7 @@ def format_name(pixel_format: str, chroma_location: str) -> str:
     return next((name for name in names if chroma_locations.get(name) == chroma_location), names[0])
 
 
-class PipeSource:
+class PipeSource(Closing):
     """Frames of a YUV4MPEG2 stream.
 
     Parameters
@@ -267,14 +267,6 @@ class PipeSource:
         """Let go of the stream; standard input itself stays open, since it belongs to the process."""
         assert self._stream is not None
         self._stream.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _frames(self) -> Iterator[Frame]:
         samples = np.empty(self._header.frame_bytes, np.uint8)  # not written to yet, so no memory is taken yet

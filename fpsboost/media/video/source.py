@@ -12,8 +12,7 @@ from collections.abc import Generator, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, cast
+from typing import Any, cast
 
 import av
 import av.container
@@ -22,6 +21,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.media import Closing
 from fpsboost.media.video.damage import Damage, counted
 from fpsboost.media.video.fields import frames_of_fields
 from fpsboost.media.video.frame_times import in_rising_order
@@ -48,7 +48,7 @@ DEMUX_RETRIES = 10
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
-class VideoSource:
+class VideoSource(Closing):
     """Frames of one of a video file's streams.
 
     Parameters
@@ -234,14 +234,6 @@ class VideoSource:
     def close(self) -> None:
         self._pictures.close()
         self._container.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _frames(self) -> Iterator[Frame]:
         """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
