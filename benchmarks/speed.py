@@ -39,7 +39,7 @@ from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
 from fpsboost.motion.colour import colour_components
-from fpsboost.motion.exhaustive import search_by_passes, search_fused
+from fpsboost.motion.full_search import search_by_passes, search_fused
 
 Figures = dict[str, Any]
 

@@ -129,6 +129,8 @@ class TuningOptions:
         nlm-exhaustive: fused kernel, or OpenCV passes.
     search
         reproject-image too: iterative or brute-force.
+    iterations
+        The same: limit of the iterative search; else 10.
     block_size
         block: side of the blocks, pixels.
     search_range
@@ -143,6 +145,7 @@ class TuningOptions:
     window: Annotated[Literal["box", "gaussian"] | None, Parameter(metavar="HOW")] = None
     implementation: Annotated[Literal["fused", "passes"] | None, Parameter(metavar="HOW")] = None
     search: Annotated[Literal["iterative", "brute-force"] | None, Parameter(metavar="HOW")] = None
+    iterations: Annotated[int | None, Parameter(metavar="N")] = None
     block_size: Annotated[int | None, Parameter(metavar="N")] = None
     search_range: Annotated[int | None, Parameter(metavar="N")] = None
     pattern: Annotated[Literal["full", "three-step", "diamond"] | None, Parameter(metavar="HOW")] = None
@@ -162,7 +165,8 @@ class MotionOptions:
     ----------
     method
         nlm, nlm-fast, nlm-best (slower), blend or nearest;
-        the report's: nlm-exhaustive, nlm-brute-force;
+        the report's: nlm-exhaustive, nlm-brute-force,
+        nlm-passes (the same in passes of OpenCV);
         with --vectors: reproject-image, reproject-scene;
         to compare: dis, farneback, tvl1, dis-warp, tvl1-warp,
         farneback-warp, block, codec.

@@ -101,6 +101,9 @@ class Reporter:
         if summary.frames_there:
             frames += f", {summary.frames_there} of which were there already"
         speed = (summary.frames_out - summary.frames_there) / max(summary.seconds, 1e-9)
+        if self._verbose and summary.search_radii:
+            least, largest = min(summary.search_radii), max(summary.search_radii)
+            self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
         if self._verbose and summary.details:
             self._say(summary.details)
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s)")

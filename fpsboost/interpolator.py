@@ -16,6 +16,7 @@ from fpsboost.frame import Image, check_pair
 from fpsboost.lighting import Lighting, find_lighting, in_either_light
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import normalised
+from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Still
 from fpsboost.motion.trajectory import Neighbour, find_acceleration
@@ -126,6 +127,11 @@ class Pair:
         fields = self._interpolator.estimator.estimate(*self.in_one_light)
         self.in_one_light[0].forget()  # in a sequence, the pair before has had its motion: saves memory
         return fields
+
+    @property
+    def search_radius(self) -> int | None:
+        """Largest motion that was searched for, pixels; None where an estimator has no such limit or none has run."""
+        return self.fields[0].search_radius if "fields" in self.__dict__ else None
 
     def settle(self) -> None:
         """Keep only what the next pair asks for: called once its own frames are made, saves memory."""
@@ -286,6 +292,8 @@ class Interpolator:
     def _without_vectors(self) -> Interpolator:
         """The same kernels, for images that no motion was rendered for."""
         estimator = Still() if isinstance(self.estimator, RenderedMotion) else self.estimator
+        if isinstance(estimator, ExhaustiveSearch):
+            estimator = replace(estimator, vectors=None)
         synthesizer = Blend() if isinstance(self.synthesizer, SceneAssisted) else self.synthesizer
         return replace(self, estimator=estimator, synthesizer=synthesizer)
 

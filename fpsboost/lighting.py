@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from fpsboost.frame import Image, has_alpha
 from fpsboost.motion.colour import contrast_components, normalised, small_copy
-from fpsboost.motion.exhaustive import search_fused
 from fpsboost.motion.field import MotionField
+from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
 
 LONGER_SIDE = 40

@@ -42,6 +42,7 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
         ),
         "nlm-exhaustive": plain(ExhaustiveSearch(), Reproject()),
         "nlm-brute-force": plain(ExhaustiveSearch(), Reproject(search="brute-force")),
+        "nlm-passes": plain(ExhaustiveSearch(implementation="passes"), Reproject()),
         "dis": Interpolator(Dis(), Fuse()),
         "farneback": Interpolator(Farneback(), Fuse()),
         "tvl1": Interpolator(TvL1(), Fuse()),
@@ -74,7 +75,7 @@ def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
     ----------
     name : str
     vectors : VectorFolder, optional
-        For the methods that need a renderer's motion vectors, and for them only.
+        For the methods that need a renderer's motion vectors, and for those that choose their search radius by them.
 
     Raises
     ------
@@ -87,12 +88,15 @@ def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
         return vector_methods[name](vectors)
     if name not in methods:
         raise OptionError(f"There is no method {name!r}; choose one of {', '.join([*methods, *vector_methods])}.")
-    if vectors is not None:
+    if vectors is None:
+        return methods[name]
+    if not isinstance(methods[name].estimator, ExhaustiveSearch):
+        searches = (each for each, method in methods.items() if isinstance(method.estimator, ExhaustiveSearch))
         raise OptionError(
             f"--vectors does not apply to the method {name!r}; leave it out, or choose one of "
-            f"{', '.join(vector_methods)}."
+            f"{', '.join([*vector_methods, *searches])}."
         )
-    return methods[name]
+    return configure(methods[name], name, {"vectors": vectors})
 
 
 def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any]) -> Interpolator:

@@ -75,6 +75,8 @@ class Summary:
         How the target was written, for someone who wants to know; empty where there was no choice.
     rhythm : Rhythm
         How far apart the frames of the source are.
+    search_radii : set of int
+        Search radii that were chosen for pairs of frames, pixels; empty where the method has none.
     """
 
     frames_in: int = 0
@@ -87,6 +89,7 @@ class Summary:
     remarks: list[str] = field(default_factory=list)
     details: str = ""
     rhythm: Rhythm = field(default_factory=Rhythm)
+    search_radii: set[int] = field(default_factory=set)
 
 
 class Observer(Protocol):
@@ -414,6 +417,8 @@ def _output_frames(
     moments = one_by_one(shown) if detector is None else by_moments(shown, detector)
     for before, interval, after in with_neighbours(clip.intervals(moments)):
         yield from _between(interval, before, after, clip)
+        if interval.pair.search_radius is not None:
+            clip.summary.search_radii.add(interval.pair.search_radius)
         interval.pair.settle()
     if clip.last is None or clip.summary.frames_in < 2:
         count = "one frame" if clip.summary.frames_in else "no frame"

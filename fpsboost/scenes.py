@@ -14,7 +14,7 @@ import numpy as np
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.motion.colour import Components, colour_components, contrast_components, gray, small_copy
-from fpsboost.motion.exhaustive import search_fused
+from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
 
 NOTHING_ALIKE = 0.25

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from truth import noise
+from truth import affine, frozen, noise, prepared
 from twins import brute_force_search, fetched, iterative_search, landing_cells, miss
 
 from fpsboost.errors import OptionError
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
+from fpsboost.motion.field import MotionField
+from fpsboost.synthesis import Transition
 from fpsboost.synthesis.reproject import Reproject
 
 
@@ -57,7 +61,7 @@ def test_iterative_search_equals_its_slow_twin(flow, t, iterations):
 
 @given(flows(), exact_times, st.integers(0, 12))
 def test_brute_force_search_equals_its_slow_twin(flow, t, radius):
-    """Binning finds exactly the nearest landing of all sources in the radius, ties in raster order."""
+    """Binning finds exactly the nearest landing of all sources in the radius, ties to the nearest source."""
     for result, expected in zip(brute_force(flow, t, radius), brute_force_search(flow, t, radius), strict=True):
         np.testing.assert_array_equal(result, expected)
 
@@ -109,6 +113,45 @@ def test_sources_of_a_translation_are_exact(search):
     np.testing.assert_array_equal(source[traceable], ((y + 1) * 16 + x - 2)[traceable])
 
 
+@pytest.mark.parametrize("search", ["iterative", "brute-force"])
+@pytest.mark.parametrize("shift", [(1, 0), (3, 0), (1, 1), (3, 3), (5, 1)])
+def test_pans_by_odd_amounts_give_the_same_error_in_every_direction(search, shift):
+    """A mirrored or transposed pan gives the mirrored or transposed frame: no source frame wins by its direction."""
+    clip = affine(32, 32, shift=shift)
+    field01, field10 = (np.rint(flow).astype(np.float32) for flow in (clip.flow01, clip.flow10))
+    method = Reproject(search=search)
+
+    def error(turned, flow01, flow10):
+        images = prepared(*(frozen(turned(image)) for image in (clip.image0, clip.image1)))
+        fields = (MotionField(np.ascontiguousarray(flow), np.ones((32, 32), np.float32)) for flow in (flow01, flow10))
+        (made,) = method.synthesize(Transition(*images, *fields), [0.5])
+        inner = slice(6, -6)
+        return ((made.astype(float) - turned(clip.at(0.5)))[inner, inner] ** 2).mean()
+
+    expected = error(lambda image: image, field01, field10)
+    for mirror_x, mirror_y, transpose in product((1, -1), (1, -1), (False, True)):
+
+        def turned(image, mirrored=(slice(None, None, mirror_y), slice(None, None, mirror_x)), transpose=transpose):
+            image = image[mirrored]
+            return image.transpose(1, 0, 2) if transpose else image
+
+        signs = np.float32([mirror_x, mirror_y])
+        flows = (turned(flow * signs)[..., ::-1] if transpose else turned(flow * signs) for flow in (field01, field10))
+        assert error(turned, *flows) == expected
+
+
+def test_iterations_begin_a_step_away_from_the_target():
+    """The report's first candidate is T - m(T): a still pixel in front of moving ones does not win by being there."""
+    flow = np.zeros((1, 8, 2), np.float32)
+    flow[0, :, 0] = [4, 4, 4, 4, 0.5, 0, 0, 0]
+    source, found = Reproject("iterative", iterations=1).find_sources(flow, 1)
+    assert (source[0, 3], found[0, 3]) == (0, False)  # clamped at the edge
+    assert (source[0, 4], found[0, 4]) == (4, True)  # half a pixel rounds towards the target
+    flow[0, 5, 0] = 4
+    source, found = Reproject("iterative", iterations=1).find_sources(flow, 1)
+    assert (source[0, 5], found[0, 5]) == (1, True)
+
+
 def test_brute_force_never_lands_further_than_the_iterative_search():
     """Brute force looks at all sources, so also at the one that the iteration ended with; and it finds more."""
     random = np.random.default_rng(5)
@@ -142,5 +185,5 @@ def test_fetched_colours_equal_the_slow_twin(dtype, channels):
 
 def test_iterations_below_one_are_refused():
     """There is nothing to fall back on without a first iteration."""
-    with pytest.raises(OptionError, match="iterations"):
+    with pytest.raises(OptionError, match="--iterations"):
         Reproject(iterations=0)

@@ -13,8 +13,8 @@ from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, simil
 from fpsboost.kernels.tiles import PADDING, TILE
 from fpsboost.kernels.tiles import search_tiles as run_tiles
 from fpsboost.motion.colour import padded_planes
-from fpsboost.motion.exhaustive import search_by_passes, search_fused, window_taps
 from fpsboost.motion.field import MotionField
+from fpsboost.motion.full_search import search_by_passes, search_fused, window_taps
 
 TOLERANCE = 1e-5
 WEIGHTS = {"box": box_weights, "gaussian": gaussian_weights}

@@ -8,14 +8,14 @@ from itertools import pairwise
 import numba
 import numpy as np
 import pytest
-from truth import Clip, affine, as_type, eroded, frozen, layers, moving_object, noise, prepared, translation
+from truth import affine, as_type, eroded, frozen, layers, moving_object, noise, prepared, translation
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.colour import colour_components, contrast_components, padded_planes
-from fpsboost.motion.exhaustive import ExhaustiveSearch, choose_search_radius, expected_motion
+from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.nlm import CoarseToFine, pyramid
 from fpsboost.motion.opencv import Dis, Farneback, Still, TvL1
@@ -295,34 +295,6 @@ def test_the_number_of_threads_does_not_matter(estimator):
             np.testing.assert_array_equal(field.flow, first.flow)
             np.testing.assert_array_equal(field.similarity, first.similarity)
             np.testing.assert_array_equal(field.alternatives, first.alternatives)
-
-
-@pytest.mark.parametrize(
-    "clip",
-    [
-        translation(120, 160, 14, -6, seed=1),
-        affine(180, 320, shift=(-25, 10), seed=2),
-        affine(90, 120, shift=(1, 0), seed=3),
-        moving_object(120, 160, box=(40, 40, 80, 80), dx=12, dy=8),
-    ],
-    ids=["noise", "smooth", "slow", "object"],
-)
-def test_the_search_radius_covers_the_motion(clip: Clip):
-    """The chosen radius holds the true motion, is not twice as large and a bit, and the search with it succeeds."""
-    true = float(np.abs(clip.flow01).max())
-    radius = choose_search_radius(colour_components(clip.image0), colour_components(clip.image1))
-    assert radius >= max(4, true)
-    assert radius <= max(8, 2 * true + 4)
-    field, _ = ExhaustiveSearch().estimate(*clip.prepared)
-    moving = clip.flow01.any(axis=-1)
-    assert np.median(errors(field, clip.flow01)[eroded(clip.seen0 & moving, 6)]) <= 0.5
-
-
-def test_still_frames_need_the_smallest_radius():
-    """Nothing moves: four pixels."""
-    still = colour_components(noise(60, 80))
-    assert expected_motion(still, still) == 0
-    assert choose_search_radius(still, still) == 4
 
 
 @pytest.mark.parametrize(

@@ -102,34 +102,43 @@ def lands(flow: Array, t: float, source: tuple[int, int], target: tuple[int, int
     return all(abs(distance) <= 0.5 for distance in miss(flow, t, source, target))
 
 
+def stepped_back(target: int, motion: float, size: int) -> int:
+    """The pixel that a motion leads from to the target, half pixels rounded towards the target."""
+    distance = math.ceil(abs(motion) - 0.5)
+    return min(max(target - distance if motion > 0 else target + distance, 0), size - 1)
+
+
 def iterative_search(flow: Array, t: float, iterations: int) -> tuple[Array, Array]:
-    """Yang et al.: q <- p - t m(q), from q = p, until q lands on p; else the first iteration's q."""
+    """Yang et al.: q <- p - t m(q), first from q = p, until q lands on p; else the first iteration's q."""
     height, width = flow.shape[:2]
     source, found = np.zeros((height, width), int), np.zeros((height, width), bool)
     for y in range(height):
         for x in range(width):
-            visited = [(y, x)]
-            while not lands(flow, t, visited[-1], (y, x)) and len(visited) <= iterations:
-                dx, dy = flow[visited[-1]]
-                visited.append((clamped(y - t * float(dy), height), clamped(x - t * float(dx), width)))
+            visited = []
+            q = y, x
+            while len(visited) < iterations and not (visited and lands(flow, t, visited[-1], (y, x))):
+                dx, dy = flow[q]
+                q = stepped_back(y, t * float(dy), height), stepped_back(x, t * float(dx), width)
+                visited.append(q)
             found[y, x] = lands(flow, t, visited[-1], (y, x))
-            q = visited[-1] if found[y, x] else visited[1]
+            q = visited[-1] if found[y, x] else visited[0]
             source[y, x] = q[0] * width + q[1]
     return source, found
 
 
 def brute_force_search(flow: Array, t: float, radius: int) -> tuple[Array, Array]:
-    """Of all sources within the radius, the one that lands nearest; the first in raster order of several."""
+    """Of all sources within the radius, the one that lands nearest; of several, the nearest source, in raster order."""
     height, width = flow.shape[:2]
     source, found = np.zeros((height, width), int), np.zeros((height, width), bool)
     for y in range(height):
         for x in range(width):
-            nearest = math.inf
+            best = math.inf, math.inf
             for source_y in range(max(0, y - radius), min(height, y + radius + 1)):
                 for source_x in range(max(0, x - radius), min(width, x + radius + 1)):
                     dx, dy = miss(flow, t, (source_y, source_x), (y, x))
-                    if dx * dx + dy * dy < nearest:
-                        nearest = dx * dx + dy * dy
+                    distances = dx * dx + dy * dy, (source_y - y) ** 2 + (source_x - x) ** 2
+                    if distances < best:
+                        best = distances
                         source[y, x] = source_y * width + source_x
                         found[y, x] = lands(flow, t, (source_y, source_x), (y, x))
     return source, found
@@ -189,6 +198,34 @@ def matched_blocks(image0: Array, image1: Array, block_size: int, search_range: 
             best = min(found)
             motion[row, column], difference[row, column] = best[:1:-1], best[0]
     return motion, difference
+
+
+def shortest_motions(
+    components0: Array, components1: Array, step: int, radius: int, around: int, tolerance: float, v: float, flow: Array
+) -> tuple[Array, Array, Array]:
+    """Similarity of each point's motion, the best of those around it and of none, and the shortest that is near it."""
+    height, width = components0.shape[:2]
+    padded0, padded1 = (
+        np.pad(each, ((radius, radius), (radius, radius), (0, 0)), "edge") for each in (components0, components1)
+    )
+    size = 2 * radius + 1
+
+    def compared(y: int, x: int, motion: Array) -> float:
+        there_y, there_x = y + round(float(motion[1])), x + round(float(motion[0]))
+        if not (0 <= there_y < height and 0 <= there_x < width):
+            return 0
+        patches = padded0[y : y + size, x : x + size], padded1[there_y : there_y + size, there_x : there_x + size]
+        return float(pixel_similarity(*patches, v).mean())
+
+    own, best, shortest = (np.zeros(flow.shape[:2]) for _ in range(3))
+    for row, point in np.ndindex(*flow.shape[:2]):
+        y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
+        near = flow[max(row - around, 0) : row + around + 1, max(point - around, 0) : point + around + 1].reshape(-1, 2)
+        tried = [(compared(y, x, motion), np.abs(motion).max()) for motion in (*near, flow[row, point], np.zeros(2))]
+        own[row, point] = tried[-2][0]
+        best[row, point] = max(similarity for similarity, _ in tried)
+        shortest[row, point] = min(length for similarity, length in tried if similarity >= own[row, point] - tolerance)
+    return own, best, shortest
 
 
 def landed(flow: Array, similarity: Array, least: float, t: float) -> tuple[Array, Array]:

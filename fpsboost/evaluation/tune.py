@@ -21,8 +21,7 @@ from fpsboost.evaluation.making import InterpolatorMaker
 from fpsboost.evaluation.metrics import mean, score
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import configure, find_method, methods
-from fpsboost.motion.colour import colour_components
-from fpsboost.motion.exhaustive import choose_search_radius, expected_motion
+from fpsboost.motion.search_radius import choose_search_radius, expected_motion
 from fpsboost.scenes import CutDetector
 
 RADII = (1, 2, 3, 5, 7, 10, 14)
@@ -139,7 +138,7 @@ def choose_frames(
     likenesses: list[float] = []
     for interval in hiding.intervals(path, input_fps):
         image0, image1 = interval.prepared()
-        motion = expected_motion(colour_components(image0.pixels), colour_components(image1.pixels))
+        motion = expected_motion(image0, image1)
         middle = interval.hidden[len(interval.hidden) // 2].number
         motions.append((motion, middle))
         likenesses.append(methods["nlm"].pair(image0, image1).likeness)
@@ -164,7 +163,7 @@ def _sweeps(known: set[str], picked: Sequence[Picked]) -> Iterator[tuple[str, li
 
 def _usual_search_radius(picked: Picked) -> int:
     interval = next(each for each in picked.window if picked.hidden in each.hidden)
-    return choose_search_radius(*(colour_components(each.image) for each in (interval.shown0, interval.shown1)))
+    return choose_search_radius(*interval.prepared())
 
 
 def _try(

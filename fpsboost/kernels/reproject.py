@@ -17,6 +17,16 @@ def nearest_inside(value, size):
 
 
 @njit(inline="always", **JIT)
+def step_back(target, motion, size):
+    """Pixel that a motion leads from to the target, clamped to an index; half pixels round towards the target.
+
+    So a motion and its opposite lead equally far, and frame 0 and frame 1 have the same say.
+    """
+    distance = np.int64(np.ceil(np.float32(min(abs(motion), np.float32(size))) - np.float32(0.5)))
+    return min(max(target - distance if motion > 0 else target + distance, 0), size - 1)
+
+
+@njit(inline="always", **JIT)
 def misses(flow, t, source_y, source_x, y, x):
     """How far the source lands from the target at t: ``(dx, dy)``."""
     return (
@@ -27,7 +37,7 @@ def misses(flow, t, source_y, source_x, y, x):
 
 @njit(parallel=True, cache=True, **JIT)
 def search_iteratively(flow, t, iterations, source, found):
-    """Fixed-point search of Yang et al. 2011: q <- p - t m(q), from q = p, until q lands on p.
+    """Fixed-point search of Yang et al. 2011: q <- p - t m(q), first from q = p, until q lands on p.
 
     Parameters
     ----------
@@ -51,18 +61,15 @@ def search_iteratively(flow, t, iterations, source, found):
             first = 0
             success = False
             for iteration in range(iterations):
+                dx, dy = flow[source_y, source_x, 0], flow[source_y, source_x, 1]
+                source_x = step_back(x, t * dx, width)
+                source_y = step_back(y, t * dy, height)
+                if iteration == 0:
+                    first = source_y * width + source_x
                 miss_x, miss_y = misses(flow, t, source_y, source_x, y, x)
                 if abs(miss_x) <= half and abs(miss_y) <= half:
                     success = True
                     break
-                dx, dy = flow[source_y, source_x, 0], flow[source_y, source_x, 1]
-                source_x = nearest_inside(np.float32(x) - t * dx, width)
-                source_y = nearest_inside(np.float32(y) - t * dy, height)
-                if iteration == 0:
-                    first = source_y * width + source_x
-            if not success:
-                miss_x, miss_y = misses(flow, t, source_y, source_x, y, x)
-                success = abs(miss_x) <= half and abs(miss_y) <= half
             source[y, x] = source_y * width + source_x if success else first
             found[y, x] = success
 
@@ -106,7 +113,8 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
     """Exact brute force of the report: of all sources within the search radius, the one that lands nearest.
 
     Cells are visited in square rings around the target until no further ring can hold anything nearer, so the cost
-    depends on how evenly the landings are spread and not on the radius. Ties go to the first source in raster order.
+    depends on how evenly the landings are spread and not on the radius. Of sources that land equally near, the one
+    nearest to the target wins, whichever way things move; the first in raster order if that is not one.
 
     Parameters
     ----------
@@ -124,7 +132,7 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
     for row in prange(height):
         y = np.int64(row)
         for x in range(width):
-            nearest = FARTHEST
+            nearest, shortest = FARTHEST, np.int64(0)
             winner = y * width + x
             for ring in range(max(height, width)):
                 # a landing in this ring is at least so far away in x or in y
@@ -144,8 +152,10 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
                                 continue
                             miss_x, miss_y = misses(flow, t, source_y, source_x, y, x)
                             distance = miss_x * miss_x + miss_y * miss_y
-                            if distance < nearest or (distance == nearest and pixel < winner):
-                                nearest = distance
+                            length = (source_y - y) ** 2 + (source_x - x) ** 2
+                            nearer_source = length < shortest or (length == shortest and pixel < winner)
+                            if distance < nearest or (distance == nearest and nearer_source):
+                                nearest, shortest = distance, length
                                 winner = pixel
             source[y, x] = winner
             miss_x, miss_y = misses(flow, t, winner // width, winner % width, y, x)

@@ -35,6 +35,28 @@ def add_row(flat0, flat1, plane, stride, start0, start1, radius, wide, total):
                 )
 
 
+@njit(inline="always", **FINITE_JIT)
+def compare_patches(flat0, flat1, plane, stride, start0, start1, radius, lanes, columns):
+    """Sum of the similarities of two patches, given where their first pixels are; `columns` is room for `lanes`."""
+    columns[:] = 0
+    for _ in range(2 * radius + 1):
+        for i in range(Index(lanes)):
+            columns[i] += similarity(
+                flat0[start0 + i],
+                flat0[start0 + plane + i],
+                flat0[start0 + plane + plane + i],
+                flat1[start1 + i],
+                flat1[start1 + plane + i],
+                flat1[start1 + plane + plane + i],
+            )
+        start0 += stride
+        start1 += stride
+    total = np.int32(0)
+    for i in range(2 * radius + 1):
+        total += columns[i]
+    return total
+
+
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def measure_points(planes0, planes1, padding, height, width, step, radius, lanes, flow, known):
     """Similarity of small patches at both ends of every point's motion.
@@ -65,22 +87,9 @@ def measure_points(planes0, planes1, padding, height, width, step, radius, lanes
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             there_y = min(max(y + int(np.rint(flow[row, point, 1])), 0), height - 1)
             there_x = min(max(x + int(np.rint(flow[row, point, 0])), 0), width - 1)
-            columns[:] = 0
-            for j in range(-radius, radius + 1):
-                start0 = Index((y + j + padding) * stride + x - radius + padding)
-                start1 = Index((there_y + j + padding) * stride + there_x - radius + padding)
-                for i in range(Index(lanes)):
-                    columns[i] += similarity(
-                        flat0[start0 + i],
-                        flat0[start0 + plane + i],
-                        flat0[start0 + plane + plane + i],
-                        flat1[start1 + i],
-                        flat1[start1 + plane + i],
-                        flat1[start1 + plane + plane + i],
-                    )
-            total = np.int32(0)
-            for i in range(2 * radius + 1):
-                total += columns[i]
+            start0 = Index((y - radius + padding) * stride + x - radius + padding)
+            start1 = Index((there_y - radius + padding) * stride + there_x - radius + padding)
+            total = compare_patches(flat0, flat1, plane, Index(stride), start0, start1, radius, lanes, columns)
             known[row, point] = np.float32(total) * share
 
 

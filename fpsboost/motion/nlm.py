@@ -29,8 +29,8 @@ from fpsboost.kernels.tiles import PADDING, TILE, search_tiles
 from fpsboost.kernels.unexplained import measure_points, search_unexplained
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import contrast_components, contrast_planes
-from fpsboost.motion.exhaustive import search_fused
 from fpsboost.motion.field import MotionField, at_points
+from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
 
 

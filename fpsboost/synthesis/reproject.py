@@ -30,8 +30,11 @@ class Reproject:
     Parameters
     ----------
     search : {'iterative', 'brute-force'}
-        *iterative*: the fixed-point search of Yang et al. 2011, with the first iteration's result where it fails.
-        *brute-force*: of all sources within the search radius, the one that lands nearest.
+        *iterative*: the fixed-point search of Yang et al. 2011 from T - m(T) on, T being the target, with the first
+        iteration's result where it fails (section 2.2).
+        *brute-force*: of all sources within the search radius, the one that lands nearest; of several, the one nearest
+        to the target. Any order of the frame instead would take a pan's colours from one frame alone, and half a pixel
+        from where they belong.
     iterations : int
         Limit of the iterative search, at least 1.
 
@@ -47,7 +50,7 @@ class Reproject:
     def __post_init__(self) -> None:
         check_choice("--search", self.search, get_args(SourceSearch))
         if self.iterations < 1:
-            raise OptionError(f"iterations must be at least 1, not {self.iterations}.")
+            raise OptionError(f"--iterations must be at least 1, not {self.iterations}.")
 
     def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight, as in the report."""

@@ -1,0 +1,99 @@
+"""The shortest motion found around each point that explains it about as well as its own.
+
+In a pattern many motions are equally good, and a search for the most similar patch takes any of them. Which length is
+needed shows only beside the shorter motions of the surroundings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.similarity import UNIT
+from fpsboost.kernels.tiles import Index
+from fpsboost.kernels.unexplained import compare_patches
+
+
+@njit(inline="always", **FINITE_JIT)
+def compare_along(flat0, flat1, plane, stride, padding, height, width, y, x, dy, dx, radius, lanes, columns):
+    """Sum of the similarities of the patches at both ends of a motion; -1 where it leads out of the frame."""
+    there_y, there_x = y + dy, x + dx
+    if there_y < 0 or there_x < 0 or there_y >= height or there_x >= width:
+        return np.int32(-1)
+    start0 = Index((y - radius + padding) * stride + x - radius + padding)
+    start1 = Index((there_y - radius + padding) * stride + there_x - radius + padding)
+    return compare_patches(flat0, flat1, plane, Index(stride), start0, start1, radius, lanes, columns)
+
+
+@njit(parallel=True, cache=True, **FINITE_JIT)
+def find_shortest(
+    planes0, planes1, padding, height, width, step, radius, lanes, around, tolerance, flow, own, best, shortest
+):
+    """Compare each point's motion with those of the points around it, and with none.
+
+    Parameters
+    ----------
+    planes0, planes1 : (3, H + 2 padding, W + 2 padding or more) float32
+        Components with repeated edges, scaled by `colour_scale`; padding is larger than the radius.
+    padding, height, width : int
+    step : int
+        Distance of the points, pixels.
+    radius : int
+        r of the compared patch.
+    lanes : int
+        At least 2r + 1.
+    around : int
+        Points each way whose motion is tried.
+    tolerance : float32
+        Similarity that a shorter motion may lack.
+    flow : (points down, points across, 2) float32
+        Compared to the whole pixel.
+    own : (points down, points across) float32 out
+        Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame.
+    best : (points down, points across) float32 out
+        The largest of all that were tried.
+    shortest : (points down, points across) float32 out
+        The larger component of the shortest motion that is similar enough, pixels.
+    """
+    _, plane_height, stride = planes0.shape
+    flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
+    plane = Index(plane_height * stride)
+    share = np.float32(1 / (UNIT * (2 * radius + 1) ** 2))
+    rows, points = flow.shape[:2]
+    for number in prange(rows):
+        row = np.int64(number)
+        columns = np.empty(lanes, np.int32)
+        for point in range(points):
+            y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
+            dy, dx = int(np.rint(flow[row, point, 1])), int(np.rint(flow[row, point, 0]))
+            total = compare_along(
+                flat0, flat1, plane, stride, padding, height, width, y, x, dy, dx, radius, lanes, columns
+            )
+            own[row, point] = np.float32(total) * share
+            enough = own[row, point] - tolerance
+            least = max(abs(flow[row, point, 0]), abs(flow[row, point, 1]))
+            still = compare_along(
+                flat0, flat1, plane, stride, padding, height, width, y, x, 0, 0, radius, lanes, columns
+            )
+            most = max(own[row, point], np.float32(still) * share)
+            if np.float32(still) * share >= enough:
+                least = np.float32(0)
+            last_dy, last_dx = dy, dx
+            for other_row in range(max(row - around, 0), min(row + around, rows - 1) + 1):
+                for other in range(max(point - around, 0), min(point + around, points - 1) + 1):
+                    other_dy = int(np.rint(flow[other_row, other, 1]))
+                    other_dx = int(np.rint(flow[other_row, other, 0]))
+                    if other_dy == last_dy and other_dx == last_dx:
+                        continue  # as its neighbour, most of the time
+                    last_dy, last_dx = other_dy, other_dx
+                    total = compare_along(
+                        flat0, flat1, plane, stride, padding, height, width, y, x, other_dy, other_dx, radius, lanes,
+                        columns,
+                    )  # fmt: skip
+                    value = np.float32(total) * share
+                    most = max(most, value)
+                    if value >= enough:
+                        least = min(least, np.float32(max(abs(other_dy), abs(other_dx))))
+            best[row, point] = most
+            shortest[row, point] = least

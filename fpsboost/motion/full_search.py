@@ -1,0 +1,125 @@
+"""Every offset, every pixel, both directions: one fused kernel, and OpenCV passes as its readable reference.
+
+Edges: pixels repeat beyond the border for the sums, and an offset that leads out of the other frame is no candidate.
+Ties: where several offsets are equally similar (flat areas), the smallest motion wins.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.memory import aligned_empty
+from fpsboost.kernels.search import exhaustive_kernel, rank_offsets
+from fpsboost.kernels.similarity import UNIT, colour_scale
+from fpsboost.motion.colour import Components, padded_planes
+from fpsboost.motion.field import MotionField
+
+Window = Literal["box", "gaussian"]
+
+
+def window_taps(window: Window, patch_radius: int) -> tuple[float, ...]:
+    """Weights of one axis of the separable window, summing to 1 (section 3.1).
+
+    The report gives the Gaussian "a variance of 0.5 times the size of the similarity area", and that is taken as it
+    stands: a variance of (2r + 1) / 2 pixels squared. See `docs/method.md` for the figures of the other reading.
+    """
+    size = 2 * patch_radius + 1
+    if window == "box":
+        return (1 / size,) * size
+    weights = np.exp(-(np.arange(-patch_radius, patch_radius + 1) ** 2) / (2 * 0.5 * size))
+    return tuple((weights / weights.sum()).tolist())
+
+
+def search_fused(
+    colours0: Components,
+    colours1: Components,
+    search_radius: int,
+    patch_radius: int,
+    window: Window,
+    v: float,
+    penalty: float = 0.0,
+) -> tuple[MotionField, MotionField]:
+    """Search every offset with one fused kernel for both directions.
+
+    Parameters
+    ----------
+    colours0, colours1 : (H, W, 3) float32
+    search_radius, patch_radius, window, v
+        As in `ExhaustiveSearch`.
+    penalty : float
+        What a pixel of motion, in x and in y, costs in units of similarity; nothing in the report.
+
+    Returns
+    -------
+    field01, field10 : MotionField
+        Similarities are those of the winners, less what they paid.
+    """
+    height, width = colours0.shape[:2]
+    taps = None if window == "box" else window_taps(window, patch_radius)
+    margin = search_radius + 4
+    scale = colour_scale(v)
+    planes0 = padded_planes(colours0, patch_radius, 0, LANES, scale)
+    planes1 = padded_planes(colours1, patch_radius, margin, margin + LANES, scale)
+    score_type = np.int32 if taps is None else np.float32
+    widths = width + LANES, width + 2 * margin + 2 * LANES
+    best01, best10 = (aligned_empty((height, each), score_type) for each in widths)
+    winners01, winners10 = (aligned_empty((height, each), np.int32) for each in widths)
+    for best, winners in ((best01, winners01), (best10, winners10)):
+        best.fill(-1)
+        winners.fill(0)
+    ranks, offsets = rank_offsets(search_radius)
+    search = exhaustive_kernel(patch_radius, taps)
+    share = np.float32(1 / UNIT if taps else 1 / (UNIT * (2 * patch_radius + 1) ** 2))
+    lengths = np.abs(np.arange(-search_radius, search_radius + 1))
+    prices = ((lengths[:, np.newaxis] + lengths) * (penalty / share)).astype(score_type)
+    search(planes0, planes1, height, width, ranks, prices, best01, winners01, best10, winners10)
+    inside = slice(margin, margin + width)
+    return (
+        MotionField(offsets[winners01[:, :width]], best01[:, :width].astype(np.float32) * share),
+        MotionField(offsets[winners10[:, inside]], best10[:, inside].astype(np.float32) * share),
+    )
+
+
+def search_by_passes(
+    colours0: Components, colours1: Components, search_radius: int, patch_radius: int, window: Window, v: float
+) -> tuple[MotionField, MotionField]:
+    """Search every offset as the report states it: full-image passes per offset, one direction after the other.
+
+    Parameters and returns are those of `search_fused`.
+    """
+    padded0, padded1 = (
+        cv2.copyMakeBorder(colours, *(patch_radius,) * 4, cv2.BORDER_REPLICATE) for colours in (colours0, colours1)
+    )
+    taps = np.array(window_taps(window, patch_radius))
+    return (
+        _passes_one_way(padded0, padded1, search_radius, patch_radius, taps, v),
+        _passes_one_way(padded1, padded0, search_radius, patch_radius, taps, v),
+    )
+
+
+def _passes_one_way(
+    a: Components, b: Components, search_radius: int, patch_radius: int, taps: NDArray[Any], v: float
+) -> MotionField:
+    height, width = a.shape[0] - 2 * patch_radius, a.shape[1] - 2 * patch_radius
+    flow, best = np.zeros((height, width, 2), np.float32), np.full((height, width), -1, np.float32)
+    inner = slice(patch_radius, -patch_radius)
+    box = np.ptp(taps) == 0
+    exponent = np.full((1, 3), -1 / (2 * v * v), np.float32)
+    for dx, dy in rank_offsets(search_radius)[1].astype(int).tolist():
+        y0, y1, x0, x1 = max(0, -dy), min(height, height - dy), max(0, -dx), min(width, width - dx)
+        if y0 >= y1 or x0 >= x1:
+            continue
+        y2, x2 = y1 + 2 * patch_radius, x1 + 2 * patch_radius
+        difference = cv2.subtract(a[y0:y2, x0:x2], b[y0 + dy : y2 + dy, x0 + dx : x2 + dx])
+        w = cv2.exp(cv2.transform(cv2.multiply(difference, difference), exponent))
+        s = cv2.boxFilter(w, -1, (len(taps), len(taps))) if box else cv2.sepFilter2D(w, -1, taps, taps)
+        s = s[inner, inner]
+        better = s > best[y0:y1, x0:x1]
+        best[y0:y1, x0:x1][better] = s[better]
+        flow[y0:y1, x0:x1][better] = dx, dy
+    return MotionField(flow, best)
