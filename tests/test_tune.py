@@ -18,8 +18,8 @@ from fpsboost.evaluation.tuning_chart import draw_tuning
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 
-STEPS = (0, 1, 2, 4, 6, 8, 10, 10, 10)
-"""Places of the frames: motion grows."""
+STEPS = (0, 1, 3, 5, 8, 11, 14, 15, 16)
+"""Places of the frames: motion grows, and slows down in the end."""
 
 
 @pytest.fixture
