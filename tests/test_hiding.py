@@ -138,7 +138,7 @@ def test_animation_on_twos_is_compared_by_its_drawings(tmp_path):
 
 
 def test_a_still_does_not_count_and_slow_motion_does(tmp_path):
-    """Where nothing moves for long there is nothing to make; the last frames of a slow pan differ as little, and count."""
+    """Where nothing moves for long there is nothing to make; a slow pan counts to its end."""
     still = save_pan(tmp_path / "still", [0, 2, 4, 6] + [8] * 10 + [10, 12, 14])
     assert [number for number, _, counts in what_counts(Hiding().intervals(still)) if counts] == [1, 3, 15]
     y, x = np.mgrid[:48, :64].astype(float)
