@@ -152,7 +152,7 @@ def make_page(
         comparison=comparison,
         name=Path(comparison.clip).name or comparison.clip,
         hidden=describe_hidden(comparison),
-        outcome=judge(comparison).text,
+        verdict=judge(comparison),
         notes=comparison.notes(makers),
         columns=COLUMNS,
         overall=overall_rows(comparison),

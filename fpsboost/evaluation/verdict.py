@@ -69,8 +69,8 @@ class Verdict:
         What multiplying the frames of the whole range by `factor` takes, by method.
     clip_frames, factor : int
         Frames of the range, and how many are made of each: one more than were hidden at once.
-    text : str
-        All that in a few sentences.
+    sentences : list of str
+        All that in words: who is ahead, and at what price, and what to take.
     """
 
     best: str
@@ -82,7 +82,12 @@ class Verdict:
     cpu_seconds: dict[str, float]
     clip_frames: int
     factor: int
-    text: str
+    sentences: list[str]
+
+    @property
+    def text(self) -> str:
+        """The sentences as one text."""
+        return " ".join(self.sentences)
 
 
 def judge(comparison: Comparison) -> Verdict:
@@ -110,9 +115,9 @@ def judge(comparison: Comparison) -> Verdict:
         cpu_seconds=seconds,
         clip_frames=comparison.clip_frames,
         factor=comparison.hiding.skip + 1,
-        text="",
+        sentences=[],
     )
-    return replace(verdict, text=_say(verdict, means))
+    return replace(verdict, sentences=_say(verdict, means))
 
 
 def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Difference:
@@ -147,12 +152,12 @@ def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Di
     return Difference(method, mean, independent * math.sqrt((1 + correlation) / (1 - correlation)))
 
 
-def _say(verdict: Verdict, means: dict[str, float]) -> str:
+def _say(verdict: Verdict, means: dict[str, float]) -> list[str]:
     work = f"{'Doubling' if verdict.factor == 2 else f'Making {verdict.factor} of each of'} these "
     work += f"{verdict.clip_frames} frames takes"
     price = f"{work} {verdict.best} {say_seconds(verdict.cpu_seconds[verdict.best])} of CPU time"
     if not verdict.ahead:
-        return f"{verdict.best} reaches {verdict.psnr:.1f} dB over {_count(verdict.frames)}. {price}."
+        return [f"{verdict.best} reaches {verdict.psnr:.1f} dB over {_count(verdict.frames)}.", f"{price}."]
     nearest = verdict.ahead[0]
     sentences = []
     if verdict.frames == 1:
@@ -163,7 +168,7 @@ def _say(verdict: Verdict, means: dict[str, float]) -> str:
     elif verdict.level:
         apart = ", ".join(_apart(each) for each in verdict.ahead if each.is_level)
         sentences.append(
-            f"{verdict.best} and {_listed(verdict.level)} are level: {verdict.best} reaches {verdict.psnr:.1f} dB over "
+            f"{_listed([verdict.best, *verdict.level])} are level: {verdict.best} reaches {verdict.psnr:.1f} dB over "
             f"{_count(verdict.frames)}, and no lead is more than two standard errors ({apart})."
         )
     else:
@@ -180,7 +185,7 @@ def _say(verdict: Verdict, means: dict[str, float]) -> str:
             f"Take {verdict.best} for the best picture, or {verdict.cheapest}, the cheapest within {ABOUT_AS_GOOD} dB "
             f"({less:.2f} dB less)."
         )
-    return " ".join(sentences)
+    return sentences
 
 
 def _apart(ahead: Difference) -> str:
@@ -193,7 +198,7 @@ def _count(frames: int) -> str:
 
 
 def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def say_seconds(seconds: float) -> str:
