@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -115,7 +116,7 @@ def compare(
     makers, skipped = choose(methods, folder)
     makers = with_cuts(makers, at_cuts)
     if fail_under is not None:
-        check_first_is_compared(methods, skipped)
+        check_limit(fail_under, methods, list(makers))
     for path, option in ((report, "--report"), (json, "--json")):
         check_new(path, option)
     rate = frames.image_rate()
@@ -169,11 +170,13 @@ def with_cuts(makers: Mapping[str, Maker], at_cuts: CutOptions) -> dict[str, Mak
     }
 
 
-def check_first_is_compared(names: str, skipped: Mapping[str, str]) -> None:
-    """Raise `OptionError` if the method that ``--fail-under`` asks about was skipped."""
-    first = names.partition(",")[0].strip()
-    if first in skipped:
-        raise OptionError(f"--fail-under asks about {first}, which was skipped, {skipped[first]}; name another first.")
+def check_limit(limit: float, names: str, compared: Sequence[str]) -> None:
+    """Raise `OptionError` if ``--fail-under`` is no number, or asks about a method that cannot be run."""
+    if not math.isfinite(limit):
+        raise OptionError(f"--fail-under must be a number of decibels, not {limit}.")
+    first = re.split("[,:]", names)[0].strip()
+    if compared and first != "all" and not compared[0].startswith(first):
+        raise OptionError(f"--fail-under asks about {first}, which cannot be run here; name another method first.")
 
 
 def check_is_reached(comparison: Comparison, limit: float) -> None:

@@ -368,7 +368,8 @@ def test_a_low_first_method_fails_if_so_told(fpsboost_, folder, tmp_path):
     assert fpsboost_("compare", folder, "-m", "blend,dis", "--fail-under", psnr, "-q").code == 0
     result = fpsboost_("compare", folder, "-m", "reproject-image,blend", "--fail-under", "1")
     assert result.code == 2
-    assert "--fail-under asks about reproject-image, which was skipped" in result.err
+    assert "--fail-under asks about reproject-image, which cannot be run here" in result.err
+    assert fpsboost_("compare", folder, "-m", "blend", "--fail-under", "nan").code == 2
 
 
 def test_a_clip_is_read_as_a_conversion_reads_it(fpsboost_, tmp_path):

@@ -181,6 +181,15 @@ def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
         np.testing.assert_array_equal(one.hidden[0].truth, other.hidden[0].truth)
 
 
+def test_a_part_of_images_keeps_their_numbers(folder):
+    """By frames, and by times where the rate is given."""
+    for start, rate in (("3f", None), ("0.3", Fraction(10))):
+        excerpt = Excerpt(parse_position(start, "--start"))
+        assert [each.number for each in Hiding(excerpt=excerpt).intervals(folder, rate)] == [3, 5, 7]
+    with pytest.raises(OptionError, match="--input-fps"):
+        list(Hiding(excerpt=excerpt).intervals(folder))
+
+
 def test_options_say_what_they_were_made_of():
     """The words of the command line that give the same again, and none for the defaults."""
     excerpt = Excerpt(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))

@@ -205,7 +205,7 @@ class Hiding:
                     yield _interval(row, clock)
                     row = row[-1:]
         if not found:
-            beside = f" beside the {repeats} that repeat another" if repeats else ""
+            beside = f" beside the {repeats} that repeat another (--duplicates keep takes them too)" if repeats else ""
             raise InputError(
                 f"{path} has too few frames to hide {'one' if self.skip == 1 else self.skip} between two others; "
                 f"{self.skip + 2} are needed in the range{beside}."
