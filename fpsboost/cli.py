@@ -1,7 +1,7 @@
 """The command line: parse, build objects, call the library, show progress, choose the exit code.
 
-Exit codes: 0 done, 1 failed (without a word if the reader of standard output has gone), 2 wrong usage, 130 stopped by
-Ctrl-C.
+Exit codes: 0 done, 1 failed (without a word if the reader of standard output has gone), 2 wrong usage, 3 a comparison
+that ends below --fail-under, 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ app.command(
 app.command(
     "fpsboost.cli_compare:compare",
     help="Hide frames, make them again, and say which method does best.",
-    help_epilogue="",
+    help_epilogue="Exit codes: 0 compared, 1 failed, 2 wrong usage or nothing to compare, 3 below --fail-under.",
 )
 app.command("fpsboost.cli_tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
 

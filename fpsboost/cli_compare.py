@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
-from fractions import Fraction
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from fpsboost import cli_messages
 from fpsboost.cli_messages import shown
+from fpsboost.cli_options import CutOptions, InputOptions
 from fpsboost.errors import OptionError, OutputError
 
 if TYPE_CHECKING:
@@ -27,14 +32,17 @@ DEFAULT_METHODS = "nlm,nlm-fast,dis,minterpolate,blend"
 
 MINTERPOLATE = "minterpolate"
 
+BELOW = 3
+"""Exit code where a comparison ends below ``--fail-under``."""
+
 what = Group("What is compared", sort_key=2)
 results = Group("Results", sort_key=3)
 
 
 @Parameter(name="*", group=Group("Which frames", sort_key=1))
 @dataclass(frozen=True)
-class FrameOptions:
-    """Which frames of a clip are shown, and which are hidden and made again.
+class FrameOptions(InputOptions):
+    """Which frames of a clip are shown, which are hidden and made again, and how the clip is read.
 
     Parameters
     ----------
@@ -42,25 +50,20 @@ class FrameOptions:
         Frames to take, from 0 on and without B; also A: or :B.
     skip
         Frames hidden between two that are shown.
-    input_fps
-        Frames per second of input images.
+    duplicates
+        Repeats: interpolate (no truths) or keep them.
     """
 
     range: Annotated[str, Parameter(metavar="A:B", show_default=False)] = ":"
     skip: Annotated[int, Parameter(metavar="N")] = 1
-    input_fps: Annotated[str | None, Parameter(metavar="RATE")] = None
+    duplicates: Annotated[Literal["interpolate", "keep"], Parameter(metavar="HOW")] = "interpolate"
 
     def hiding(self) -> Hiding:
-        """What is hidden."""
+        """What is hidden, and how the clip is read."""
         from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
 
-        return Hiding(self.skip, *parse_range(self.range))
-
-    def image_rate(self) -> Fraction | None:
-        """Frames per second of images."""
-        from fpsboost.timing import parse_rate  # noqa: PLC0415
-
-        return None if self.input_fps is None else parse_rate(self.input_fps, "--input-fps")
+        first, last = parse_range(self.range)
+        return Hiding(self.skip, first, last, self.excerpt(), self.reading(), self.duplicates)
 
 
 def compare(
@@ -71,11 +74,15 @@ def compare(
     methods: Annotated[str, Parameter(group=what, name=["--methods", "-m"], metavar="NAMES")] = DEFAULT_METHODS,
     vectors: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
     depth: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
+    at_cuts: CutOptions = CutOptions(),
     report: Annotated[str | None, Parameter(group=results, metavar="DIR")] = None,
     json: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
+    fail_under: Annotated[float | None, Parameter(group=results, metavar="DB")] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
 ) -> None:
     """Hide frames, make them again with each method, and say which comes nearest to the truth.
+
+    Exit codes: 0 compared, 1 failed, 2 wrong usage or nothing to compare, 3 below --fail-under.
 
     Parameters
     ----------
@@ -91,28 +98,46 @@ def compare(
         A new folder for the page, index.html.
     json
         A new file for all figures.
+    fail_under
+        Exit with 3 if the first method's PSNR is lower.
     quiet
         Say nothing but errors.
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
+    from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
+    from fpsboost.method_table import find_method  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=quiet)
     hiding = frames.hiding()
     if depth is not None and vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
-    makers, skipped = choose(methods, None if vectors is None else VectorFolder(vectors, depth))
+    folder = None if vectors is None else VectorFolder(vectors, depth)
+    makers, skipped = choose(methods, folder)
+    makers = with_cuts(makers, at_cuts)
+    if fail_under is not None:
+        check_limit(fail_under, methods, list(makers))
     for path, option in ((report, "--report"), (json, "--json")):
         check_new(path, option)
     rate = frames.image_rate()
-    given = {"--vectors": vectors, "--depth": depth}
-    rendered = tuple(word for option, path in given.items() if path is not None for word in (option, path))
     with Progressing(quiet=quiet) as progress:
-        comparison = run(input, makers, hiding, progress, skipped=skipped, input_fps=rate, rendered=rendered)
+        comparison = run(
+            input,
+            makers,
+            hiding,
+            progress,
+            skipped=skipped,
+            input_fps=rate,
+            rendered=words_of({"--vectors": vectors, "--depth": depth}),
+            vectors=folder,
+            cuts=at_cuts.applied_to(find_method("nlm")).cuts,
+            cut_options=words_of(at_cuts.given),
+        )
     for each in tables(comparison):
         console.print(each)
-    for line in remarks(comparison):
+    for line in remarks(comparison, makers):
         console.print(shown(line))
+    console.print(shown(judge(comparison).text), style="bold", soft_wrap=True)
     if json is not None:
         write_json(Path(json), comparison)
     if report is not None:
@@ -121,6 +146,47 @@ def compare(
         with Console(stderr=True, quiet=quiet).status("writing the page"):
             page = write_report(Path(report), comparison, makers, input_fps=rate)
         console.print(f"Page: {shown(str(page))}", soft_wrap=True)
+    if fail_under is not None:
+        check_is_reached(comparison, fail_under)
+
+
+def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
+    """The options that were given, as words of the command line; True stands for one without a value."""
+    given = {option: value for option, value in options.items() if value is not None and value is not False}
+    return tuple(
+        word for option, value in given.items() for word in ((option,) if value is True else (option, str(value)))
+    )
+
+
+def with_cuts(makers: Mapping[str, Maker], at_cuts: CutOptions) -> dict[str, Maker]:
+    """The methods, those of this package told where scenes end."""
+    from fpsboost.evaluation.making import InterpolatorMaker  # noqa: PLC0415
+
+    return {
+        name: replace(maker, interpolator=at_cuts.applied_to(maker.interpolator))
+        if isinstance(maker, InterpolatorMaker)
+        else maker
+        for name, maker in makers.items()
+    }
+
+
+def check_limit(limit: float, names: str, compared: Sequence[str]) -> None:
+    """Raise `OptionError` if ``--fail-under`` is no number, or asks about a method that cannot be run."""
+    if not math.isfinite(limit):
+        raise OptionError(f"--fail-under must be a number of decibels, not {limit}.")
+    first = re.split("[,:]", names)[0].strip()
+    if compared and first != "all" and not compared[0].startswith(first):
+        raise OptionError(f"--fail-under asks about {first}, which cannot be run here; name another method first.")
+
+
+def check_is_reached(comparison: Comparison, limit: float) -> None:
+    """Exit with `BELOW` if the first method's mean PSNR is lower than a limit."""
+    first = comparison.methods[0]
+    psnr = comparison.means(first).psnr
+    if psnr < limit:
+        sentence = f"{first.name} reaches {psnr:.2f} dB, below the {limit:g} dB of --fail-under."
+        cli_messages.console().print(f"[red]fpsboost:[/] {shown(sentence)}")
+        sys.exit(BELOW)
 
 
 def choose(names: str, vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:
@@ -174,23 +240,22 @@ def write_json(path: Path, comparison: Comparison) -> None:
 
 
 def tables(comparison: Comparison) -> list[Table]:
-    """Overall figures, the best method first, and the error by areas."""
-    from fpsboost.evaluation.regions import NAMES, OUTSIDES  # noqa: PLC0415
-
+    """Overall figures, the best method first, and the error by areas, where any is large enough."""
     ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
     overall = Table("method", title=f"{shown(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}")
     by_area = Table("MAE", title="where the errors are")
     for name in ("PSNR", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
         overall.add_column(name, justify="right")
-    for area, outside in zip(NAMES, OUTSIDES, strict=True):
+    areas = [area for area, _ in comparison.areas]
+    for area, outside in comparison.areas:
         by_area.add_column(area, justify="right")
         by_area.add_column(outside, justify="right")
     for place, method in enumerate(ranked):
         style = "bold green" if place == 0 and len(ranked) > 1 else ""
         overall.add_row(method.name, *overall_cells(comparison, method), style=style)
-        errors = [comparison.mean_error(method, area, inside) for area in NAMES for inside in (True, False)]
+        errors = [comparison.mean_error(method, *each) for each in product(areas, (True, False))]
         by_area.add_row(method.name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
-    return [overall, by_area]
+    return [overall, by_area] if areas else [overall]
 
 
 def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
@@ -205,12 +270,14 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
     ]
 
 
-def remarks(comparison: Comparison) -> list[str]:
+def remarks(comparison: Comparison, makers: Mapping[str, Maker]) -> list[str]:
     """What a reader of the table must know."""
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
     lines = [f"PSNR in dB; MAE and MSE in levels of 255. Of the picture: {shares}."]
     if comparison.cuts:
-        lines.append(f"Note: {len(comparison.cuts)} frames across a scene cut are not counted.")
+        are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
+        lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")
+    lines += [f"Note: {note}" for note in comparison.notes(makers)]
     lines += [f"Note: {name} was skipped, {reason}." for name, reason in comparison.skipped.items()]
     return lines
 

@@ -224,6 +224,17 @@ class CutOptions:
     no_cuts: bool = False
     cuts: Annotated[str | None, Parameter(metavar="FILE")] = None
 
+    @property
+    def given(self) -> dict[str, Any]:
+        """Those that differ from the defaults, as the command line calls them."""
+        values = {
+            "--at-cuts": self.at_cuts if self.at_cuts != "repeat" else None,
+            "--no-cuts": self.no_cuts or None,
+            "--cut-threshold": self.cut_threshold,
+            "--cuts": self.cuts,
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
     def applied_to(self, interpolator: Interpolator) -> Interpolator:
         """The interpolator with these.
 
@@ -237,12 +248,7 @@ class CutOptions:
         from fpsboost.cut_list import read_cuts  # noqa: PLC0415
         from fpsboost.scenes import CutDetector  # noqa: PLC0415
 
-        given = {
-            "--no-cuts": self.no_cuts,
-            "--cut-threshold": self.cut_threshold is not None,
-            "--cuts": self.cuts is not None,
-        }
-        names = [name for name, is_given in given.items() if is_given]
+        names = [name for name in self.given if name != "--at-cuts"]
         if len(names) > 1:
             raise OptionError(f"{' and '.join(names)} contradict each other; give one of them.")
         policy = interpolator.cuts

@@ -22,8 +22,8 @@ from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, Resuming, Waiting
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
-from fpsboost.media.images.numbered import ImageSource
 from fpsboost.media.opening import (
+    beginning,
     cut_out,
     describe_job,
     makes_video,
@@ -40,7 +40,7 @@ from fpsboost.overlap import nothing, read_ahead, write_behind
 from fpsboost.pace import Pace, Rhythm, SlowSound, stretched
 from fpsboost.prepared import Moment, PreparedImage
 from fpsboost.scenes import DuplicateDetector
-from fpsboost.timing import ByRate, Schedule, Step
+from fpsboost.timing import ByRate, Schedule, Step, rising_moment
 
 READ_AHEAD = 4
 WRITE_BEHIND = 4
@@ -299,7 +299,7 @@ def boost(
         observer.ready()
         begin = time.perf_counter()
         frames = arriving if first is None else chain([first], arriving)
-        clip = _Clip(source.info, schedule, interpolator, summary, _beginning(source), skip)
+        clip = _Clip(source.info, schedule, interpolator, summary, beginning(source), skip)
         outputs = _output_frames(frames, clip, detector, sink.holds_last_frame)
         for frame in stretched(_with_durations(outputs), stretch):
             write(frame)
@@ -320,14 +320,6 @@ def _with_sound_that_fits(encoding: Encoding, source: FrameSource, pace: Pace) -
     has_sound = isinstance(source, VideoSource) and "sound" in source.companions
     lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []
     return replace(encoding, audio=False), lost
-
-
-def _beginning(source: FrameSource) -> Moment:
-    """When the first frame of a source is shown in its clip; asked for when that has been read."""
-    if isinstance(source, ExcerptSource):
-        return Moment(source.window.skipped, source.window.begin - source.window.origin)
-    skipped = source.skipped if isinstance(source, ImageSource) else 0
-    return Moment(skipped, skipped / source.info.rate)
 
 
 def _give_up(end: FrameSource | FrameSink) -> Callable[[], None]:
@@ -370,11 +362,9 @@ class _Clip:
             self.summary.rhythm.note(frame.time)
             number = self.summary.frames_in
             self.summary.frames_in += 1
-            moment = self.schedule.moment(self.start, frame.time)
-            if last is not None and moment <= last:  # two frames at one place: the second comes late, or has none
-                moment = frame.time
-                if moment <= last:
-                    continue
+            moment = rising_moment(self.schedule, self.start, frame.time, last)
+            if moment is None:
+                continue
             last = moment
             place = self.schedule.place(number, self.start, moment)
             shown = Moment(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)

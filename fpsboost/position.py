@@ -27,6 +27,10 @@ class Position:
     def __str__(self) -> str:
         return f"{self.value}f" if self.is_frame else f"{float(self.value):g} s"
 
+    def as_option(self) -> str:
+        """As `parse_position` reads it."""
+        return f"{self.value}f" if self.is_frame else f"{float(self.value):.9f}".rstrip("0").rstrip(".")
+
     def is_reached(self, number: int, seconds: Fraction) -> bool:
         """Whether a frame lies there or behind."""
         return self.value <= (number if self.is_frame else seconds)

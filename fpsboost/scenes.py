@@ -189,7 +189,7 @@ class DuplicateDetector:
 
     def difference(self, image0: PreparedImage, image1: PreparedImage) -> float:
         """Mean difference of brightness in the block where it is largest, in levels of 8 bits."""
-        difference = cv2.absdiff(image0.once(_brightness), image1.once(_brightness))
+        difference = cv2.absdiff(image0.once(brightness), image1.once(brightness))
         return float(cv2.boxFilter(difference, cv2.CV_32F, (self.block, self.block)).max())
 
     def is_held(self, noise: float, before: float, after: float) -> bool:
@@ -204,8 +204,20 @@ class DuplicateDetector:
         """
         return noise <= self.noise and noise <= self.share * min(before, after) and self.smallest_step <= after
 
+    def repeats_still(self, noise: float, before: float) -> bool:
+        """Whether frames that go on to differ little repeat one picture; in slow motion they differ as little.
 
-def _brightness(image: Image) -> Components:
+        Parameters
+        ----------
+        noise : float
+            The largest difference of one of them from the first; see `difference`.
+        before : float
+            The difference to where the picture came from; infinite where the clip begins with it.
+        """
+        return noise <= (self.smallest_step if math.isinf(before) else min(self.noise, self.share * before))
+
+
+def brightness(image: Image) -> Components:
     """Levels of 8 bits; whole ones for images of 8 bits, exact and beyond white for others."""
     if image.dtype == np.uint8:
         return gray(image)

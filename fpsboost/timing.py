@@ -219,6 +219,28 @@ class ByRate:
         return representable(Fraction(1, math.lcm(ticks.denominator, source_time_base.denominator)), ticks)
 
 
+def rising_moment(schedule: Schedule, start: Fraction, time: Fraction, last: Fraction | None) -> Fraction | None:
+    """`Schedule.moment` of a source frame, but never before the one of the frame before.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    start, time : Fraction
+        Times of source frame 0 and of this one as the source says, seconds.
+    last : Fraction or None
+        What this function gave for the frame before; None for the first.
+
+    Returns
+    -------
+    Fraction or None
+        None where there is no place left for it: two frames came at once.
+    """
+    moment = schedule.moment(start, time)
+    if last is None or moment > last:
+        return moment
+    return time if time > last else None  # the second of two at one place comes late
+
+
 def representable(*time_bases: Fraction) -> Fraction:
     """The first of the time bases that fits 32 bits, else the finest that does."""
     fitting = (each for each in time_bases if each.denominator <= LARGEST_TICKS_PER_SECOND)

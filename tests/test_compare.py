@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import json
 import shutil
+from fractions import Fraction
 
 import cv2
 import numpy as np
 import pytest
 from truth import waves
+from vector_truth import save_object
+from video_truth import write_clip
 
 from fpsboost.errors import InputError
 from fpsboost.evaluation.compare import compare, pick
 from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.making import InterpolatorMaker, Minterpolate
+from fpsboost.evaluation.making import InterpolatorMaker, Made, Minterpolate
 from fpsboost.evaluation.regions import find_regions
 from fpsboost.method_table import find_method, methods
+from fpsboost.motion.nlm import CoarseToFine
+from fpsboost.motion.vectors import VectorFolder
 from fpsboost.pipeline import convert
+from fpsboost.prepared import PreparedImage
+from fpsboost.scenes import CutDetector
+from fpsboost.synthesis.fuse import Fuse
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
@@ -140,20 +148,140 @@ def test_several_frames_can_be_hidden_at_once(folder):
         assert psnr(pan(each.number), each.image) > 25
 
 
-def test_areas_tell_what_moves(tmp_path):
-    """A bright square over a still background: its way is moving, the far side is not, and its edges are hidden."""
-    rng = np.random.default_rng(0)
-    background = cv2.GaussianBlur(rng.integers(0, 120, (96, 128, 3)).astype(np.uint8), (0, 0), 1)
-    thing = cv2.GaussianBlur(rng.integers(130, 256, (32, 32, 3)).astype(np.uint8), (0, 0), 1)
-    for number in range(3):
-        image = background.copy()
-        image[32:64, 30 + 6 * number : 62 + 6 * number] = thing
-        cv2.imwrite(str(tmp_path / f"{number}.png"), image)
-    (interval,) = Hiding().intervals(str(tmp_path))
+class Square:
+    """A bright square that moves by 6 pixels a frame over a still background."""
+
+    def __init__(self):
+        rng = np.random.default_rng(0)
+        self.background = cv2.GaussianBlur(rng.integers(0, 120, (96, 128, 3)).astype(np.uint8), (0, 0), 1)
+        self.thing = cv2.GaussianBlur(rng.integers(130, 256, (32, 32, 3)).astype(np.uint8), (0, 0), 1)
+
+    def covered(self, number):
+        """Where it is."""
+        mask = np.zeros((96, 128), bool)
+        mask[32:64, 30 + 6 * number : 62 + 6 * number] = True
+        return mask
+
+    def save(self, folder):
+        """Three frames."""
+        folder.mkdir()
+        for number in range(3):
+            image = self.background.copy()
+            image[self.covered(number)] = self.thing.reshape(-1, 3)
+            cv2.imwrite(str(folder / f"{number}.png"), image)
+        return str(folder)
+
+
+@pytest.mark.parametrize("has_vectors", [False, True])
+def test_areas_tell_what_moves_and_what_is_hidden(tmp_path, has_vectors):
+    """As constructed: the square moves, and beside it lies what it hides in one of the frames shown."""
+    square = Square()
+    (tmp_path / "v").mkdir()
+    (tmp_path / "d").mkdir()
+    save_object(tmp_path / "v", tmp_path / "d", square.covered, 3, (6, 0))
+    (interval,) = Hiding(duplicates="keep").intervals(square.save(tmp_path / "clip"))
+    (regions,) = find_regions(interval, VectorFolder(tmp_path / "v") if has_vectors else None)
+    now = square.covered(1)
+    hidden = (square.covered(0) | square.covered(2)) & ~now
+    assert regions.moving[now].mean() > 0.95
+    assert regions.moving[:, 90:].mean() < 0.05
+    assert regions.occluded[hidden].mean() > (0.9 if has_vectors else 0.4)
+    assert regions.occluded[cv2.dilate((hidden | now).astype(np.uint8), np.ones((9, 9))) == 0].mean() < 0.01
+    assert regions.uncertain.mean() < 0.02
+
+
+def test_what_no_frame_has_is_uncertain(tmp_path):
+    """A flare in the hidden frame alone is in neither of those shown."""
+    folder = tmp_path / "clip"
+    Square().save(folder)
+    image = cv2.imread(str(folder / "1.png"))
+    cv2.circle(image, (100, 20), 12, (255, 255, 255), -1)
+    cv2.imwrite(str(folder / "1.png"), image)
+    (interval,) = Hiding().intervals(str(folder))
     (regions,) = find_regions(interval)
-    assert regions.moving[36:60, 40:64].mean() > 0.9
-    assert regions.moving[:, 100:].mean() < 0.05
-    assert regions.occluded[36:60].mean() > 3 * regions.occluded[:20].mean()
+    assert regions.uncertain[12:28, 92:108].mean() > 0.9
+    assert regions.uncertain[60:, :].mean() < 0.02
+
+
+def test_a_contestant_has_no_say_in_the_areas(folder, monkeypatch):
+    """Whatever a method believes, the areas are the same: they are found from the true frames alone."""
+    before = compare(folder, {"blend": InterpolatorMaker(find_method("blend"))}, Hiding(), Nobody()).shares
+    monkeypatch.setattr(CoarseToFine, "estimate", lambda self, *images: pytest.fail("a contestant was asked"))
+    monkeypatch.setattr(Fuse, "fuse", lambda self, *_: pytest.fail("a contestant was asked"))
+    assert compare(folder, {"blend": InterpolatorMaker(find_method("blend"))}, Hiding(), Nobody()).shares == before
+
+
+def test_fast_motion_is_no_cut(tmp_path):
+    """A cut is looked for between true frames: two of them are alike where those shown are not."""
+    rng = np.random.default_rng(2)
+    wide = cv2.GaussianBlur(rng.integers(0, 256, (48, 400, 3)).astype(np.uint8), (0, 0), 3)
+    wide = cv2.normalize(wide, None, 0, 255, cv2.NORM_MINMAX)
+    for number in range(7):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), wide[:, 12 * number : 12 * number + 96])
+    images = [PreparedImage(cv2.imread(str(path))) for path in sorted(tmp_path.iterdir())]
+    likeness = CutDetector().likeness
+    near, far = ([likeness(*pair) for pair in zip(images, images[step:], strict=False)] for step in (1, 2))
+    assert max(far) < min(near)
+    between = CutDetector(threshold=(max(far) + min(near)) / 2, drop=1)
+    makers = {"blend": InterpolatorMaker(find_method("blend"))}
+    assert compare(str(tmp_path), makers, Hiding(), Nobody(), cuts=between).cuts == []
+
+
+def repeating(folder, at=7, count=12):
+    """The pan with a frame shown twice."""
+    folder.mkdir()
+    for number in range(count):
+        cv2.imwrite(str(folder / f"{number:03}.png"), pan(number - (number >= at)))
+    return str(folder)
+
+
+def test_a_repeat_gives_nobody_a_frame_for_nothing(tmp_path):
+    """Where frame 7 repeats frame 6, blending has no frame 6 or 7 to win by, and what is beside it does not count."""
+    path = repeating(tmp_path / "clip")
+    makers = {name: InterpolatorMaker(find_method(name)) for name in ("dis", "blend")}
+    comparison = compare(path, makers, Hiding(), Nobody())
+    assert comparison.repeats == [7]
+    assert comparison.hidden == [1, 3, 5, 8, 10]
+    assert comparison.doubtful == [8]
+    dis, blend = ([frame.scores.psnr for frame in comparison.counted(each)] for each in comparison.methods)
+    assert len(dis) == 4
+    assert min(np.subtract(dis, blend)) > 3
+    plain = comparison.as_json()
+    assert (plain["repeats"], plain["doubtful"], plain["times"]) == ([7], [8], [0.5, 0.5, 0.5, 2 / 3, 0.5])
+    assert len(comparison.notes(makers)) == 2
+
+
+def test_motion_at_uneven_times_is_made_at_them(tmp_path):
+    """A pan at constant speed whose frames come when they like: a method that knows the times is as good as ever."""
+    times = [0, 4, 8, 9, 16, 22, 24]
+    path = str(write_clip(tmp_path / "a.mkv", times=times, time_base=Fraction(1, 100), rate=Fraction(25)))
+    intervals = list(Hiding().intervals(path))
+    assert [float(each.hidden[0].t) for each in intervals] == [0.5, 0.125, 0.75]
+    makers = {"blend": InterpolatorMaker(find_method("blend")), "rigid": Rigid()}
+    comparison = compare(path, makers, Hiding(), Nobody())
+    for interval, frame in zip(intervals, comparison.methods[0].frames, strict=True):
+        t = float(interval.hidden[0].t)
+        mixed = (1 - t) * interval.shown0.image.astype(float) + t * interval.shown1.image
+        mse = float(((np.rint(mixed) - interval.hidden[0].truth) ** 2).mean())
+        assert frame.scores.mse == pytest.approx(mse, rel=0.1)
+    assert comparison.uneven == [3, 5]
+    (note,) = comparison.notes(makers)
+    assert "(even ones with rigid): 3, 5." in note
+
+
+class Rigid:
+    """A method that knows no times."""
+
+    looks_far = False
+    any_time = False
+
+    def make(self, intervals, wanted=None):
+        for interval in intervals:
+            for hidden in interval.hidden:
+                yield Made(hidden.number, interval.shown0.image, 0.1, 0.1)
+
+    def describe(self):
+        return "rigid"
 
 
 @pytest.mark.skipif(Minterpolate.missing() is not None, reason="there is no ffmpeg on the PATH")
@@ -199,12 +327,97 @@ def test_a_missing_program_is_said_and_no_error(fpsboost_, folder, monkeypatch):
     assert "minterpolate was skipped, there is no ffmpeg on the PATH." in result.out
 
 
+@pytest.mark.parametrize("more", [(), ("--report", "page"), ("--json", "figures.json")])
+@pytest.mark.parametrize("names", ["reproject-image", "reproject-image,reproject-scene"])
+def test_nothing_to_compare_is_an_error(fpsboost_, folder, tmp_path, snapshot, names, more):
+    """One sentence says why each method was skipped, exit code 2, and nothing is written."""
+    before = snapshot(tmp_path)
+    result = fpsboost_("compare", folder, "-m", names, *more)
+    assert (result.code, len(result.lines), result.out) == (2, 1, "")
+    assert "There is no method to compare; reproject-image was skipped, it needs the renderer's motion" in result.err
+    assert snapshot(tmp_path) == before
+
+
+def test_no_frame_left_is_an_error(fpsboost_, tmp_path):
+    """A still, one frame, one held picture, and a cut in every interval: one sentence each that says what to do."""
+    for name, count in (("still", 9), ("one", 1)):
+        (tmp_path / name).mkdir()
+        for number in range(count):
+            cv2.imwrite(str(tmp_path / name / f"{number}.png"), pan(0))
+    (tmp_path / "cut").mkdir()
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / "cut" / f"{number}.png"), pan(5 * number) if number < 2 else 255 - pan(9)[::-1])
+    for name, words in (
+        ("still", "4 beside repeated frames, in stills or pauses (--duplicates keep takes repeats too)"),
+        ("one", "has too few frames"),
+        ("cut", "1 across a scene cut (--no-cuts takes everything for one scene)"),
+    ):
+        result = fpsboost_("compare", name, "-m", "blend", "--report", "page")
+        assert (result.code, len(result.lines)) == (1, 1)
+        assert words in result.err
+        assert not (tmp_path / "page").exists()
+    assert fpsboost_("compare", "still", "-m", "blend", "--duplicates", "keep").code == 0
+
+
+def test_a_low_first_method_fails_if_so_told(fpsboost_, folder, tmp_path):
+    """Exit code 3 and one sentence below --fail-under, with everything written; 0 at it; 2 if that one was skipped."""
+    result = fpsboost_("compare", folder, "-m", "blend,dis", "--fail-under", "60", "--json", "a.json", "-q")
+    assert (result.code, result.out, len(result.lines)) == (3, "", 1)
+    psnr = json.loads((tmp_path / "a.json").read_text())["methods"][0]["mean"]["psnr"]
+    assert f"blend reaches {psnr:.2f} dB, below the 60 dB of --fail-under." in result.err
+    assert fpsboost_("compare", folder, "-m", "blend,dis", "--fail-under", psnr, "-q").code == 0
+    result = fpsboost_("compare", folder, "-m", "reproject-image,blend", "--fail-under", "1")
+    assert result.code == 2
+    assert "--fail-under asks about reproject-image, which cannot be run here" in result.err
+    assert fpsboost_("compare", folder, "-m", "blend", "--fail-under", "nan").code == 2
+
+
+def test_a_clip_is_read_as_a_conversion_reads_it(fpsboost_, tmp_path):
+    """Part, stream, fields, repeats and cuts by the same options, which the page's command repeats."""
+
+    def figures(*options):
+        (tmp_path / "a.json").unlink(missing_ok=True)
+        result = fpsboost_("compare", *options, "-m", "blend", "--json", "a.json", "-q")
+        assert (result.code, result.err) == (0, "")
+        return json.loads((tmp_path / "a.json").read_text())
+
+    clip = write_clip(tmp_path / "a.mkv", times=range(12), second_video=True)
+    assert figures(clip, "--start", "0.16", "--end", "11f")["hidden"] == [5, 7, 9]
+    assert figures(clip, "--range", "4:11")["hidden"] == [5, 7, 9]
+    assert figures(clip, "--deinterlace")["clip_frames"] > 20
+    assert figures(repeating(tmp_path / "pan"), "--duplicates", "keep")["repeats"] == []
+    (tmp_path / "cuts.txt").write_text("6f\n")
+    told = figures(clip, "--cuts", "cuts.txt")
+    assert told["cuts"] == [5]
+    assert told["cut_options"] == ["--cuts", "cuts.txt"]
+    assert fpsboost_("compare", clip, "--stream", "1", "-m", "blend").code == 1  # two frames are too few
+    both = fpsboost_("compare", clip, "--range", "2:", "--start", "1", "-m", "blend")
+    assert (both.code, len(both.lines)) == (2, 1)
+
+
+def test_cuts_that_a_list_names_are_cuts_for_the_methods(fpsboost_, folder, tmp_path):
+    """Behind the frame that a list calls a cut, a method repeats instead of moving."""
+    (tmp_path / "cuts.txt").write_text("2f\n")
+    command = ("compare", folder, "-m", "dis,nearest", "-q")
+    assert fpsboost_(*command, "--cuts", "cuts.txt", "--json", "a.json").code == 0
+    assert fpsboost_(*command, "--no-cuts", "--json", "b.json").code == 0
+    listed, free = (json.loads((tmp_path / name).read_text()) for name in ("a.json", "b.json"))
+    assert (listed["cuts"], free["cuts"]) == ([1], [])
+    dis, nearest = (method["frames"][0]["scores"]["psnr"] for method in listed["methods"])
+    assert dis == nearest
+    assert free["methods"][0]["frames"][0]["scores"]["psnr"] > nearest + 3
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "sentence"),
     [
         (("-m", "magic"), 2, "There is no method 'magic'; choose from nlm"),
         (("--range", "0:2"), 2, "leaves nothing to hide"),
         (("--range", "x"), 2, "is no range"),
+        (("--start", "0.1"), 2, "say it with --input-fps"),
+        (("--deinterlace",), 2, "--deinterlace is for video files"),
+        (("--duplicates", "drop"), 2, "duplicates"),
+        (("--no-cuts", "--cut-threshold", "0.5"), 2, "contradict each other"),
         (("--depth", "pan"), 2, "--depth goes with --vectors"),
         (("--vectors", "nowhere"), 1, "nowhere"),
         (("--skip", "0"), 2, "--skip must be at least 1"),

@@ -17,7 +17,7 @@ from truth import affine, as_type, frozen, noise, prepared, waves
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
-from fpsboost.held import Shown, by_moments
+from fpsboost.held import Shown, by_moments, find_pictures
 from fpsboost.media.opening import open_source
 from fpsboost.method_table import methods
 from fpsboost.motion.vectors import RenderedMotion
@@ -328,3 +328,27 @@ def test_a_conversion_counts_them(tmp_path):
     kept = convert(str(clip), str(tmp_path / "kept.mp4"), method="blend", duplicates="keep")
     assert (summary.duplicates, kept.duplicates) == (7, 0)
     assert summary.frames_out == kept.frames_out == 2 * len(source)
+
+
+# ------------------------------------------------------------------------------------------------- what repeats what
+
+
+def repeats(frames: Sequence[Frame]) -> list[tuple[int, bool, int]]:
+    """Of each picture: how many frames are told together, whether it is a still, and how many repeat another."""
+    shown = (Shown(frame, PreparedImage(frame.image)) for frame in frames)
+    return [(len(each.frames), each.is_still, each.repeats) for each in find_pictures(shown, DuplicateDetector())]
+
+
+def test_every_repeat_is_told_in_stills_too() -> None:
+    """Of a picture held between moves all frames but the first; of a still, told in pieces, as well."""
+    found = repeats(held([1, 2, 1, 12, 1, 3]))
+    assert found[:3] == [(1, False, 0), (2, False, 1), (1, False, 0)]
+    assert sum(count for count, _, _ in found) == 21
+    assert sum(again for *_, again in found) == 1 + 11 + 2
+    assert [again for _, is_still, again in found if is_still][-1] == 0  # the clip's last frame, which is a new one
+
+
+def test_frames_that_move_slowly_to_the_end_repeat_nothing() -> None:
+    """They are as much alike as an encoder's repeats, but so were those before."""
+    frames = held([1] * 12, lambda time: pan(0.3 * time))
+    assert sum(again for *_, again in repeats(frames)) == 0

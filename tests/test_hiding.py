@@ -1,4 +1,4 @@
-"""Which frames are hidden, and where they lie between those that are shown."""
+"""Which frames are hidden, where they lie between those that are shown, and which of them are a truth."""
 
 from __future__ import annotations
 
@@ -9,9 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from truth import waves
+from video_truth import write_clip
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hiding import Hiding, parse_range
+from fpsboost.media.excerpt import Excerpt
+from fpsboost.media.video.reading import Reading
+from fpsboost.position import parse_position
 
 
 @pytest.fixture
@@ -88,3 +93,110 @@ def test_hiding_nothing_is_refused(options):
     """Too small a range, nothing to skip, or a frame before the first."""
     with pytest.raises(OptionError, match=r"--skip|--range"):
         Hiding(**options)
+
+
+# ------------------------------------------------------------------------------------------------- repeats and times
+
+
+def save_pan(folder, positions):
+    """A smooth texture at these places, one image each."""
+    folder.mkdir()
+    y, x = np.mgrid[:48, :64].astype(float)
+    for number, position in enumerate(positions):
+        image = np.rint(255 * waves(x - position, y, seed=3)).astype(np.uint8)
+        cv2.imwrite(str(folder / f"{number:03}.png"), image)
+    return str(folder)
+
+
+def what_counts(intervals):
+    """Number, place and whether it counts, of every hidden frame."""
+    return [(each.number, each.t, interval.is_known) for interval in intervals for each in interval.hidden]
+
+
+def test_a_repeat_is_neither_shown_nor_a_truth(tmp_path):
+    """Frame 7 repeats frame 6: it is gone, and the frame after it does not count, since nobody knows its time."""
+    path = save_pan(tmp_path / "clip", [0, 2, 4, 6, 8, 10, 12, 12, 14, 16, 18])
+    intervals = list(Hiding().intervals(path))
+    half = Fraction(1, 2)
+    assert what_counts(intervals) == [
+        (1, half, True),
+        (3, half, True),
+        (5, half, True),
+        (8, Fraction(2, 3), False),
+    ]
+    assert [(each.number, each.last, each.repeats) for each in intervals][3] == (6, 9, (7,))
+    kept = list(Hiding(duplicates="keep").intervals(path))
+    assert [each.hidden[0].number for each in kept] == [1, 3, 5, 7, 9]
+    assert all(each.is_known and not each.repeats for each in kept)
+
+
+def test_animation_on_twos_is_compared_by_its_drawings(tmp_path):
+    """Every picture is shown twice: each drawing lies in the middle of the ones around it, and all count."""
+    path = save_pan(tmp_path / "clip", [2 * (number // 2) for number in range(15)])
+    half = Fraction(1, 2)
+    assert what_counts(Hiding().intervals(path)) == [(2, half, True), (6, half, True), (10, half, True)]
+
+
+def test_a_still_does_not_count_and_slow_motion_does(tmp_path):
+    """Where nothing moves for long there is nothing to make; a slow pan counts to its end."""
+    still = save_pan(tmp_path / "still", [0, 2, 4, 6] + [8] * 10 + [10, 12, 14])
+    assert [number for number, _, counts in what_counts(Hiding().intervals(still)) if counts] == [1, 3, 15]
+    y, x = np.mgrid[:48, :64].astype(float)
+    (tmp_path / "slow").mkdir()
+    for number in range(15):
+        image = np.rint(128 + 40 * np.sin((x + 0.3 * number) / 9) * np.cos(y / 11)).astype(np.uint8)
+        cv2.imwrite(str(tmp_path / "slow" / f"{number:03}.png"), image)
+    assert all(counts for *_, counts in what_counts(Hiding().intervals(str(tmp_path / "slow"))))
+
+
+def test_frames_are_made_at_their_own_times(tmp_path):
+    """At 100 ticks a second: evenly where a clock has rounded, else where the clip says."""
+    times = [0, 4, 8, 12, 16, 18, 24, 27, 32]
+    path = write_clip(tmp_path / "a.mkv", times=times, time_base=Fraction(1, 100), rate=Fraction(25))
+    places = [t for _, t, _ in what_counts(Hiding().intervals(str(path)))]
+    assert places == [Fraction(1, 2), Fraction(1, 2), Fraction(1, 4), Fraction(3, 8)]
+    rounded = [0, 33, 67, 100, 133, 167, 200]
+    path = write_clip(tmp_path / "b.mkv", times=rounded, time_base=Fraction(1, 1000), rate=Fraction(30))
+    assert {t for _, t, _ in what_counts(Hiding().intervals(str(path)))} == {Fraction(1, 2)}
+
+
+def test_a_pause_does_not_count(tmp_path):
+    """A conversion makes nothing across two seconds in which nothing was shown."""
+    times = [0, 4, 8, 12, 16, 216, 220]
+    path = write_clip(tmp_path / "a.mkv", times=times, time_base=Fraction(1, 100), rate=Fraction(25))
+    assert [counts for *_, counts in what_counts(Hiding().intervals(str(path)))] == [True, True, False]
+
+
+@pytest.mark.parametrize(("start", "end"), [("10f", "17f"), ("0.4", "0.68"), ("0.4", "17f")])
+@pytest.mark.parametrize("counts_frames", [False, True])
+def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
+    """--start and --end, gone to at once or read up to, give the frames of --range with their numbers and moments."""
+    path = write_clip(tmp_path / "a.mp4", times=range(30), options={"g": "6", "crf": "0"})
+    excerpt = Excerpt(parse_position(start, "--start"), parse_position(end, "--end"))
+    by_frames = list(Hiding(first=10, last=17).intervals(str(path)))
+    by_times = list(Hiding(excerpt=excerpt, counts_frames=counts_frames).intervals(str(path)))
+    assert [each.hidden[0].number for each in by_times] == [11, 13, 15]
+    for one, other in zip(by_frames, by_times, strict=True):
+        assert (one.begin, one.end) == (other.begin, other.end)
+        np.testing.assert_array_equal(one.hidden[0].truth, other.hidden[0].truth)
+
+
+def test_a_part_of_images_keeps_their_numbers(folder):
+    """By frames, and by times where the rate is given."""
+    for start, rate in (("3f", None), ("0.3", Fraction(10))):
+        excerpt = Excerpt(parse_position(start, "--start"))
+        assert [each.number for each in Hiding(excerpt=excerpt).intervals(folder, rate)] == [3, 5, 7]
+    with pytest.raises(OptionError, match="--input-fps"):
+        list(Hiding(excerpt=excerpt).intervals(folder))
+
+
+def test_options_say_what_they_were_made_of():
+    """The words of the command line that give the same again, and none for the defaults."""
+    excerpt = Excerpt(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))
+    hiding = Hiding(2, excerpt=excerpt, reading=Reading(1, deinterlace=True), duplicates="keep")
+    words = "--skip 2 --start 90.5 --end 2700f --stream 1 --duplicates keep --deinterlace"
+    assert hiding.as_options() == words.split()
+    assert Hiding().as_options() == []
+    assert Hiding(first=3).as_options() == ["--range", "3:"]
+    with pytest.raises(OptionError, match="give one or the other"):
+        Hiding(first=3, excerpt=excerpt)

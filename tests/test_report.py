@@ -27,7 +27,7 @@ from fpsboost.evaluation.compare import Comparison, compare
 from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
 from fpsboost.evaluation.pictures import as_shown, find_spots, in_colour
-from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, say_outcome, write_report
+from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, write_report
 from fpsboost.method_table import methods
 
 NAMES = ("dis", "blend", "nearest")
@@ -129,8 +129,8 @@ def test_page_says_how_to_repeat_it(text: str, comparison: Comparison) -> None:
     hiding = Hiding(skip=2, first=1, last=9)
     assert f"fpsboost compare {comparison.clip} -m dis,blend,nearest,minterpolate --report DIR" in text
     assert "--skip 2 --range 1:9 --input-fps 24 --report" in command(replace(comparison, hiding=hiding), 24)
-    rendered = replace(comparison, rendered=("--vectors", "my passes"))
-    assert command(rendered, None).endswith("--vectors 'my passes' --report DIR")
+    rendered = replace(comparison, rendered=("--vectors", "my passes"), cut_options=("--no-cuts",))
+    assert command(rendered, None).endswith("--vectors 'my passes' --no-cuts --report DIR")
 
 
 def test_existing_folder_is_refused(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path) -> None:
@@ -165,10 +165,35 @@ def test_frames_across_cuts_are_named_and_not_drawn(comparison: Comparison, make
     assert worst not in [chosen.number for chosen in choose_frames(cut)]
 
 
+def test_frames_that_are_no_truth_are_named_and_not_drawn(
+    comparison: Comparison, makers: dict[str, Maker], tmp_path: Path
+) -> None:
+    """Beside a repeat nobody knows what should be seen: said, marked in every figure, never picked to be shown."""
+    worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
+    beside = replace(comparison, repeats=[worst + 1], doubtful=[worst])
+    text = write_report(tmp_path / "page", beside, makers).read_text()
+    assert f"show what the one before shows, and are no truths: {worst + 1}." in text
+    assert f"nobody knows what should be seen: {worst}." in text
+    assert text.count('class="cut"') == 8
+    assert worst not in [chosen.number for chosen in choose_frames(beside)]
+
+
+def test_small_areas_are_not_on_the_page(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path) -> None:
+    """An area of less than 2 % of the picture, or of more than 98 %, has no columns; without any there is no table."""
+    shares = {"moving": 0.5, "occluded": 0.019, "uncertain": 0.03}
+    text = write_report(tmp_path / "page", replace(comparison, shares=shares), makers).read_text()
+    assert "50 % moving" in text
+    assert "3 % uncertain" in text
+    assert "% occluded" not in text
+    none = replace(comparison, shares=dict.fromkeys(shares, 0.01) | {"moving": 0.99})
+    assert 'id="by-area"' not in write_report(tmp_path / "other", none, makers).read_text()
+
+
 class Darkening:
     """A method that looks far: each frame is darker than the one made before, and the first is white."""
 
     looks_far: ClassVar[bool] = True
+    any_time: ClassVar[bool] = False
 
     def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         for count, interval in enumerate(intervals):
@@ -199,22 +224,6 @@ def test_a_frame_chosen_twice_is_shown_once(comparison: Comparison) -> None:
     assert sum(len(each.reasons) for each in chosen) == 4
     psnr = {frame.number: frame.scores.psnr for frame in comparison.methods[0].frames}
     assert numbers[0] == min(psnr, key=lambda number: psnr[number])
-
-
-def test_outcome_is_a_sentence(comparison: Comparison) -> None:
-    """It names the best method, the next one and the price; a method alone is ahead of nobody."""
-    ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
-    sentence = say_outcome(comparison)
-    assert sentence.startswith(f"{ranked[0].name} comes nearest to the truth: ")
-    assert f" dB ahead of {ranked[1].name}, at " in sentence
-    alone = replace(comparison, methods=[ranked[0]])
-    assert re.fullmatch(rf"{ranked[0].name} reaches [\d.]+ dB, at [\d.]+ s a frame\.", say_outcome(alone))
-
-
-def test_level_methods_are_called_level(comparison: Comparison) -> None:
-    """Nobody is 0.0 dB ahead."""
-    twin = replace(comparison.methods[0], name="twin")
-    assert "level with twin" in say_outcome(replace(comparison, methods=[comparison.methods[0], twin]))
 
 
 @pytest.mark.parametrize(

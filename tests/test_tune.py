@@ -9,7 +9,7 @@ import pytest
 from test_compare import Nobody
 from truth import noise
 
-from fpsboost.errors import OptionError, OutputError
+from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.evaluation import tune as tuning_module
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.tune import AS_GOOD, Trial, Tuning, choose_frames, tune
@@ -18,8 +18,8 @@ from fpsboost.evaluation.tuning_chart import draw_tuning
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 
-STEPS = (0, 1, 2, 4, 6, 8, 10, 10, 10)
-"""Places of the frames: motion grows."""
+STEPS = (0, 1, 3, 5, 8, 11, 14, 15, 16)
+"""Places of the frames: motion grows, and slows down in the end."""
 
 
 @pytest.fixture
@@ -45,6 +45,16 @@ def test_frames_are_chosen_for_their_motion(folder):
     for count, expected in ((1, [5]), (2, [1, 5]), (3, [1, 3, 5])):
         chosen = choose_frames(folder, Hiding(), count, Nobody())
         assert [each.hidden.number for each in chosen] == expected
+
+
+def test_no_frame_is_tuned_on_where_nothing_moves(tmp_path):
+    """Repeats are no truth: of seven frames the one in motion is taken, and in a still none."""
+    texture = cv2.GaussianBlur(noise(48, 100), (0, 0), 0.8)
+    for number, step in enumerate((0, 4, 8, 8, 8, 8, 8)):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), texture[:, 16 - step : 80 - step])
+    assert [each.hidden.number for each in choose_frames(str(tmp_path), Hiding(), 3, Nobody())] == [1]
+    with pytest.raises(InputError, match="--duplicates keep"):
+        choose_frames(str(tmp_path), Hiding(first=2), 1, Nobody())
 
 
 @pytest.mark.usefixtures("few")

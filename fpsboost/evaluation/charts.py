@@ -119,13 +119,13 @@ def draw_lines(
         Of the frames.
     series : sequence of Series
     cuts : sequence of int
-        Frames across a scene cut: marked, their values left out.
+        Frames across a scene cut, and others that do not count: marked, their values left out.
     from_zero : bool
         Let the axis begin at 0.
     may_be_logarithmic : bool
         Take a logarithmic axis where the values differ much.
     """
-    counted = np.array([number not in cuts for number in numbers]) | (len(cuts) == len(numbers))
+    counted = np.array([number not in cuts for number in numbers])
     values = [np.where(counted, np.asarray(each.values, float), np.nan) for each in series]
     shown = np.concatenate([each[counted] for each in values])
     logarithmic = may_be_logarithmic and float(shown.min()) > 0 and _differ_much(values)

@@ -8,25 +8,38 @@ from __future__ import annotations
 import os
 import platform
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
 from importlib.metadata import version
+from itertools import pairwise
 from typing import IO, Any, NamedTuple, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import OutputError, explained
+from fpsboost.cut_list import CutList
+from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.hiding import Hidden, Hiding, Interval
 from fpsboost.evaluation.making import Made, Maker
 from fpsboost.evaluation.metrics import Scores, absolute_error, mean, mean_scores, score
-from fpsboost.evaluation.regions import NAMES, Regions, find_regions
+from fpsboost.evaluation.regions import NAMES, OUTSIDES, Regions, find_regions
+from fpsboost.evaluation.verdict import judge
 from fpsboost.frame import Image, describe
+from fpsboost.interpolator import Pair, with_neighbours
 from fpsboost.method_table import methods
-from fpsboost.scenes import CutDetector
+from fpsboost.motion.vectors import VectorFolder
+from fpsboost.prepared import PreparedImage
+from fpsboost.scenes import CutDetector, CutPolicy
 from fpsboost.version import __version__
+
+SMALLEST_SHARE = 0.02
+"""An area that takes less of the picture is not shown: its few pixels say more about chance than about a method."""
+
+
+MOST_NAMED = 8
+"""Frames that a note names; the data have all of them."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +74,7 @@ class MethodResult:
     ----------
     name, options : str
     frames : list of FrameResult
-        In order, those across a scene cut among them.
+        In order, those that do not count among them.
     """
 
     name: str
@@ -93,6 +106,17 @@ class Comparison:
         Versions and machine.
     rendered : tuple of str
         The options that named a renderer's vectors, as words of the command line.
+    cut_options : tuple of str
+        Those that said where scenes end.
+    times : list of float
+        Where between the two shown frames each of `hidden` lies, 0 to 1.
+    repeats : list of int
+        Numbers of frames that show what the one before shows: neither shown nor a truth, unless in a still.
+    doubtful : list of int
+        Those of `hidden` at whose times nobody knows what should be seen, most often beside repeats; see
+        `fpsboost.evaluation.hiding.Hiding`. No mean counts them.
+    clip_frames : int
+        Frames from the first shown one to the last, all counted.
     """
 
     clip: str
@@ -105,10 +129,55 @@ class Comparison:
     skipped: dict[str, str]
     made_with: dict[str, str] = field(default_factory=dict)
     rendered: tuple[str, ...] = ()
+    cut_options: tuple[str, ...] = ()
+    times: list[float] = field(default_factory=list)
+    repeats: list[int] = field(default_factory=list)
+    doubtful: list[int] = field(default_factory=list)
+    clip_frames: int = 0
+
+    @property
+    def areas(self) -> list[tuple[str, str]]:
+        """The areas that are worth showing, each with what lies outside: both take a share that matters."""
+        known = zip(NAMES, OUTSIDES, strict=True)
+        return [pair for pair in known if SMALLEST_SHARE <= self.shares[pair[0]] <= 1 - SMALLEST_SHARE]
+
+    @property
+    def uneven(self) -> list[int]:
+        """Hidden frames that lie off their even places between the shown ones."""
+        steps = self.hiding.skip + 1
+        even = [(place % self.hiding.skip + 1) / steps for place in range(len(self.hidden))]
+        return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
+
+    def notes(self, makers: Mapping[str, Maker]) -> list[str]:
+        """What must be known of repeats and times to understand the figures, as sentences.
+
+        Parameters
+        ----------
+        makers : mapping of str to Maker
+            The methods.
+        """
+        notes = []
+        if self.repeats:
+            notes.append(f"These frames show what the one before shows, and are no truths: {_some(self.repeats)}.")
+        if self.doubtful:
+            notes.append(
+                "These hidden frames do not count, since beside repeats, in stills and across pauses nobody knows what "
+                f"should be seen: {_some(self.doubtful)}."
+            )
+        uneven = [number for number in self.uneven if number not in {*self.cuts, *self.doubtful}]
+        if uneven:
+            rigid = [name for name, maker in makers.items() if not maker.any_time]
+            but = f" (even ones with {', '.join(rigid)})" if rigid else ""
+            notes.append(
+                f"These hidden frames do not divide the time between the shown ones evenly, and were made at their own "
+                f"times{but}: {_some(uneven)}."
+            )
+        return notes
 
     def counted(self, method: MethodResult) -> list[FrameResult]:
-        """The frames of a method that count: all, if every one lies across a cut."""
-        return [frame for frame in method.frames if frame.number not in self.cuts] or method.frames
+        """The frames of a method that count."""
+        left_out = {*self.cuts, *self.doubtful}
+        return [frame for frame in method.frames if frame.number not in left_out]
 
     def means(self, method: MethodResult) -> Scores:
         """Mean scores of a method."""
@@ -126,7 +195,7 @@ class Comparison:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data for machines: the frames of every method, and their means."""
-        plain = asdict(self)
+        plain = {**asdict(self), "hiding": self.hiding.as_json(), "verdict": asdict(judge(self))}
         for row, method in zip(plain["methods"], self.methods, strict=True):
             seconds, cpu_seconds = self.mean_seconds(method)
             row["mean"] = {
@@ -158,7 +227,11 @@ class _Overview:
 
     kind: str
     hidden: list[int]
+    times: list[float]
     cuts: list[int]
+    repeats: list[int]
+    doubtful: list[int]
+    clip_frames: int
     shares: dict[str, float]
     areas: _Areas
 
@@ -193,6 +266,9 @@ def compare(
     skipped: Mapping[str, str] | None = None,
     input_fps: Fraction | None = None,
     rendered: tuple[str, ...] = (),
+    vectors: VectorFolder | None = None,
+    cuts: CutPolicy | None = CutDetector(),
+    cut_options: tuple[str, ...] = (),
 ) -> Comparison:
     """Score methods on the hidden frames of a clip.
 
@@ -209,8 +285,12 @@ def compare(
         Methods that were asked for and cannot be run, and why.
     input_fps : Fraction, optional
         Frames per second of images.
-    rendered : tuple of str
+    rendered, cut_options : tuple of str
         See `Comparison`.
+    vectors : VectorFolder, optional
+        A renderer's: the areas come from them, and repeats are not looked for.
+    cuts : CutPolicy or None
+        Finds the scene cuts between the true frames, or knows them; None takes everything for one scene.
 
     Returns
     -------
@@ -218,15 +298,24 @@ def compare(
 
     Raises
     ------
+    OptionError
+        There is no method to compare.
     InputError
-        The clip cannot be read, is too short, or holds what cannot be compared.
+        The clip cannot be read, is too short, or holds what cannot be compared, or no hidden frame counts.
     OutputError
         There is no space for what is kept meanwhile.
     """
+    if not makers:
+        reasons = "".join(f"; {name} was skipped, {reason}" for name, reason in (skipped or {}).items())
+        raise OptionError(f"There is no method to compare{reasons}; name others with --methods.")
+    if vectors is not None:  # which say what moves, as in conversions
+        hiding = replace(hiding, duplicates="keep", counts_frames=True)
+    if isinstance(cuts, CutList) and cuts.counts_frames:
+        hiding = replace(hiding, counts_frames=True)
     advice = "free some space there, or name another folder with TMPDIR"
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begun("reading", None)
-        overview = _look(hiding.intervals(path, input_fps), _Areas(file), observer)
+        overview = _look(path, hiding.intervals(path, input_fps), _Areas(file), observer, vectors, cuts)
         results = []
         for name, maker in makers.items():
             observer.begun(name, len(overview.hidden))
@@ -246,6 +335,11 @@ def compare(
         dict(skipped or {}),
         _made_with(),
         rendered,
+        cut_options,
+        overview.times,
+        overview.repeats,
+        overview.doubtful,
+        overview.clip_frames,
     )
 
 
@@ -264,28 +358,122 @@ def _made_with() -> dict[str, str]:
     }
 
 
-def _look(intervals: Iterator[Interval], areas: _Areas, observer: Observer) -> _Overview:
-    """Find the scene cuts and the areas."""
-    kind = ""
-    hidden: list[list[int]] = []
-    likenesses: list[float] = []
-    shares: list[list[float]] = []
+def _look(
+    path: str,
+    intervals: Iterable[Interval],
+    areas: _Areas,
+    observer: Observer,
+    vectors: VectorFolder | None,
+    policy: CutPolicy | None,
+) -> _Overview:
+    """Find the areas, and which hidden frames count.
+
+    Raises
+    ------
+    InputError
+        None does.
+    """
+    passed: list[_Passed] = []
+    pairs = _true_pairs(_passing(intervals, areas, observer, vectors, passed), policy)
+    across_cuts = {
+        number
+        for before, (numbers, pair), after in with_neighbours(pairs)
+        if pair.breaks_off(*(each and each[1] for each in (before, after)))
+        for number in numbers
+    }
+    hidden = [number for each in passed for number in each.hidden]
+    cuts = [number for number in hidden if number in across_cuts]
+    doubtful = [number for each in passed if not each.is_known for number in each.hidden if number not in across_cuts]
+    _check_some_count(path, len(hidden), len(cuts), len(doubtful))
+    left_out = {*cuts, *doubtful}
+    shares = [
+        share
+        for each in passed
+        for number, share in zip(each.hidden, each.shares, strict=True)
+        if number not in left_out
+    ]
+    return _Overview(
+        passed[-1].kind,
+        hidden,
+        [float(t) for each in passed for t in each.times],
+        cuts,
+        [number for each in passed for number in each.repeats],
+        doubtful,
+        passed[-1].last - passed[0].first + 1,
+        dict(zip(NAMES, np.mean(shares, axis=0).tolist(), strict=True)),
+        areas,
+    )
+
+
+class _Passed(NamedTuple):
+    """What is kept of an interval that has been looked at."""
+
+    kind: str
+    first: int
+    last: int
+    hidden: list[int]
+    times: list[Fraction]
+    repeats: tuple[int, ...]
+    is_known: bool
+    shares: list[list[float]]
+
+
+def _passing(
+    intervals: Iterable[Interval],
+    areas: _Areas,
+    observer: Observer,
+    vectors: VectorFolder | None,
+    passed: list[_Passed],
+) -> Iterator[Interval]:
+    """The intervals, noted down in `passed` on their way; their areas are kept."""
     for interval in intervals:
-        kind = describe(interval.shown0.image)
-        hidden.append([each.number for each in interval.hidden])
-        likenesses.append(methods["nlm"].pair(*interval.prepared()).likeness)
-        for regions in find_regions(interval):
+        shares = []
+        for regions in find_regions(interval, vectors):
             areas.add(regions)
             shares.append([float(each.mean()) for each in regions])
             observer.made()
-    found = zip(hidden, CutDetector().find_cuts(likenesses), strict=True)
-    cuts = [number for numbers, cut in found if cut for number in numbers]
-    return _Overview(
-        kind,
-        [number for numbers in hidden for number in numbers],
-        cuts,
-        dict(zip(NAMES, np.mean(shares, axis=0).tolist(), strict=True)),
-        areas,
+        passed.append(
+            _Passed(
+                describe(interval.shown0.image),
+                interval.number,
+                interval.last,
+                [each.number for each in interval.hidden],
+                [each.t for each in interval.hidden],
+                interval.repeats,
+                interval.is_known,
+                shares,
+            )
+        )
+        yield interval
+
+
+def _true_pairs(intervals: Iterable[Interval], policy: CutPolicy | None) -> Iterator[tuple[list[int], Pair]]:
+    """Every two true frames that follow each other, with the numbers of the hidden frames of their interval.
+
+    A cut is looked for between these and not between the shown ones: what is fast motion to a method is no cut.
+    """
+    interpolator = replace(methods["nlm"], cuts=policy)
+    last: PreparedImage | None = None
+    for interval in intervals:
+        first, end = interval.prepared()
+        row = [last or first, *interval.prepared_truths(), end]
+        for pair in pairwise(row):
+            yield [each.number for each in interval.hidden], interpolator.pair(*pair)
+        last = end
+
+
+def _check_some_count(path: str, hidden: int, cuts: int, doubtful: int) -> None:
+    """Raise `InputError` unless a hidden frame is left that counts."""
+    if hidden > cuts + doubtful:
+        return
+    reasons = []
+    if cuts:
+        reasons.append(f"{cuts} across a scene cut (--no-cuts takes everything for one scene)")
+    if doubtful:
+        reasons.append(f"{doubtful} beside repeated frames, in stills or pauses (--duplicates keep takes repeats too)")
+    raise InputError(
+        f"None of the {hidden} frames of {path} that would be hidden can be compared: {' and '.join(reasons)}; "
+        "choose another part of the clip."
     )
 
 
@@ -370,6 +558,13 @@ def make_some(
         By number.
     """
     return {made.number: made.image for made in maker.make(hiding.intervals(path, input_fps), numbers)}
+
+
+def _some(numbers: Sequence[int]) -> str:
+    """The first of many numbers, and how many more there are."""
+    named = ", ".join(map(str, numbers[:MOST_NAMED]))
+    more = len(numbers) - MOST_NAMED
+    return f"{named} and {more} more" if more > 0 else named
 
 
 def _without_nan(value: Any) -> Any:

@@ -1,19 +1,34 @@
-"""True frames hidden between those that are shown, read as a stream."""
+"""True frames hidden between those that are shown, read as a stream.
+
+A clip is read as a conversion reads it. Frames that show again what was there before are no truth: where a picture is
+held between moves, they are put together with the first of their kind, and where nothing moves on, they do not count.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import islice
-from typing import NamedTuple
+from itertools import islice, pairwise
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import Frame, Image
-from fpsboost.media.opening import PIPES, Purpose, open_source
-from fpsboost.prepared import PreparedImage
+from fpsboost.errors import InputError, OptionError, check_choice
+from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.held import Picture, Shown, find_pictures
+from fpsboost.media import FrameSource
+from fpsboost.media.excerpt import Excerpt
+from fpsboost.media.opening import PIPES, Purpose, beginning, cut_out, open_source
+from fpsboost.media.video.reading import Reading
+from fpsboost.prepared import Moment, PreparedImage
+from fpsboost.scenes import DuplicateDetector
+from fpsboost.timing import ByRate, rising_moment
+
+Duplicates = Literal["interpolate", "keep"]
+
+WHOLE = "0:"
+"""The range that leaves nothing out."""
 
 
 class Hidden(NamedTuple):
@@ -22,32 +37,72 @@ class Hidden(NamedTuple):
     number: int
     """In the clip, counted from 0."""
     t: Fraction
-    """Its place between the shown frames."""
+    """Its place in time between the shown frames."""
     truth: Image
+    moment: Moment
+    """When the clip shows it."""
 
 
 class Interval(NamedTuple):
     """Two shown frames and those hidden between them."""
 
-    number: int
-    """Of the first shown frame in the clip."""
+    begin: Moment
+    end: Moment
+    """When the clip shows the two."""
     shown0: Frame
     shown1: Frame
     hidden: tuple[Hidden, ...]
+    repeats: tuple[int, ...]
+    """Numbers of frames, from the first shown one to the second, that show what the one before shows."""
+    is_known: bool
+    """Whether it is known what should be seen at the times of the hidden frames; see `Hiding`."""
+
+    @property
+    def number(self) -> int:
+        """Of the first shown frame in the clip."""
+        return self.begin.number
+
+    @property
+    def last(self) -> int:
+        """Number of the second shown frame in the clip."""
+        return self.end.number
 
     def prepared(self) -> tuple[PreparedImage, PreparedImage]:
         """The shown frames as methods take them, each in its place in the clip, nothing remembered of them yet."""
-        places = self.number, self.number + len(self.hidden) + 1
-        first, last = (
-            PreparedImage(each.image, Fraction(place))
-            for each, place in zip((self.shown0, self.shown1), places, strict=True)
-        )
-        return first, last
+        return _prepared(self.shown0.image, self.begin), _prepared(self.shown1.image, self.end)
+
+    def prepared_truths(self) -> list[PreparedImage]:
+        """The hidden frames in the same way."""
+        return [_prepared(hidden.truth, hidden.moment) for hidden in self.hidden]
+
+
+def _prepared(image: Image, moment: Moment) -> PreparedImage:
+    return PreparedImage(image, Fraction(moment.number), moment)
+
+
+class _Truth(NamedTuple):
+    """A frame, and what repeats what."""
+
+    frame: Frame
+    moment: Moment
+    repeats: tuple[int, ...]
+    """Numbers of the frames after it that show the same and were put together with it."""
+    is_repeat: bool
+    """Of the one before, in a still."""
 
 
 @dataclass(frozen=True)
 class Hiding:
-    """Which frames of a clip are hidden.
+    """Which frames of a clip are hidden, and how the clip is read.
+
+    Where a picture is held for several frames between moves (see `fpsboost.held`), its first frame stands for it. Some
+    intervals do not count, because nobody knows what should be seen at the times of their hidden frames: where pictures
+    are held unevenly long (where every 25th frame is a repeat, was a picture missed, or were all of them slowed down?),
+    where two frames show the same because a still begins, lasts or ends, and across a pause that conversions leave
+    alone.
+
+    A hidden frame lies between the shown ones where the times of the clip say, and divides them evenly where it misses
+    that by no more than what conversions take for the rounding and jitter of a clock.
 
     Parameters
     ----------
@@ -55,26 +110,67 @@ class Hiding:
         Frames hidden between every two that are shown.
     first, last : int or None
         The frames from `first` up to, but not including, `last`; to the end where that is None.
+    excerpt : Excerpt
+        The same by times or frames; only one of the two can be given.
+    reading : Reading
+        How a video file is read.
+    duplicates : {'interpolate', 'keep'}
+        Look for frames that repeat another, or take each frame for a picture of its own.
+    counts_frames : bool
+        Count the frames before the excerpt one by one, for what goes by their numbers, rather than leave them unread.
 
     Raises
     ------
     OptionError
-        A value is out of range.
+        A value is out of range, or the range is given in two ways.
     """
 
     skip: int = 1
     first: int = 0
     last: int | None = None
+    excerpt: Excerpt = Excerpt()
+    reading: Reading = Reading()
+    duplicates: Duplicates = "interpolate"
+    counts_frames: bool = False
 
     def __post_init__(self) -> None:
+        check_choice("--duplicates", self.duplicates, get_args(Duplicates))
         if self.skip < 1:
             raise OptionError(f"--skip must be at least 1, the number of frames to hide, not {self.skip}.")
         if self.first < 0 or (self.last is not None and self.last - self.first < self.skip + 2):
-            wanted = "" if self.last is None else self.last
             raise OptionError(
-                f"--range {self.first}:{wanted} leaves nothing to hide; with --skip {self.skip} give at least "
+                f"--range {self._range} leaves nothing to hide; with --skip {self.skip} give at least "
                 f"{self.skip + 2} frames."
             )
+        if self._range != WHOLE and not self.excerpt.is_whole:
+            raise OptionError("--range says in frames what --start and --end say; give one or the other.")
+
+    @property
+    def _range(self) -> str:
+        return f"{self.first}:{'' if self.last is None else self.last}"
+
+    def as_options(self) -> list[str]:
+        """What differs from the defaults, as words of the command line."""
+        own, usual = ({**each.as_json(), "range": each._range} for each in (self, Hiding()))
+        names = ("skip", "range", "start", "end", "stream", "size_change", "duplicates")
+        given = {f"--{name.replace('_', '-')}": own[name] for name in names if own[name] != usual[name]}
+        words = [word for option, value in given.items() for word in (option, str(value))]
+        return [*words, "--deinterlace"] if self.reading.deinterlace else words
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data, by the names of the options; a range as its two ends."""
+        start, end = (None if each is None else each.as_option() for each in (self.excerpt.start, self.excerpt.end))
+        return {
+            "skip": self.skip,
+            "first": self.first,
+            "last": self.last,
+            "start": start,
+            "end": end,
+            "stream": self.reading.stream,
+            "deinterlace": self.reading.deinterlace,
+            "size_change": self.reading.size_change,
+            "duplicates": self.duplicates,
+        }
 
     def intervals(self, path: str, input_fps: Fraction | None = None) -> Iterator[Interval]:
         """Read a clip; a rest at its end that fills no interval is left out.
@@ -90,33 +186,93 @@ class Hiding:
         ------
         InputError
             It cannot be read, or is too short to hide a frame.
+        OptionError
+            It cannot be read in the way that is asked for.
         """
-        shown: tuple[int, Frame] | None = None
-        waiting: list[Frame] = []
-        found = False
         if path in PIPES:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
-        with open_source(path, input_fps, purpose=Purpose(pictures_alone=True, upright=True)) as source:
-            for number, frame in islice(enumerate(source), self.first, self.last):
-                _check_numbers(frame.image, number, path)
-                if shown is not None and len(waiting) < self.skip:
-                    waiting.append(frame)
-                    continue
-                if shown is not None:
-                    found = True
-                    yield self._interval(shown, frame, waiting)
-                shown, waiting = (number, frame), []
+        purpose = Purpose(pictures_alone=True, upright=True, needs_rate=self.excerpt.needs_rate)
+        found = repeats = 0
+        with open_source(path, input_fps, purpose=purpose, reading=self.reading) as whole:
+            clock = _clock(whole.info)
+            source = cut_out(whole, self.excerpt, may_skip=not self.counts_frames)
+            row: list[_Truth] = []
+            for truth in self._truths(self._shown(source, clock, path)):
+                row.append(truth)
+                repeats += len(truth.repeats)
+                if len(row) == self.skip + 2:
+                    found += 1
+                    yield _interval(row, clock)
+                    row = row[-1:]
         if not found:
+            beside = f" beside the {repeats} that repeat another (--duplicates keep takes them too)" if repeats else ""
             raise InputError(
                 f"{path} has too few frames to hide {'one' if self.skip == 1 else self.skip} between two others; "
-                f"{self.skip + 2} are needed in the range."
+                f"{self.skip + 2} are needed in the range{beside}."
             )
 
-    def _interval(self, shown: tuple[int, Frame], after: Frame, waiting: list[Frame]) -> Interval:
-        number, before = shown
-        steps = self.skip + 1
-        hidden = tuple(Hidden(number + k, Fraction(k, steps), frame.image) for k, frame in enumerate(waiting, start=1))
-        return Interval(number, before, after, hidden)
+    def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[Shown]:
+        """The frames of the range, at the times that a conversion takes them to have."""
+        begin, start = Moment(0, Fraction(0)), Fraction(0)
+        last: Fraction | None = None
+        for number, frame in islice(enumerate(source), self.last):
+            if number == 0:
+                begin, start = beginning(source), frame.time
+            if number < self.first:
+                continue
+            moment = Moment(begin.number + number, begin.seconds + frame.time - start)
+            _check_numbers(frame.image, moment.number, path)
+            time = rising_moment(clock, start, frame.time, last)
+            if time is not None:
+                last = time
+                yield Shown(replace(frame, time=time), _prepared(frame.image, moment))
+
+    def _truths(self, frames: Iterator[Shown]) -> Iterator[_Truth]:
+        """The frames, those of a held picture put together."""
+        if self.duplicates == "keep":
+            pictures: Iterator[Picture] = (Picture((each,), is_still=False, repeats=0) for each in frames)
+        else:
+            pictures = find_pictures(frames, DuplicateDetector())
+        for picture in pictures:
+            shown = [(each.frame, _moment_of(each)) for each in picture.frames]
+            if picture.is_still:
+                first_repeat = len(shown) - picture.repeats
+                for index, (frame, moment) in enumerate(shown):
+                    yield _Truth(frame, moment, (), is_repeat=index >= first_repeat)
+            else:
+                frame, moment = shown[0]
+                yield _Truth(frame, moment, tuple(repeat.number for _, repeat in shown[1:]), is_repeat=False)
+
+
+def _clock(info: ClipInfo) -> ByRate:
+    """How a conversion to twice the rate sees the times of a clip."""
+    return ByRate.forgiving(2 * info.rate, info.rate, info.time_base)
+
+
+def _moment_of(shown: Shown) -> Moment:
+    assert shown.image.moment is not None
+    return shown.image.moment
+
+
+def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
+    before, *between, after = row
+    begin, end = before.frame.time, after.frame.time
+    hidden = []
+    for k, truth in enumerate(between, start=1):
+        even = Fraction(k, len(between) + 1)
+        t = (truth.frame.time - begin) / (end - begin)
+        is_even = abs(t - even) * (end - begin) <= clock.tolerance
+        hidden.append(Hidden(truth.moment.number, even if is_even else t, truth.frame.image, truth.moment))
+    repeats = [number for truth in row[:-1] for number in truth.repeats]
+    repeats += [truth.moment.number for truth in row[1:] if truth.is_repeat]
+    is_known = (
+        len({len(truth.repeats) for truth in row[:-1]}) == 1
+        and not any(truth.is_repeat for truth in row[1:])
+        and not any(clock.is_pause(later.frame.time - earlier.frame.time) for earlier, later in pairwise(row))
+    )
+    return Interval(
+        before.moment, after.moment, before.frame, after.frame, tuple(hidden), tuple(sorted(repeats)), is_known
+    )
 
 
 def _check_numbers(image: Image, number: int, path: str) -> None:

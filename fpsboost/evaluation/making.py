@@ -41,9 +41,12 @@ class Maker(Protocol):
     ----------
     looks_far : bool
         Whether a frame hangs on more of the clip than its own interval, the one before and the one after.
+    any_time : bool
+        Whether frames are made at their own times, and not in equal steps only.
     """
 
     looks_far: ClassVar[bool]
+    any_time: ClassVar[bool]
 
     def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         """Yield one frame for each that is hidden, or for those whose numbers are wanted.
@@ -75,6 +78,7 @@ class InterpolatorMaker:
 
     interpolator: Interpolator
     looks_far: ClassVar[bool] = False
+    any_time: ClassVar[bool] = True
 
     def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
         """See `Maker.make`."""
@@ -120,6 +124,7 @@ class Minterpolate:
 
     options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
     looks_far: ClassVar[bool] = True  # its search begins where the search for the frame before ended
+    any_time: ClassVar[bool] = False  # it is fed frames without times
 
     @staticmethod
     def missing() -> str | None:

@@ -227,7 +227,7 @@ def view_motion(picked: Picked, made: Mapping[str, Image], makers: Mapping[str, 
     ]
     return MotionView(
         number=picked.hidden.number,
-        between=(interval.number, interval.number + len(interval.hidden) + 1),
+        between=(interval.number, interval.last),
         width=width,
         height=height,
         shown=encode(not_too_wide(as_shown(interval.shown0.image))),

@@ -22,13 +22,10 @@ from fpsboost.evaluation.charts import COLOURS, Chart, Dot, Series, draw_dots, d
 from fpsboost.evaluation.compare import Comparison, MethodResult, make_some, pick
 from fpsboost.evaluation.making import Maker
 from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
-from fpsboost.evaluation.regions import NAMES, OUTSIDES
+from fpsboost.evaluation.verdict import judge
 from fpsboost.evaluation.writing import appearing
 
 PAGE = "index.html"
-
-LEVEL = 0.005
-"""Two methods that differ by less are level, dB."""
 
 DIFFERENT = "where the methods differ most"
 
@@ -155,10 +152,11 @@ def make_page(
         comparison=comparison,
         name=Path(comparison.clip).name or comparison.clip,
         hidden=describe_hidden(comparison),
-        outcome=say_outcome(comparison),
+        verdict=judge(comparison),
+        notes=comparison.notes(makers),
         columns=COLUMNS,
         overall=overall_rows(comparison),
-        areas=list(zip(NAMES, OUTSIDES, strict=True)),
+        areas=comparison.areas,
         by_area=area_rows(comparison),
         plots=frame_plots(comparison),
         timing=time_plot(comparison),
@@ -239,27 +237,6 @@ def describe_hidden(comparison: Comparison) -> str:
     return f"Between every two frames shown, {each} hidden: {count} {frames} of {size}, {rest}."
 
 
-def say_outcome(comparison: Comparison) -> str:
-    """Who comes nearest to the truth, by how much, and at what price, in one sentence."""
-    ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
-    best = ranked[0]
-    psnr = comparison.means(best).psnr
-    price = f"at {_seconds(comparison.mean_seconds(best)[0])} a frame"
-    if len(ranked) == 1:
-        return f"{best.name} reaches {psnr:.1f} dB, {price}."
-    ahead = psnr - comparison.means(ranked[1]).psnr
-    if ahead < LEVEL:
-        lead = f"level with {ranked[1].name}"
-    else:
-        lead = f"{ahead:.{1 if ahead >= 0.1 else 2}f} dB ahead of {ranked[1].name}"
-    return f"{best.name} comes nearest to the truth: {psnr:.1f} dB, {lead}, {price}."
-
-
-def _seconds(seconds: float) -> str:
-    """Seconds with two figures that count."""
-    return f"{seconds:.{max(0, 1 - math.floor(math.log10(seconds)))}f} s" if 0 < seconds < 10 else f"{seconds:.0f} s"
-
-
 def overall_rows(comparison: Comparison) -> list[Row]:
     """Quality and price of every method, the best first."""
     figures = []
@@ -273,10 +250,10 @@ def overall_rows(comparison: Comparison) -> list[Row]:
 def area_rows(comparison: Comparison) -> list[Row]:
     """Errors in and out of each area, in the order of `overall_rows`."""
     figures = [
-        [comparison.mean_error(method, area, inside) for area in NAMES for inside in (True, False)]
+        [comparison.mean_error(method, area, inside) for area, _ in comparison.areas for inside in (True, False)]
         for method in comparison.methods
     ]
-    rows = _rows(comparison.methods, figures, [(2, False)] * (2 * len(NAMES)))
+    rows = _rows(comparison.methods, figures, [(2, False)] * (2 * len(comparison.areas)))
     return [rows[row.method] for row in overall_rows(comparison)]
 
 
@@ -329,7 +306,7 @@ def time_plot(comparison: Comparison) -> Plot:
 def _frame_charts(comparison: Comparison, key: str, label: str, **how: bool) -> list[Chart]:
     values = frame_values(comparison)
     series = [Series(index, each[key]) for index, each in enumerate(values["methods"])]
-    return draw_lines(key, label, comparison.hidden, series, comparison.cuts, **how)
+    return draw_lines(key, label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
 
 
 def quality_charts(comparison: Comparison) -> list[Chart]:
@@ -346,6 +323,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
     return {
         "frames": comparison.hidden,
         "cuts": comparison.cuts,
+        "doubtful": comparison.doubtful,
         "methods": [
             {
                 "name": method.name,
@@ -361,16 +339,12 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
 
 def command(comparison: Comparison, input_fps: Fraction | None) -> str:
     """What to type to do it again."""
-    hiding = comparison.hiding
     names = [*(method.name for method in comparison.methods), *comparison.skipped]
     words = ["fpsboost", "compare", comparison.clip, "-m", ",".join(names)]
-    if hiding.skip != 1:
-        words += ["--skip", str(hiding.skip)]
-    if hiding.first or hiding.last is not None:
-        words += ["--range", f"{hiding.first}:{'' if hiding.last is None else hiding.last}"]
+    words += comparison.hiding.as_options()
     if input_fps is not None:
         words += ["--input-fps", str(input_fps)]
-    return shlex.join([*words, *comparison.rendered, "--report", "DIR"])
+    return shlex.join([*words, *comparison.rendered, *comparison.cut_options, "--report", "DIR"])
 
 
 def _text_of(environment: Environment, file: str) -> Markup:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.compare import Observer, Picked, pick
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.making import InterpolatorMaker
@@ -132,19 +132,28 @@ def choose_frames(
 ) -> list[Picked]:
     """Hidden frames whose motion is spread evenly from the middle of the clip's to its largest.
 
-    Frames across a scene cut are left out, as long as there are others.
+    Frames across a scene cut are left out, as long as there are others, and so are those that are no truth (see
+    `fpsboost.evaluation.hiding.Hiding`).
     """
     motions: list[tuple[float, int]] = []
     likenesses: list[float] = []
+    known: list[bool] = []
     for interval in hiding.intervals(path, input_fps):
         image0, image1 = interval.prepared()
         motion = expected_motion(image0, image1)
         middle = interval.hidden[len(interval.hidden) // 2].number
         motions.append((motion, middle))
+        known.append(interval.is_known)
         likenesses.append(methods["nlm"].pair(image0, image1).likeness)
         observer.made()
     cuts = CutDetector().find_cuts(likenesses)
-    usable = [each for each, cut in zip(motions, cuts, strict=True) if not cut] or motions
+    fair = [(each, cut) for each, cut, is_known in zip(motions, cuts, known, strict=True) if is_known]
+    if not fair:
+        raise InputError(
+            f"{path} has no hidden frame to tune on that is no repeat and beside none; choose another part of it, or "
+            "take repeats for truth with --duplicates keep."
+        )
+    usable = [each for each, cut in fair if not cut] or [each for each, _ in fair]
     ranked = [number for _, number in sorted(usable)]
     places = np.linspace(len(ranked) - 1, (len(ranked) - 1) // 2, min(count, len(ranked)))
     return pick(path, hiding, sorted({ranked[round(place)] for place in places.tolist()}), input_fps)

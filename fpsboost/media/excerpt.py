@@ -12,6 +12,7 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import Closing, FrameSource
 from fpsboost.position import Position
+from fpsboost.prepared import Moment
 
 ROUNDED = Fraction(1, 1000)
 """Clocks that count in milliseconds put a frame up to so much before its place."""
@@ -162,6 +163,16 @@ class ExcerptSource(Closing):
     @property
     def remarks(self) -> list[str]:
         return self._source.remarks
+
+    @property
+    def beginning(self) -> Moment:
+        """When the first frame of the excerpt is shown in its clip; asked for when that has been read.
+
+        Where frames before it were left out without reading them, its number is that of the nominal rate.
+        """
+        left_out = self._excerpt.start is not None and self._may_skip and isinstance(self._source, Skipping)
+        number = self.window.frames_before(self._source.info.rate) if left_out else self.window.skipped
+        return Moment(number, self.window.begin - self.window.origin)
 
     def close(self) -> None:
         self._source.close()

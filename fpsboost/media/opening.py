@@ -27,6 +27,7 @@ from fpsboost.media.video.reading import Reading
 from fpsboost.media.video.sink import VideoSink
 from fpsboost.media.video.source import VideoSource
 from fpsboost.memory_limit import MemoryLimit
+from fpsboost.prepared import Moment
 from fpsboost.version import __version__
 
 ASSUMED_IMAGE_RATE = Fraction(24)
@@ -164,6 +165,14 @@ def cut_out(
         source.keep(begin or 0, end)
         return source
     return ExcerptSource(source, excerpt, may_skip=may_skip, stretch=stretch)
+
+
+def beginning(source: FrameSource) -> Moment:
+    """When the first frame of a source is shown in its clip; asked for when that has been read."""
+    if isinstance(source, ExcerptSource):
+        return source.beginning
+    skipped = source.skipped if isinstance(source, ImageSource) else 0
+    return Moment(skipped, skipped / source.info.rate)
 
 
 def makes_video(path: str) -> bool:

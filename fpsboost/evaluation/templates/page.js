@@ -112,7 +112,7 @@ class Reader {
     const box = this.add("reading", `top:${100 * this.top}%`);
     box.setAttribute("role", "status");
     const title = document.createElement("b");
-    title.textContent = `frame ${frame}` + (values.cuts.includes(frame) ? ", across a cut" : "");
+    title.textContent = `frame ${frame}` + (values.cuts.includes(frame) ? ", across a cut" : values.doubtful.includes(frame) ? ", not counted" : "");
     const unit = document.createElement("small");
     unit.textContent = ` ${this.chart.dataset.unit}`;
     title.append(unit);

@@ -1,0 +1,219 @@
+"""Who comes nearest to the truth, whether that is more than chance, at what price, and what to take.
+
+Methods are compared frame by frame: frames differ far more in how hard they are than methods do on one frame, so the
+mean of the paired differences is known much better than either mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from fpsboost.evaluation.compare import Comparison
+
+LEVEL = 2.0
+"""Two methods are level where their mean difference is within so many of its standard errors: about 95 %."""
+
+ABOUT_AS_GOOD = 0.3
+"""What so few dB less are worth is hardly seen; the cheapest method within them is recommended too, dB."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far the best method is ahead of another, over the frames that count.
+
+    Attributes
+    ----------
+    method : str
+        The other.
+    mean : float
+        Mean of the differences of PSNR, dB.
+    standard_error : float or None
+        Of that mean, dB; None where there is one frame.
+    """
+
+    method: str
+    mean: float
+    standard_error: float | None
+
+    @property
+    def is_level(self) -> bool:
+        """Whether the difference may be chance; what is the same in every frame is level, too."""
+        return self.standard_error is None or self.mean <= LEVEL * self.standard_error
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a comparison comes to.
+
+    Attributes
+    ----------
+    best : str
+        The method with the highest mean PSNR.
+    psnr : float
+        That, dB.
+    frames : int
+        Frames that count.
+    ahead : list of Difference
+        Of the best from each of the others, the nearest first.
+    level : list of str
+        Those of them that are level with the best.
+    cheapest : str
+        The method that takes the least CPU time of those within `ABOUT_AS_GOOD` of the best, itself included.
+    cpu_seconds : dict of str to float
+        What multiplying the frames of the whole range by `factor` takes, by method.
+    clip_frames, factor : int
+        Frames of the range, and how many are made of each: one more than were hidden at once.
+    sentences : list of str
+        All that in words: who is ahead, and at what price, and what to take.
+    """
+
+    best: str
+    psnr: float
+    frames: int
+    ahead: list[Difference]
+    level: list[str]
+    cheapest: str
+    cpu_seconds: dict[str, float]
+    clip_frames: int
+    factor: int
+    sentences: list[str]
+
+    @property
+    def text(self) -> str:
+        """The sentences as one text."""
+        return " ".join(self.sentences)
+
+
+def judge(comparison: Comparison) -> Verdict:
+    """What a comparison comes to; the terminal, the data and the page all say this.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of at least one method and one frame that counts.
+    """
+    psnr = {each.name: [frame.scores.psnr for frame in comparison.counted(each)] for each in comparison.methods}
+    means = {name: float(np.mean(values)) for name, values in psnr.items()}
+    made = (comparison.clip_frames - 1) * comparison.hiding.skip
+    seconds = {each.name: comparison.mean_seconds(each)[1] * made for each in comparison.methods}
+    best, *others = sorted(means, key=lambda name: (-means[name], seconds[name]))
+    ahead = [difference(name, psnr[best], psnr[name]) for name in others]
+    near = [name for name in means if means[best] - means[name] <= ABOUT_AS_GOOD]
+    verdict = Verdict(
+        best=best,
+        psnr=means[best],
+        frames=len(psnr[best]),
+        ahead=ahead,
+        level=[each.method for each in ahead if each.is_level],
+        cheapest=min(near, key=lambda name: seconds[name]),
+        cpu_seconds=seconds,
+        clip_frames=comparison.clip_frames,
+        factor=comparison.hiding.skip + 1,
+        sentences=[],
+    )
+    return replace(verdict, sentences=_say(verdict, means))
+
+
+def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Difference:
+    """The mean paired difference of two methods, and how well it is known.
+
+    Frames that follow each other resemble each other, so that n of them tell less than n independent ones. The
+    differences are taken for a first-order autoregressive process: with r, their correlation from frame to frame as
+    estimated from the same frames, the standard error of independent ones is multiplied by sqrt((1 + r) / (1 - r)). A
+    negative r counts as none, which never makes the error smaller. Of few frames r is underestimated and two standard
+    errors are fewer than 95 %, so that a lead over less than about ten frames is a hint only.
+
+    Parameters
+    ----------
+    method : str
+        Name of the other.
+    best, other : sequence of float
+        PSNR of the same frames in order, dB.
+
+    Examples
+    --------
+    >>> difference("other", [31.0, 33.0, 31.0, 33.0], [30.0, 30.0, 30.0, 30.0])
+    Difference(method='other', mean=2.0, standard_error=0.5773502691896257)
+    """
+    differences = np.subtract(best, other)
+    mean, count = float(differences.mean()), len(differences)
+    if count < 2:
+        return Difference(method, mean, None)
+    apart = differences - mean
+    variance = float(apart @ apart)
+    correlation = max(0.0, float(apart[1:] @ apart[:-1]) / variance) if variance else 0.0
+    independent = math.sqrt(variance / (count - 1) / count)
+    return Difference(method, mean, independent * math.sqrt((1 + correlation) / (1 - correlation)))
+
+
+def _say(verdict: Verdict, means: dict[str, float]) -> list[str]:
+    work = f"{'Doubling' if verdict.factor == 2 else f'Making {verdict.factor} of each of'} these "
+    work += f"{verdict.clip_frames} frames takes"
+    price = f"{work} {verdict.best} {say_seconds(verdict.cpu_seconds[verdict.best])} of CPU time"
+    if not verdict.ahead:
+        return [f"{verdict.best} reaches {verdict.psnr:.1f} dB over {_count(verdict.frames)}.", f"{price}."]
+    nearest = verdict.ahead[0]
+    sentences = []
+    if verdict.frames == 1:
+        sentences.append(
+            f"{verdict.best} comes nearest to the truth with {verdict.psnr:.1f} dB, {nearest.mean:.2f} dB ahead of "
+            f"{nearest.method}, but one frame says nothing about others."
+        )
+    elif verdict.level:
+        apart = ", ".join(_apart(each) for each in verdict.ahead if each.is_level)
+        sentences.append(
+            f"{_listed([verdict.best, *verdict.level])} are level: {verdict.best} reaches {verdict.psnr:.1f} dB over "
+            f"{_count(verdict.frames)}, and no lead is more than two standard errors ({apart})."
+        )
+    else:
+        sentences.append(
+            f"{verdict.best} comes nearest to the truth: {verdict.psnr:.1f} dB over {_count(verdict.frames)}, "
+            f"{_apart(nearest)}."
+        )
+    if verdict.cheapest == verdict.best:
+        sentences += [f"{price}.", f"Take {verdict.best}: nothing cheaper comes within {ABOUT_AS_GOOD} dB."]
+    else:
+        less = means[verdict.best] - means[verdict.cheapest]
+        sentences.append(f"{price}, and {verdict.cheapest} {say_seconds(verdict.cpu_seconds[verdict.cheapest])}.")
+        sentences.append(
+            f"Take {verdict.best} for the best picture, or {verdict.cheapest}, the cheapest within {ABOUT_AS_GOOD} dB "
+            f"({less:.2f} dB less)."
+        )
+    return sentences
+
+
+def _apart(ahead: Difference) -> str:
+    assert ahead.standard_error is not None
+    return f"{ahead.mean:.2f} ± {ahead.standard_error:.2f} dB ahead of {ahead.method}"
+
+
+def _count(frames: int) -> str:
+    return f"{frames} frame{'' if frames == 1 else 's'}"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def say_seconds(seconds: float) -> str:
+    """A time as people say it, with two figures that count.
+
+    Examples
+    --------
+    >>> say_seconds(0.0123), say_seconds(7.25), say_seconds(95.0), say_seconds(5000.0)
+    ('0.012 s', '7.2 s', '95 s', '1 h 23 min')
+    """
+    if seconds >= 3600:
+        hours, minutes = divmod(round(seconds / 60), 60)
+        return f"{hours} h {minutes} min"
+    if seconds >= 120:
+        return f"{round(seconds / 60)} min"
+    if 0 < seconds < 10:
+        return f"{seconds:.{max(0, 1 - math.floor(math.log10(seconds)))}f} s"
+    return f"{seconds:.0f} s"

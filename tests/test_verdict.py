@@ -1,0 +1,125 @@
+"""The verdict: who is ahead by more than chance, at what price, and what to take."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from video_truth import scene
+
+from fpsboost.evaluation.compare import Comparison, FrameResult, MethodResult
+from fpsboost.evaluation.hiding import Hiding
+from fpsboost.evaluation.metrics import Scores
+from fpsboost.evaluation.verdict import difference, judge
+
+# said only under pytest
+pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
+
+
+def comparison(cpu_seconds: dict[str, float] | None = None, skip: int = 1, **psnr: list[float]) -> Comparison:
+    """Methods with these decibels a frame, each frame at so many CPU seconds."""
+    seconds = cpu_seconds or {}
+    count = len(next(iter(psnr.values())))
+    methods = [
+        MethodResult(
+            name,
+            "",
+            [
+                FrameResult(2 * k + 1, Scores(1.0, value, 0.9, 1.0), 9.0, seconds.get(name, 1.0), {}, {})
+                for k, value in enumerate(values)
+            ],
+        )
+        for name, values in psnr.items()
+    ]
+    hidden = [2 * k + 1 for k in range(count)]
+    return Comparison("clip", "", Hiding(skip), hidden, [], {}, methods, {}, clip_frames=2 * count + 1)
+
+
+def test_a_lead_that_every_frame_shows_is_one() -> None:
+    """Frames differ by 10 dB and methods by 0.2 dB, which the mean of either method would never tell."""
+    hard = np.linspace(25, 35, 12)
+    rng = np.random.default_rng(0)
+    verdict = judge(comparison(a=list(hard), b=list(hard + 0.2 + rng.normal(0, 0.05, 12))))
+    assert verdict.best == "b"
+    assert verdict.level == []
+    assert verdict.ahead[0].mean == pytest.approx(0.2, abs=0.05)
+    assert "0.2" in verdict.text
+    assert "ahead of a" in verdict.text
+
+
+def test_what_may_be_chance_is_level() -> None:
+    """One frame decides the mean, and the standard error is as large; equal methods are level, too."""
+    verdict = judge(comparison(a=[30.0] * 10, b=[29.9] * 9 + [33.0]))
+    assert (verdict.best, verdict.level) == ("b", ["a"])
+    assert "level" in verdict.text
+    assert "nearest" not in verdict.text
+    assert judge(comparison(a=[30.0, 31.0], b=[30.0, 31.0])).level == ["b"]
+
+
+def test_the_standard_error_is_that_of_paired_differences() -> None:
+    """Deviation of the differences over the root of their number, where they do not follow each other."""
+    one, other = [31.0, 33.0, 31.0, 33.0], [30.0] * 4
+    known = difference("other", one, other)
+    assert (known.mean, known.standard_error) == (2.0, pytest.approx(np.std([1, 3, 1, 3], ddof=1) / 2))
+
+
+def test_neighbours_that_resemble_each_other_count_less() -> None:
+    """Of differences that run in an AR(1) process with 0.8, the error is three times that of independent ones."""
+    rng = np.random.default_rng(1)
+    differences = [0.0]
+    for _ in range(4000):
+        differences.append(0.8 * differences[-1] + rng.normal())
+    known = difference("other", differences, [0.0] * len(differences))
+    plain = np.std(differences, ddof=1) / math.sqrt(len(differences))
+    assert known.standard_error is not None
+    assert known.standard_error / plain == pytest.approx(3, rel=0.1)
+    assert abs(known.mean) < 3 * known.standard_error
+
+
+def test_one_frame_says_nothing_about_others() -> None:
+    """Its difference is given, and no error."""
+    verdict = judge(comparison(a=[30.0], b=[34.0]))
+    assert verdict.ahead[0].standard_error is None
+    assert verdict.level == ["a"]
+    assert "one frame says nothing" in verdict.text
+
+
+def test_the_cheapest_that_is_about_as_good_is_recommended() -> None:
+    """Within 0.3 dB of the best by the mean, with what either costs for the whole clip, not for a frame."""
+    psnr = {"best": [36.0, 37.0] * 5, "fast": [35.75, 36.75] * 5, "rough": [35.5, 36.7] * 5}
+    verdict = judge(comparison({"best": 2.0, "fast": 0.5, "rough": 0.1}, **psnr))
+    assert (verdict.best, verdict.cheapest) == ("best", "fast")
+    assert verdict.cpu_seconds == {"best": 40.0, "fast": 10.0, "rough": 2.0}
+    assert "Doubling these 21 frames takes best 40 s of CPU time, and fast 10 s." in verdict.text
+    assert "Take best for the best picture, or fast, the cheapest within 0.3 dB (0.25 dB less)." in verdict.text
+    assert judge(comparison({"best": 0.2}, **psnr)).cheapest == "best"
+
+
+def test_hiding_more_prices_more() -> None:
+    """Two of three hidden: the price is that of three frames for one."""
+    verdict = judge(comparison({"a": 1.0}, skip=2, a=[30.0, 31.0]))
+    assert (verdict.factor, verdict.cpu_seconds["a"]) == (3, 8.0)
+    assert verdict.text.startswith("a reaches 30.5 dB over 2 frames. Making 3 of each of these 5 frames takes a 8.0 s")
+
+
+def test_terminal_data_and_page_say_the_same(fpsboost_, tmp_path: Path) -> None:
+    """Word for word, and what the data say can be computed from their own frames."""
+    folder = tmp_path / "clip"
+    folder.mkdir()
+    for number in range(9):
+        cv2.imwrite(str(folder / f"{number}.png"), scene(number * (number + 3) // 3))
+    result = fpsboost_("compare", folder, "-m", "dis,blend", "--json", "figures.json", "--report", "page")
+    assert result.code == 0
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    first, *others = figures["verdict"]["sentences"]
+    assert " ".join([first, *others]) in result.out.splitlines()
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert f'<p class="outcome">{first}</p>' in page
+    assert f'<p class="advice">{" ".join(others)}</p>' in page
+    dis, blend = ([frame["scores"]["psnr"] for frame in method["frames"]] for method in figures["methods"])
+    (ahead,) = figures["verdict"]["ahead"]
+    assert ahead["mean"] == pytest.approx(np.mean(np.subtract(dis, blend)))
