@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import math
 import tempfile
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ def describe_camera(camera: Camera, size: Size, samples: int) -> dict[str, Any]:
     return {"type": "perspective", **place, "film": film, "sampler": sampler}
 
 
-def load(scene: Scene, number: int, size: Size, samples: int, folder: Path) -> Any:
+def load(scene: Scene, number: float, size: Size, samples: int, folder: Path) -> Any:
     """Build a frame's scene in Mitsuba; `folder` takes the solids for as long as that lasts."""
     parts = {f"light{i}": light for i, light in enumerate(scene.lights)}
     for i, actor in enumerate(scene.actors):
@@ -57,7 +58,7 @@ def load(scene: Scene, number: int, size: Size, samples: int, folder: Path) -> A
     return mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor, **for_mitsuba(parts)})
 
 
-def render(scene: Scene, number: int, size: Size, samples: int, seed: int) -> NDArray[np.float32]:
+def render(scene: Scene, number: float, size: Size, samples: int, seed: int) -> NDArray[np.float32]:
     """Render the linear colours of a frame, (H, W, 3) RGB."""
     with tempfile.TemporaryDirectory() as folder:
         loaded = load(scene, number, size, samples, Path(folder))
@@ -88,9 +89,9 @@ def write_exr(path: Path, channels: str, values: Array | NDArray[np.float32], *,
         file.write(str(path))
 
 
-def write_passes(folder: Path, scene: Scene, number: int, size: Size, *, is_full: bool) -> None:
+def write_passes(folder: Path, scene: Scene, number: int, step: Fraction, size: Size, *, is_full: bool) -> None:
     """Write the depth and the motion vectors of a frame."""
-    around = (number - 1, number, number + 1)
+    around = [float(each * step) for each in (number - 1, number, number + 1)]
     cameras, bodies = [scene.camera(n) for n in around], [scene.bodies(n) for n in around]
     depth, vectors = find_vectors(cameras, bodies, size)
     if not is_full:
@@ -120,6 +121,8 @@ def main() -> None:
     parser.add_argument("--scene", choices=list(scenes), action="append", help="only this one; may be repeated")
     parser.add_argument("--frames", type=int, default=25, help="how many (default: %(default)s)")
     parser.add_argument("--first", type=int, default=0, help="number of the first frame (default: %(default)s)")
+    help_step = "how far the scenes move in a frame: 1/4 is a quarter as fast (default: %(default)s)"
+    parser.add_argument("--step", type=Fraction, default=Fraction(1), help=help_step)
     parser.add_argument("--size", type=read_size, default=(384, 216), help="WIDTHxHEIGHT (default: 384x216)")
     help_samples = "paths of light a pixel, best a square number (default: %(default)s)"
     parser.add_argument("--samples", type=int, default=64, help=help_samples)
@@ -132,8 +135,8 @@ def main() -> None:
         for number in range(options.first, options.first + options.frames):
             # each frame has noise of its own: the same noise in all would stand still in front of what moves
             seed = options.seed * 100_000 + number
-            write_passes(options.out / name, scene, number, options.size, is_full=options.full)
-            linear = render(scene, number, options.size, options.samples, seed)
+            write_passes(options.out / name, scene, number, options.step, options.size, is_full=options.full)
+            linear = render(scene, float(number * options.step), options.size, options.samples, seed)
             write_colour(options.out / name, number, linear, options.samples)
             print(f"{name} {number}", flush=True)
 
