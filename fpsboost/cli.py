@@ -35,6 +35,7 @@ EXAMPLES = """
   fpsboost in.mp4 out.mp4                              twice the frames
   fpsboost in.mp4 out.mkv --fps 59.94 --crf 16         a rate, not a factor
   fpsboost renders/ doubled/                           a folder of images
+  fpsboost renders/ --fill-gaps --in-place             those that are missing
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long
@@ -68,7 +69,7 @@ app = App(
 @app.default
 def convert(
     input: Annotated[str, Parameter(name="IN")],
-    output: Annotated[str, Parameter(name="OUT")],
+    output: Annotated[str | None, Parameter(name="OUT")] = None,
     /,
     *more: Annotated[str, Parameter(show=False)],
     source: InputOptions = InputOptions(),
@@ -94,15 +95,16 @@ def convert(
     """
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
-    from fpsboost.cli_many import convert_each  # noqa: PLC0415
+    from fpsboost.cli_many import convert_each, convert_in_place  # noqa: PLC0415
 
     interpolator = at_cuts.applied_to(motion.interpolator(tuning))
     factor, fps, input_fps = how_many.multiple(), how_many.rate(), source.image_rate()
     excerpt, encoding, limit = source.excerpt(), video.encoding(), options.limit()
 
-    def run(input: str, output: str, place: str = "") -> None:
-        check_encodes(output, encoding)
-        called = "standard output" if output == PIPE else output
+    def run(input: str, output: str | None, place: str = "") -> None:
+        target = output or input
+        check_encodes(target, encoding)
+        called = "standard output" if output == PIPE else target
         with Reporter(place + called, quiet=options.quiet, verbose=options.verbose) as reporter:
             reporter.say_settings(motion.method, interpolator)
             summary = pipeline.convert(
@@ -117,6 +119,8 @@ def convert(
                 input_fps=input_fps,
                 excerpt=excerpt,
                 duplicates=motion.duplicates,
+                fill_gaps=source.fill_gaps,
+                in_place=options.in_place,
                 reading=source.reading(),
                 encoding=encoding,
                 overwrite=options.overwrite,
@@ -126,13 +130,19 @@ def convert(
             )
         reporter.say_summary(summary)
 
-    if not more:
-        run(input, output)
+    paths = [input, *([] if output is None else [output]), *more]
+    inputs = paths if options.in_place else paths[:-1]
+    if not inputs:
+        raise OptionError(f"OUT is missing: name an output for {input}, or give --in-place for images beside it.")
+    if len(inputs) == 1:
+        run(input, None if options.in_place else output)
         return
     if motion.vectors is not None:
         raise OptionError("--vectors belongs to one clip; convert several inputs with vectors one by one.")
-    paths = [input, output, *more]
-    convert_each(paths[:-1], paths[-1], run, quiet=options.quiet, verbose=options.verbose)
+    if options.in_place:
+        convert_in_place(inputs, run, quiet=options.quiet, verbose=options.verbose)
+    else:
+        convert_each(inputs, paths[-1], run, quiet=options.quiet, verbose=options.verbose)
 
 
 def check_encodes(output: str, encoding: Encoding) -> None:

@@ -95,13 +95,18 @@ def compare(
         Say nothing but errors.
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
+    from fpsboost.media.images.numbering import find_numbers  # noqa: PLC0415
     from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=quiet)
     hiding = frames.hiding()
     if depth is not None and vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
-    makers, skipped = choose(methods, None if vectors is None else VectorFolder(vectors, depth))
+    folder = None if vectors is None else VectorFolder(vectors, depth)
+    numbers = None if folder is None else find_numbers(input)
+    if folder is not None and numbers is not None:
+        folder = folder.matched(numbers, must_match=numbers.step > 1)
+    makers, skipped = choose(methods, folder)
     for path, option in ((report, "--report"), (json, "--json")):
         check_new(path, option)
     rate = frames.image_rate()
