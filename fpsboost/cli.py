@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
+from fpsboost.cli_library_texts import LibraryTexts
 from fpsboost.cli_messages import console, say_error, say_traceback, shown
 from fpsboost.cli_options import (
     CutOptions,
@@ -173,11 +174,19 @@ def stop(number: int, frame: FrameType | None) -> None:
 def main() -> None:
     """Run the command line and exit."""
     signal.signal(signal.SIGTERM, stop)
+    with LibraryTexts() as texts:
+        run_command(texts)
+
+
+def run_command(texts: LibraryTexts) -> None:
+    """Run the command line; exit unless all went well."""
     errors = console()
     verbose = "--verbose" in sys.argv
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]]
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        if texts.sentence() and not {"--quiet", "-q"} & set(tokens):
+            errors.print(f"Note: {shown(texts.sentence())}")
     except KeyboardInterrupt as stopped:
         left = notes_of(stopped)
         nothing = "Stopped." if PIPE in tokens else "Stopped; nothing was written."
@@ -194,6 +203,8 @@ def main() -> None:
     except FpsboostError as error:
         if verbose:
             say_traceback()
+            for line in texts.lines():
+                errors.print(shown(line))
         say_error(errors, error)
         sys.exit(2 if isinstance(error, OptionError) else 1)
     except OSError as error:  # a name or a place that nobody looked at

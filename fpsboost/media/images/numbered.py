@@ -33,10 +33,12 @@ from fpsboost.media.images.files import (
     read_image,
     unread_channels,
 )
+from fpsboost.media.images.kinds import holds_more_pictures
 from fpsboost.media.images.metadata import (
     ImageMetadata,
     can_pass,
     content_of,
+    how_stored,
     lost_metadata,
     read_metadata,
     upright,
@@ -153,6 +155,7 @@ class ImageSource(Closing):
         first = self._read(self.files[0])
         self.needs_float = needs_float(self.files[0], first)
         self._unread = unread_channels(self.files[0])
+        self._holds_more = holds_more_pictures(content_of(self.files[0]))
         height, width, _ = first.shape
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(self.files), self._duration(rate))
 
@@ -197,6 +200,8 @@ class ImageSource(Closing):
             remarks.append(
                 f"The numbers of {self.info.name} rise by {self.step}: taken for a sequence rendered with that step."
             )
+        if self._holds_more:
+            remarks.append(f"{self.files[0].name} and its like hold several pictures, the first of which was read.")
         names = self._unread
         if not names:
             return remarks
@@ -315,6 +320,7 @@ class ImageSink:
         self._names: list[str] = []
         self._frames = 0
         self._frames_there = 0
+        self._kinds = set[str]()
         self._remarks: list[str] = []
         if source is not None and source.step > 1 and kept is None and factor is not None:
             self._remarks.append(
@@ -491,6 +497,7 @@ class ImageSink:
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
             self._metadata = read_metadata(path)
+            self._remark_on_kind(path, frame.image, passes=True)
             return
         check_format(path, frame.image)
         self._remarks += [remark for remark in losses(path, frame.image) if remark not in self._remarks]
@@ -506,7 +513,9 @@ class ImageSink:
             source = frame.original.path
             self._metadata = read_metadata(source)
             is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
-            if is_same and can_pass(source) and not unread_channels(source):
+            passes = is_same and can_pass(source) and not unread_channels(source)
+            self._remark_on_kind(source, frame.image, passes=passes)
+            if passes:
                 return content_of(source)
         metadata, extension = self._metadata or ImageMetadata(), extension_of(path.name)
         for lost in lost_metadata(extension, metadata, frame.image.shape[2]):
@@ -514,6 +523,16 @@ class ImageSink:
             self._remarks += [remark] * (remark not in self._remarks)
         data = encode_image(path, frame.image, half=self._half, attributes=metadata.attributes)
         return with_metadata(extension, data, metadata, frame.image.shape[2])
+
+    def _remark_on_kind(self, source: Path, image: Image, *, passes: bool) -> None:
+        """Say once of each kind of originals that frames are written otherwise."""
+        how = how_stored(content_of(source), image.shape[2])
+        if not how or how in self._kinds:
+            return
+        self._kinds.add(how)
+        written = {1: "gray", 3: "RGB"}.get(image.shape[2], "RGB with alpha")
+        which = "the frames between" if passes else "all frames"
+        self._remarks.append(f"{source.name} and its like are stored {how}; {which} were written as {written}.")
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -577,11 +596,11 @@ def _name_in_folder(folder: Path, source: ImageSource | None, frame_count: int |
     return replace(source.numbering, folder=folder, digits=max(digits, source.numbering.digits))
 
 
-def _move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] = os.replace) -> None:
-    """Move every file or, where one cannot be moved, none."""
+def _move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] | None = None) -> None:
+    """Move every file, replacing what is there unless `move` does not, or none where one cannot be moved."""
     try:
         for here, there in moves:
-            move(here, there)
+            (move or os.replace)(here, there)
     except BaseException:
         for here, there in reversed(moves):
             with suppress(OSError):
