@@ -95,18 +95,12 @@ def compare(
         Say nothing but errors.
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
-    from fpsboost.media.images.numbering import find_numbers  # noqa: PLC0415
-    from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=quiet)
     hiding = frames.hiding()
     if depth is not None and vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
-    folder = None if vectors is None else VectorFolder(vectors, depth)
-    numbers = None if folder is None else find_numbers(input)
-    if folder is not None and numbers is not None:
-        folder = folder.matched(numbers, must_match=numbers.step > 1)
-    makers, skipped = choose(methods, folder)
+    makers, skipped = choose(methods, None if vectors is None else open_vectors(input, vectors, depth))
     for path, option in ((report, "--report"), (json, "--json")):
         check_new(path, option)
     rate = frames.image_rate()
@@ -126,6 +120,15 @@ def compare(
         with Console(stderr=True, quiet=quiet).status("writing the page"):
             page = write_report(Path(report), comparison, makers, input_fps=rate)
         console.print(f"Page: {shown(str(page))}", soft_wrap=True)
+
+
+def open_vectors(clip: str, vectors: str, depth: str | None) -> VectorFolder:
+    """A renderer's vectors for the frames of a clip, by number where both have some."""
+    from fpsboost.media.images.numbering import find_numbers  # noqa: PLC0415
+    from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
+
+    folder, numbers = VectorFolder(vectors, depth), find_numbers(clip)
+    return folder if numbers is None else folder.matched(numbers, must_match=numbers.step > 1)
 
 
 def choose(names: str, vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:

@@ -26,6 +26,7 @@ from fpsboost.media.images.numbered import ImageSource
 from fpsboost.media.opening import (
     cut_out,
     describe_job,
+    makes_animation,
     makes_video,
     open_sink,
     open_source,
@@ -169,7 +170,8 @@ def convert(
     duplicates : {'interpolate', 'keep'}
         Frames that show the same as the one before, as in animation on threes, pulldown and captures that missed some:
         make the moving picture at their times, or keep them. Stills, and pictures held until a cut, are always kept.
-        Not looked for where a renderer's motion vectors say what moves, nor with `fill_gaps` and `in_place`.
+        Not looked for where a renderer's motion vectors say what moves, nor where just the images are made that are
+        missing between numbers.
     fill_gaps : bool
         Make just the images that are missing between numbered ones, each at the time of its number. `input_fps` then
         counts numbers, and `factor`, frames per number, is 1 unless told.
@@ -209,12 +211,11 @@ def convert(
     options = {name: value for name, value in locals().items() if name not in SHAPES_NOTHING}
     check_choice("--duplicates", duplicates, get_args(Duplicates))
     output = _target(input, output, in_place=in_place, overwrite=overwrite)
-    if fill_gaps or in_place:  # an image that repeats another is none that is missing
-        duplicates = "keep"
     pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion, slow_motion_sound, fill_gaps)
     interpolator = find_method(method) if isinstance(method, str) else method
     encoding = encoding or Encoding()
     to_video = makes_video(output)
+    to_file = to_video or makes_animation(output)
     excerpt = excerpt or Excerpt()
     purpose = purpose_of(output, encoding, needs_rate=fps is not None or excerpt.needs_rate)
     with open_source(
@@ -232,6 +233,9 @@ def convert(
         encoding, lost = _with_sound_that_fits(encoding, whole, pace)
         schedule = pace.schedule(info, has_clock=to_video)
         multiple = schedule.rate(info.rate) / info.rate
+        keeps_numbers = isinstance(whole, ImageSource) and not to_file and whole.numbers_for(multiple) is not None
+        if fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
+            duplicates = "keep"
         expected = count_frames(schedule, info, holds_last_frame=to_video)
         interpolator, on_vectors = _with_vectors_by_number(interpolator, whole, multiple, expected)
         sink = open_sink(
@@ -263,7 +267,7 @@ def convert(
     # some are known only when everything has been put together
     summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
     summary.remarks += [*lost, *on_vectors, *pace.remarks(info, schedule, summary.rhythm)]
-    if isinstance(whole, ImageSource) and whole.step > 1 and purpose.needs_rate:
+    if isinstance(whole, ImageSource) and whole.step > 1 and to_file:
         summary.remarks.append(
             f"--input-fps counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
             f"it is 24/{whole.step}, or 24 with --fill-gaps."

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from vector_truth import constant, save_depth, save_flows, save_vectors
 
 from fpsboost import convert, methods
+from fpsboost.cli_compare import open_vectors
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.media.excerpt import Excerpt
 from fpsboost.media.images import numbered
@@ -287,8 +288,9 @@ def test_repeated_images_are_not_missing(tmp_path):
     for number in (2, 6, 10):
         shutil.copy(source / f"{number - 2:04d}.png", source / f"{number:04d}.png")
     before = contents(source)
-    run(source, tmp_path / "out", fill_gaps=True)
-    assert contents(tmp_path / "out").items() >= before.items()
+    for name, options in {"filled": {"fill_gaps": True}, "doubled": {}}.items():
+        run(source, tmp_path / name, **options)
+        assert contents(tmp_path / name).items() >= before.items()
     run(source, in_place=True)
     assert contents(source).items() >= before.items()
 
@@ -570,3 +572,13 @@ def test_gaps_with_vectors(tmp_path):
     for number in range(1, 9):
         found = read_image(tmp_path / "out" / f"{number:04d}.png")
         np.testing.assert_array_equal(found[8:-8, 8:-8], moved(number)[8:-8, 8:-8])
+
+
+def test_a_comparison_takes_vectors_by_number(tmp_path):
+    """Of a stepped sequence each frame takes the vectors of its number; what has no numbers takes them in order."""
+    fill(tmp_path / "in", range(5, 14, 2))
+    numbered_vectors(tmp_path / "v", range(20))
+    vectors = open_vectors(str(tmp_path / "in"), str(tmp_path / "v"), None)
+    assert [vectors.at(frame).forward[0, 0, 0] for frame in range(5)] == [5, 7, 9, 11, 13]
+    assert vectors.step == 2
+    assert open_vectors("in.mp4", str(tmp_path / "v"), None).at(1).forward[0, 0, 0] == 1

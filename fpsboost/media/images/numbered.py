@@ -142,7 +142,7 @@ class ImageSource(Closing):
             self._check_gaps(path)
         else:
             found.check_complete(
-                found.step, "add it, or give --fill-gaps, which makes just the frames that are missing"
+                found.step, "add it, or convert with --fill-gaps, which makes just those that are missing"
             )
         self.step = 1 if fill_gaps else found.step
         self._places = [number - self.numbers[0] for number in self.numbers] if fill_gaps else range(len(self.files))
