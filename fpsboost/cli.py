@@ -103,7 +103,7 @@ def convert(
     excerpt, encoding, limit = source.excerpt(), video.encoding(), options.limit()
 
     def run(input: str, output: str | None, place: str = "") -> None:
-        target = output or input
+        target = input if output is None else output
         check_encodes(target, encoding)
         called = "standard output" if output == PIPE else target
         with Reporter(place + called, quiet=options.quiet, verbose=options.verbose) as reporter:
@@ -148,9 +148,9 @@ def convert(
 
 def check_encodes(output: str, encoding: Encoding) -> None:
     """Raise `OptionError` where options of encoders were given for what no encoder writes."""
-    from fpsboost.media.opening import makes_animation, makes_video  # noqa: PLC0415
+    from fpsboost.media.opening import makes_animation, makes_video, stands_for_images  # noqa: PLC0415
 
-    if encoding.given and not makes_video(output):
+    if encoding.given and (stands_for_images(output) or not makes_video(output)):
         kind = "an animation, which takes" if makes_animation(output) else "images, which take"
         raise OptionError(f"{output} will be {kind} no {' or '.join(encoding.given)}; leave that out.")
 

@@ -24,6 +24,7 @@ from fpsboost.media import FrameSink, FrameSource, Resuming, Waiting
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
 from fpsboost.media.images.numbered import ImageSource
 from fpsboost.media.opening import (
+    check_images,
     cut_out,
     describe_job,
     makes_animation,
@@ -285,6 +286,7 @@ def _target(input: str, output: str | None, *, in_place: bool, overwrite: bool) 
         raise OptionError(f"--in-place writes beside the images of {input}; leave the output {output} out.")
     if overwrite:
         raise OptionError("--in-place replaces nothing; leave --overwrite out.")
+    check_images(input, "--in-place")
     return input
 
 

@@ -357,11 +357,12 @@ def stop_moving(monkeypatch: pytest.MonkeyPatch, after: int, error: BaseExceptio
             if next(calls, None) is None:
                 raise error
             os.rename(here, there)
+        raise error
 
     monkeypatch.setattr(numbered, "_move_all", move_some)
 
 
-@pytest.mark.parametrize("moved", [0, 1, 3])
+@pytest.mark.parametrize("moved", [0, 1, 3, 5])
 def test_a_run_in_place_that_was_killed(tmp_path, monkeypatch, moved):
     """While frames get their names: without --resume it is refused, with it the same files come out."""
     whole = fill(tmp_path / "whole", range(1, 12, 2))

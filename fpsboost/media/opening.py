@@ -90,7 +90,7 @@ def open_source(
     reading : Reading, optional
         How a video file is read.
     fill_gaps, in_place : bool
-        For numbered images; see `fpsboost.media.images.numbered.ImageSource`.
+        Of numbered images; see `fpsboost.media.images.numbered.ImageSource`.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
 
@@ -104,7 +104,7 @@ def open_source(
         Missing, unreadable, or too large.
     OptionError
         `input_fps` is missing for images, or given for a video; `reading` says what only video files know, or
-        `fill_gaps` and `in_place` what only images know.
+        `fill_gaps` what only images have.
     """
     if not path:
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
@@ -112,10 +112,9 @@ def open_source(
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
     purpose, reading = purpose or Purpose(), reading or Reading()
     with explained(InputError, "read", path, "check the name and the permissions"):
-        is_images = path not in PIPES and (Path(path).is_dir() or (is_pattern(path) and not Path(path).is_file()))
-        if (fill_gaps or in_place) and not is_images and (path in PIPES or Path(path).exists()):
-            option, name = "--in-place" if in_place else "--fill-gaps", "standard input" if path in PIPES else path
-            raise OptionError(f"{option} is for a folder or a pattern of images, which {name} is not; leave it out.")
+        is_images = stands_for_images(path)
+        if fill_gaps and not is_images:
+            check_images(path, "--fill-gaps")
         if path in PIPES:
             _check_reading(reading, "standard input", "let the program before the pipe do that")
             _check_has_own_rate(input_fps, "standard input")
@@ -129,6 +128,29 @@ def open_source(
             rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
             return ImageSource(path, rate, upright=purpose.upright, fill_gaps=fill_gaps, in_place=in_place, limit=limit)
         return _open_file(path, input_fps, purpose, reading, limit)
+
+
+def stands_for_images(path: str) -> bool:
+    """Whether a path names a folder, or a pattern of images."""
+    return path not in PIPES and (os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)))
+
+
+def check_images(path: str, option: str) -> None:
+    """Raise an error unless an input is a folder or a pattern of images, which an option is for.
+
+    Raises
+    ------
+    OptionError
+        It is something else.
+    InputError
+        It does not exist.
+    """
+    if stands_for_images(path):
+        return
+    if path not in PIPES and not os.path.exists(path):
+        raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
+    name = "standard input" if path in PIPES else path
+    raise OptionError(f"{option} is for a folder or a pattern of images, which {name} is not; leave it out.")
 
 
 def _open_file(

@@ -132,12 +132,8 @@ class ImageSource(Closing):
             found = find_images(path)
             if in_place:
                 found = _without_moved(found)
-        self.fills_gaps, self.files, self.numbering, self.numbers = (
-            fill_gaps,
-            found.files,
-            found.numbering,
-            list(found.numbers),
-        )
+        self.files, self.numbering, self.numbers = found.files, found.numbering, list(found.numbers)
+        self.fills_gaps = fill_gaps
         if fill_gaps:
             self._check_gaps(path)
         else:
