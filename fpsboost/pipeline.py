@@ -297,6 +297,11 @@ def _with_vectors_by_number(
     if not isinstance(source, ImageSource) or not source.numbers or count is None:
         return interpolator, []
     kept = source.numbers_for(factor)
+    if interpolator.needs_every_frame and kept is None and (source.step > 1 or source.fills_gaps):
+        raise OptionError(
+            f"A renderer's motion vectors go by the numbers of {source.info.name}, and {factor} times the frames do "
+            f"not fit between those; give --factor {source.step}."
+        )
     first, step = kept or (source.first_number + int(source.skipped * factor), 1)
     return interpolator.with_vectors_for(range(first, first + count * step, step), must_match=kept is not None)
 

@@ -583,3 +583,13 @@ def test_a_comparison_takes_vectors_by_number(tmp_path):
     assert [vectors.at(frame).forward[0, 0, 0] for frame in range(5)] == [5, 7, 9, 11, 13]
     assert vectors.step == 2
     assert open_vectors("in.mp4", str(tmp_path / "v"), None).at(1).forward[0, 0, 0] == 1
+
+
+@pytest.mark.parametrize(("step", "options"), [(2, {"factor": 3}), (1, {"factor": 2, "fill_gaps": True})])
+def test_vectors_need_numbers_that_fit(tmp_path, step, options):
+    """Where images are numbered anew, no number says which vectors are theirs: one sentence, nothing written."""
+    source = fill(tmp_path / "in", [1, 1 + step, 1 + 3 * step] if "fill_gaps" in options else range(1, 8, step))
+    method = find_method("reproject-image", numbered_vectors(tmp_path / "v", range(20)))
+    with pytest.raises(OptionError, match=rf"vectors go by the numbers of .* give --factor {step}\."):
+        convert(str(source), str(tmp_path / "out"), method=method, **options)
+    assert not (tmp_path / "out").exists()
