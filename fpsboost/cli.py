@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
+from fpsboost.cli_library_texts import LibraryTexts
 from fpsboost.cli_messages import console, say_error, say_traceback, shown
 from fpsboost.cli_options import (
     CutOptions,
@@ -35,6 +36,7 @@ EXAMPLES = """
   fpsboost in.mp4 out.mp4                              twice the frames
   fpsboost in.mp4 out.mkv --fps 59.94 --crf 16         a rate, not a factor
   fpsboost renders/ doubled/                           a folder of images
+  fpsboost renders/ --fill-gaps --in-place             those that are missing
   fpsboost shot_####.png out.mp4 --input-fps 24        images to video
   fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
   fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long
@@ -68,7 +70,7 @@ app = App(
 @app.default
 def convert(
     input: Annotated[str, Parameter(name="IN")],
-    output: Annotated[str, Parameter(name="OUT")],
+    output: Annotated[str | None, Parameter(name="OUT")] = None,
     /,
     *more: Annotated[str, Parameter(show=False)],
     source: InputOptions = InputOptions(),
@@ -94,15 +96,16 @@ def convert(
     """
     # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import pipeline  # noqa: PLC0415
-    from fpsboost.cli_many import convert_each  # noqa: PLC0415
+    from fpsboost.cli_many import convert_each, convert_in_place  # noqa: PLC0415
 
     interpolator = at_cuts.applied_to(motion.interpolator(tuning))
     factor, fps, input_fps = how_many.multiple(), how_many.rate(), source.image_rate()
     excerpt, encoding, limit = source.excerpt(), video.encoding(), options.limit()
 
-    def run(input: str, output: str, place: str = "") -> None:
-        check_encodes(output, encoding)
-        called = "standard output" if output == PIPE else output
+    def run(input: str, output: str | None, place: str = "") -> None:
+        target = input if output is None else output
+        check_encodes(target, encoding)
+        called = "standard output" if output == PIPE else target
         with Reporter(place + called, quiet=options.quiet, verbose=options.verbose) as reporter:
             reporter.say_settings(motion.method, interpolator)
             summary = pipeline.convert(
@@ -117,6 +120,8 @@ def convert(
                 input_fps=input_fps,
                 excerpt=excerpt,
                 duplicates=motion.duplicates,
+                fill_gaps=source.fill_gaps,
+                in_place=options.in_place,
                 reading=source.reading(),
                 encoding=encoding,
                 overwrite=options.overwrite,
@@ -126,20 +131,26 @@ def convert(
             )
         reporter.say_summary(summary)
 
-    if not more:
-        run(input, output)
+    paths = [input, *([] if output is None else [output]), *more]
+    inputs = paths if options.in_place else paths[:-1]
+    if not inputs:
+        raise OptionError(f"OUT is missing: name an output for {input}, or give --in-place for images beside it.")
+    if len(inputs) == 1:
+        run(input, None if options.in_place else output)
         return
     if motion.vectors is not None:
         raise OptionError("--vectors belongs to one clip; convert several inputs with vectors one by one.")
-    paths = [input, output, *more]
-    convert_each(paths[:-1], paths[-1], run, quiet=options.quiet, verbose=options.verbose)
+    if options.in_place:
+        convert_in_place(inputs, run, quiet=options.quiet, verbose=options.verbose)
+    else:
+        convert_each(inputs, paths[-1], run, quiet=options.quiet, verbose=options.verbose)
 
 
 def check_encodes(output: str, encoding: Encoding) -> None:
     """Raise `OptionError` where options of encoders were given for what no encoder writes."""
-    from fpsboost.media.opening import makes_animation, makes_video  # noqa: PLC0415
+    from fpsboost.media.opening import makes_animation, makes_video, stands_for_images  # noqa: PLC0415
 
-    if encoding.given and not makes_video(output):
+    if encoding.given and (stands_for_images(output) or not makes_video(output)):
         kind = "an animation, which takes" if makes_animation(output) else "images, which take"
         raise OptionError(f"{output} will be {kind} no {' or '.join(encoding.given)}; leave that out.")
 
@@ -163,11 +174,19 @@ def stop(number: int, frame: FrameType | None) -> None:
 def main() -> None:
     """Run the command line and exit."""
     signal.signal(signal.SIGTERM, stop)
+    with LibraryTexts() as texts:
+        run_command(texts)
+
+
+def run_command(texts: LibraryTexts) -> None:
+    """Run the command line; exit unless all went well."""
     errors = console()
     verbose = "--verbose" in sys.argv
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]]
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        if texts.sentence() and not {"--quiet", "-q"} & set(tokens):
+            errors.print(f"Note: {shown(texts.sentence())}")
     except KeyboardInterrupt as stopped:
         left = notes_of(stopped)
         nothing = "Stopped." if PIPE in tokens else "Stopped; nothing was written."
@@ -184,6 +203,8 @@ def main() -> None:
     except FpsboostError as error:
         if verbose:
             say_traceback()
+            for line in texts.lines():
+                errors.print(shown(line))
         say_error(errors, error)
         sys.exit(2 if isinstance(error, OptionError) else 1)
     except OSError as error:  # a name or a place that nobody looked at

@@ -106,13 +106,12 @@ def compare(
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
     from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
-    from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=quiet)
     hiding = frames.hiding()
     if depth is not None and vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
-    folder = None if vectors is None else VectorFolder(vectors, depth)
+    folder = None if vectors is None else open_vectors(input, vectors, depth)
     makers, skipped = choose(methods, folder)
     makers = with_cuts(makers, at_cuts)
     if fail_under is not None:
@@ -187,6 +186,15 @@ def check_is_reached(comparison: Comparison, limit: float) -> None:
         sentence = f"{first.name} reaches {psnr:.2f} dB, below the {limit:g} dB of --fail-under."
         cli_messages.console().print(f"[red]fpsboost:[/] {shown(sentence)}")
         sys.exit(BELOW)
+
+
+def open_vectors(clip: str, vectors: str, depth: str | None) -> VectorFolder:
+    """A renderer's vectors for the frames of a clip, by number where both have some."""
+    from fpsboost.media.images.numbering import find_numbers  # noqa: PLC0415
+    from fpsboost.motion.vectors import VectorFolder  # noqa: PLC0415
+
+    folder, numbers = VectorFolder(vectors, depth), find_numbers(clip)
+    return folder if numbers is None else folder.matched(numbers, must_match=numbers.step > 1)
 
 
 def choose(names: str, vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:

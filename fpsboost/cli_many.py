@@ -20,8 +20,8 @@ WRITTEN = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
 OTHER_VIDEOS_BECOME = ".mkv"
 """Which holds every sound and every subtitle, so that no input fails for its ending."""
 
-Convert = Callable[[str, str, str], None]
-"""Convert an input to an output; the third text says which of how many it is."""
+Convert = Callable[[str, str | None, str], None]
+"""Convert an input to an output, None for beside it; the third text says which of how many it is."""
 
 
 def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
@@ -100,6 +100,22 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
         raise OutputError(f"The folder {Path(folder).parent} does not exist; create it first.")
     with explained(OutputError, "make the folder", folder, "check the path and the permissions"):
         Path(folder).mkdir(exist_ok=True)
+    try:
+        _convert_all(inputs, outputs, convert, quiet=quiet, verbose=verbose)
+    finally:
+        if is_new:
+            with suppress(OSError):
+                Path(folder).rmdir()  # which only works while it is empty
+
+
+def convert_in_place(inputs: Sequence[str], convert: Convert, *, quiet: bool, verbose: bool) -> None:
+    """Convert several sequences of images, each beside its own; otherwise like `convert_each`."""
+    _convert_all(inputs, [None] * len(inputs), convert, quiet=quiet, verbose=verbose)
+
+
+def _convert_all(
+    inputs: Sequence[str], outputs: Sequence[str | None], convert: Convert, *, quiet: bool, verbose: bool
+) -> None:
     messages = console()
     done, failed = 0, []
     try:
@@ -119,10 +135,6 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
     except KeyboardInterrupt as stopped:
         stopped.add_note(f"{done} of {len(inputs)} inputs were converted.")
         raise
-    finally:
-        if is_new:
-            with suppress(OSError):
-                Path(folder).rmdir()  # which only works while it is empty
     if failed:
         messages.print(f"[red]fpsboost:[/] {len(failed)} of {len(inputs)} inputs failed: {shown(', '.join(failed))}.")
         sys.exit(1)

@@ -40,6 +40,8 @@ class InputOptions:
         Make a frame of each field first: 50 a second of 25i.
     size_change
         Where the size changes: stop or scale.
+    fill_gaps
+        Make just the images that are missing, by their numbers.
     """
 
     start: Annotated[str | None, Parameter(metavar="TIME")] = None
@@ -48,6 +50,7 @@ class InputOptions:
     stream: Annotated[int | None, Parameter(metavar="N")] = None
     deinterlace: bool = False
     size_change: Annotated[Literal["stop", "scale"], Parameter(metavar="HOW")] = "stop"
+    fill_gaps: bool = False
 
     def excerpt(self) -> Excerpt:
         """The part of the input."""
@@ -324,6 +327,8 @@ class RunOptions:
     ----------
     overwrite
         Replace an existing output.
+    in_place
+        No OUT: frames go beside the input's images.
     resume
         Go on where the same run was stopped, if it was.
     max_memory
@@ -335,6 +340,7 @@ class RunOptions:
     """
 
     overwrite: Annotated[bool, Parameter(name=["--overwrite", "-y"])] = False
+    in_place: bool = False
     resume: bool = False
     max_memory: Annotated[str | None, Parameter(metavar="SIZE")] = None
     verbose: bool = False

@@ -93,6 +93,8 @@ def facts(found: Probe) -> dict[str, str]:
     lines["intervals"] += " ms (shortest / median / longest)"
     lines["duration"] = f"{found.duration:.3f} s" + (f", starts at {found.start:.3f} s" if found.start else "")
     lines["frames"] = f"{found.frames}{every}"
+    if found.number_step is not None and found.number_step > 1:
+        lines["numbers"] = f"in steps of {found.number_step}"
     lines["duplicates"] = str(found.duplicates) if found.duplicates else "none"
     lines["scene cuts"] = cut_times(found.cuts)
     flagged = f"{found.interlaced} of {found.frames} frames flagged; --deinterlace makes two of each"

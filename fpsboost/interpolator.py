@@ -273,6 +273,32 @@ class Interpolator:
             images = _with_overlay(images, times, pair, before or pair, after or pair)
         return images
 
+    def with_vectors_for(self, numbers: Sequence[int], *, must_match: bool) -> tuple[Interpolator, list[str]]:
+        """Take a renderer's vectors by the numbers of their files; see `VectorFolder.matched`.
+
+        Parameters
+        ----------
+        numbers : sequence of int
+            Of the output's frames, at one distance.
+        must_match : bool
+            Whether the renderer has given these numbers too.
+
+        Returns
+        -------
+        Interpolator, list of str
+            The second is what to say where the vectors have other numbers and are taken in order.
+        """
+        matched = []
+        estimator, synthesizer = self.estimator, self.synthesizer
+        if isinstance(estimator, RenderedMotion | ExhaustiveSearch) and estimator.vectors is not None:
+            matched.append(estimator.vectors.matched(numbers, must_match=must_match))
+            estimator = replace(estimator, vectors=matched[-1])
+        if isinstance(synthesizer, SceneAssisted):
+            matched.append(synthesizer.vectors.matched(numbers, must_match=must_match))
+            synthesizer = replace(synthesizer, vectors=matched[-1])
+        remarks = [remark for vectors in matched for remark in vectors.remarks]
+        return replace(self, estimator=estimator, synthesizer=synthesizer) if matched else self, remarks
+
     def compile_for(self, image: Image) -> None:
         """Compile the kernels for images of this type, or load them from the cache, on a tiny clip.
 

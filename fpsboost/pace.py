@@ -33,6 +33,9 @@ class Pace:
         Last `factor` times as long, at the source's rate or at `fps`.
     slow_motion_sound : {'drop', 'stretch'}, optional
         Whether sound is left out then, as it is unless told, or lasts as long at its own pitch.
+    fill_gaps : bool
+        The source is images whose numbers are their clock: a factor counts frames per number, 1 unless told, and
+        nothing is held, however many are missing.
 
     Raises
     ------
@@ -45,6 +48,7 @@ class Pace:
     keep_timing: bool = False
     slow_motion: bool = False
     slow_motion_sound: SlowSound | None = None
+    fill_gaps: bool = False
 
     def __post_init__(self) -> None:
         if self.slow_motion_sound is not None:
@@ -57,13 +61,22 @@ class Pace:
             if self.keep_timing:
                 raise OptionError("--fps makes the rate constant and --keep-timing does not; give one of them.")
             ByRate(self.fps)
+        if self.fill_gaps and self.keep_timing:
+            raise OptionError("--fill-gaps makes the rate constant and --keep-timing does not; give one of them.")
         if self.factor is not None:
             ByFactor(self.factor)
 
     @property
+    def multiple(self) -> Fraction:
+        """Output frames per source frame, where no rate is given."""
+        if self.factor is not None:
+            return self.factor
+        return Fraction(1) if self.fill_gaps else DOUBLE
+
+    @property
     def stretch(self) -> Fraction:
         """How many times as long the output lasts."""
-        return (DOUBLE if self.factor is None else self.factor) if self.slow_motion else Fraction(1)
+        return self.multiple if self.slow_motion else Fraction(1)
 
     def schedule(self, info: ClipInfo, *, has_clock: bool = True) -> Schedule:
         """Where output frames lie, on the source's clock; slow motion comes after.
@@ -80,8 +93,8 @@ class Pace:
         OptionError
             The rate of the output would be out of range.
         """
-        factor = DOUBLE if self.factor is None else self.factor
-        if self.fps is None and (self.keep_timing or not has_clock):
+        factor = self.multiple
+        if self.fps is None and not self.fill_gaps and (self.keep_timing or not has_clock):
             return ByFactor(factor)
         rate = info.rate * factor if self.fps is None else self.fps * self.stretch
         if rate > LARGEST_RATE:
@@ -89,7 +102,7 @@ class Pace:
                 f"--factor {factor} makes {float(rate):g} frames per second of {info.name}, and {LARGEST_RATE} are the "
                 "most; choose a smaller one."
             )
-        return ByRate.forgiving(rate, info.rate, info.time_base)
+        return ByRate(rate) if self.fill_gaps else ByRate.forgiving(rate, info.rate, info.time_base)
 
     def timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
         """The clock of the output."""
@@ -109,7 +122,7 @@ class Pace:
         rhythm : Rhythm
             Of the source, to its end.
         """
-        if not isinstance(schedule, ByRate):
+        if not isinstance(schedule, ByRate) or self.fill_gaps:
             return []
         remarks = []
         if self.fps is None and rhythm.varies(info):

@@ -22,10 +22,13 @@ from fpsboost.held import Held, Shown, by_moments, one_by_one
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.media import FrameSink, FrameSource, Resuming, Waiting
 from fpsboost.media.excerpt import Excerpt, ExcerptSource
+from fpsboost.media.images.numbered import ImageSource
 from fpsboost.media.opening import (
     beginning,
+    check_images,
     cut_out,
     describe_job,
+    makes_animation,
     makes_video,
     open_sink,
     open_source,
@@ -123,7 +126,7 @@ class Silent:
 
 def convert(
     input: str,
-    output: str,
+    output: str | None = None,
     *,
     factor: Fraction | int | None = None,
     fps: Fraction | int | None = None,
@@ -134,6 +137,8 @@ def convert(
     input_fps: Fraction | int | None = None,
     excerpt: Excerpt | None = None,
     duplicates: Duplicates = "interpolate",
+    fill_gaps: bool = False,
+    in_place: bool = False,
     reading: Reading | None = None,
     encoding: Encoding | None = None,
     overwrite: bool = False,
@@ -147,7 +152,9 @@ def convert(
     ----------
     input, output : str
         Each a video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``,
-        ``shot_####.png``), or ``-`` for YUV4MPEG2 from standard input or to standard output.
+        ``shot_####.png``), or ``-`` for YUV4MPEG2 from standard input or to standard output. Images whose numbers
+        rise by a step of 2 or more were rendered with that step: where `factor` divides it, the frames made get the
+        numbers that are missing.
     factor : Fraction or int, optional
         Output frames per source frame; 2 where neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
@@ -168,7 +175,14 @@ def convert(
     duplicates : {'interpolate', 'keep'}
         Frames that show the same as the one before, as in animation on threes, pulldown and captures that missed some:
         make the moving picture at their times, or keep them. Stills, and pictures held until a cut, are always kept.
-        Not looked for where a renderer's motion vectors say what moves.
+        Not looked for where a renderer's motion vectors say what moves, nor where just the images are made that are
+        missing between numbers.
+    fill_gaps : bool
+        Make just the images that are missing between numbered ones, each at the time of its number. `input_fps` then
+        counts numbers, and `factor`, frames per number, is 1 unless told.
+    in_place : bool
+        Put the frames that are made beside the images of the input, and leave `output` out. Nothing that is there is
+        touched.
     reading : Reading, optional
         Which stream of a video file is read, whether its fields become frames first, and what happens where its size
         changes.
@@ -201,27 +215,45 @@ def convert(
     """
     options = {name: value for name, value in locals().items() if name not in SHAPES_NOTHING}
     check_choice("--duplicates", duplicates, get_args(Duplicates))
-    pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion, slow_motion_sound)
+    output = _target(input, output, in_place=in_place, overwrite=overwrite)
+    pace = Pace(_fraction(factor), _fraction(fps), keep_timing, slow_motion, slow_motion_sound, fill_gaps)
     interpolator = find_method(method) if isinstance(method, str) else method
     encoding = encoding or Encoding()
     to_video = makes_video(output)
+    to_file = to_video or makes_animation(output)
     excerpt = excerpt or Excerpt()
     purpose = purpose_of(output, encoding, needs_rate=fps is not None or excerpt.needs_rate)
-    with open_source(input, _fraction(input_fps), purpose=purpose, reading=reading, limit=limit) as whole:
+    with open_source(
+        input,
+        _fraction(input_fps),
+        purpose=purpose,
+        reading=reading,
+        fill_gaps=fill_gaps,
+        in_place=in_place,
+        limit=limit,
+    ) as whole:
         may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
         source = cut_out(whole, excerpt, may_skip=may_skip, stretch=pace.stretch)
         info = source.info
         encoding, lost = _with_sound_that_fits(encoding, whole, pace)
         schedule = pace.schedule(info, has_clock=to_video)
+        multiple = schedule.rate(info.rate) / info.rate
+        keeps_numbers = isinstance(whole, ImageSource) and not to_file and whole.numbers_for(multiple) is not None
+        if fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
+            duplicates = "keep"
+        expected = count_frames(schedule, info, holds_last_frame=to_video)
+        interpolator, on_vectors = _with_vectors_by_number(interpolator, whole, multiple, expected)
         sink = open_sink(
             output,
             source=whole,
             timing=pace.timing(info, schedule),
             encoding=encoding,
-            expected_frames=count_frames(schedule, info, holds_last_frame=to_video),
+            expected_frames=expected,
             overwrite=overwrite,
             job=describe_job(whole, resume=resume, **options),
             window=source.window if isinstance(source, ExcerptSource) else None,
+            factor=multiple,
+            in_place=in_place,
         )
         observer = observer or Silent()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
@@ -239,8 +271,43 @@ def convert(
             )
     # some are known only when everything has been put together
     summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
-    summary.remarks += [*lost, *pace.remarks(info, schedule, summary.rhythm)]
+    summary.remarks += [*lost, *on_vectors, *pace.remarks(info, schedule, summary.rhythm)]
+    if isinstance(whole, ImageSource) and whole.step > 1 and to_file:
+        summary.remarks.append(
+            f"--input-fps counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
+            f"it is 24/{whole.step}, or 24 with --fill-gaps."
+        )
     return summary
+
+
+def _target(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:
+    """Where the output goes."""
+    if not in_place:
+        if output is None:
+            raise OptionError(f"There is no output for {input}; name one, or give --in-place for images beside it.")
+        return output
+    if output is not None:
+        raise OptionError(f"--in-place writes beside the images of {input}; leave the output {output} out.")
+    if overwrite:
+        raise OptionError("--in-place replaces nothing; leave --overwrite out.")
+    check_images(input, "--in-place")
+    return input
+
+
+def _with_vectors_by_number(
+    interpolator: Interpolator, source: FrameSource, factor: Fraction, count: int | None
+) -> tuple[Interpolator, list[str]]:
+    """A renderer's vectors by the numbers of the output's frames where both have some, and a remark if they differ."""
+    if not isinstance(source, ImageSource) or not source.numbers or count is None:
+        return interpolator, []
+    kept = source.numbers_for(factor)
+    if interpolator.needs_every_frame and kept is None and (source.step > 1 or source.fills_gaps):
+        raise OptionError(
+            f"A renderer's motion vectors go by the numbers of {source.info.name}, and {factor} times the frames do "
+            f"not fit between those; give --factor {source.step}."
+        )
+    first, step = kept or (source.first_number + int(source.skipped * factor), 1)
+    return interpolator.with_vectors_for(range(first, first + count * step, step), must_match=kept is not None)
 
 
 def boost(
@@ -481,7 +548,9 @@ def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> 
     """How many frames the output will have, if the source's header is right; None where it does not say."""
     if isinstance(schedule, ByRate) and info.duration is not None:
         end = schedule.moment(Fraction(0), info.duration)
-        return math.ceil((end if holds_last_frame else end - 1 / info.rate) * schedule.frames_per_second)
+        if holds_last_frame:
+            return math.ceil(end * schedule.frames_per_second)
+        return math.floor((end - 1 / info.rate) * schedule.frames_per_second) + 1
     if info.frame_count is None:
         return None
     intervals = info.frame_count if holds_last_frame else info.frame_count - 1

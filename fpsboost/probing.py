@@ -19,6 +19,7 @@ from fpsboost.held import Shown, by_moments
 from fpsboost.interpolator import Pair, with_neighbours
 from fpsboost.media import FrameSource, OutputTiming
 from fpsboost.media.animation.source import AnimationSource, animation_format
+from fpsboost.media.images.numbered import ImageSource
 from fpsboost.media.opening import open_sink, open_source
 from fpsboost.media.video.encoding import Encoding
 from fpsboost.media.video.listing import StreamFacts, list_streams
@@ -114,6 +115,8 @@ class Probe:
         Those intervals, seconds.
     start, duration : float
         Seconds.
+    number_step : int or None
+        By how much the numbers of images rise; None for what has none.
     frames : int
         Frames that could be read.
     declared_frames : int or None
@@ -142,6 +145,7 @@ class Probe:
     longest: float
     start: float
     duration: float
+    number_step: int | None
     frames: int
     declared_frames: int | None
     duplicates: int
@@ -243,6 +247,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
             longest=float(max(intervals)),
             start=float(times[0]),
             duration=float(findings.end - times[0]),
+            number_step=source.step if isinstance(source, ImageSource) and source.numbers else None,
             frames=len(times),
             declared_frames=info.frame_count,
             duplicates=findings.duplicates,

@@ -1,16 +1,18 @@
 """Which files of a folder are one sequence, and in which order.
 
-A sequence is one naming, ``prefix + number + suffix``, with consecutive numbers.
+A sequence is one naming, ``prefix + number + suffix``, whose numbers rise by a constant step: 1, or that of a renderer.
 """
 
 from __future__ import annotations
 
-import itertools
+import math
 import os
 import re
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Self
 
@@ -36,12 +38,15 @@ class Numbering:
         Numbers are padded with zeros to this width, and grow beyond it; 1 for no padding.
     suffix : str
         What stands behind the number, with the file type: ``.png``, ``_left.png``.
+    signed : bool
+        A dash before the number is a minus, as Blender writes frames before 0: ``-0001.png``.
     """
 
     folder: Path
     prefix: str
     digits: int
     suffix: str
+    signed: bool = False
 
     @classmethod
     def parse(cls, pattern: str) -> Self:
@@ -71,11 +76,13 @@ class Numbering:
 
     def path(self, number: int) -> Path:
         """Name the image of this number."""
-        return self.folder / f"{self.prefix}{number:0{self.digits}d}{self.suffix}"
+        sign = "-" if number < 0 else ""
+        return self.folder / f"{self.prefix}{sign}{abs(number):0{self.digits}d}{self.suffix}"
 
     def number_in(self, name: str, *, any_padding: bool = False) -> int | None:
         """Read the number out of a file name; None where the name is not of this naming."""
-        found = re.fullmatch(f"{re.escape(self.prefix)}([0-9]+){re.escape(self.suffix)}", name)
+        sign = "-?" if self.signed else ""
+        found = re.fullmatch(f"{re.escape(self.prefix)}({sign}[0-9]+){re.escape(self.suffix)}", name)
         if found is None or not (any_padding or self.path(int(found[1])).name == name):
             return None
         return int(found[1])
@@ -92,7 +99,53 @@ class Numbering:
         return sorted((number, self.folder / name) for number, name in numbers if number is not None)
 
 
-def order_names(folder: Path, names: Sequence[str]) -> tuple[list[Path], Numbering | None]:
+@dataclass(frozen=True)
+class FileSequence:
+    """The files of one sequence, in order.
+
+    Attributes
+    ----------
+    files : list of Path
+        At least one.
+    numbering : Numbering or None
+        How they are named; None where the names have no numbers.
+    numbers : list of int
+        Those in the names, rising; empty where there are none.
+    """
+
+    files: list[Path]
+    numbering: Numbering | None = None
+    numbers: Sequence[int] = ()
+
+    @cached_property
+    def step(self) -> int:
+        """By how much the numbers rise; where some are missing, the largest step that leads to all of them."""
+        return math.gcd(*(later - earlier for earlier, later in pairwise(self.numbers))) or 1
+
+    def missing(self, step: int) -> int:
+        """How many files that a step leads to, from one file to the next, are not there."""
+        return sum((later - earlier) // step - 1 for earlier, later in pairwise(self.numbers))
+
+    def check_complete(self, step: int, advice: str) -> None:
+        """Raise `InputError`, which names the first file that is missing between two others.
+
+        Parameters
+        ----------
+        step : int
+            Of the numbers.
+        advice : str
+            What to do besides adding it.
+        """
+        missing = self.missing(step)
+        if self.numbering is None or not missing:
+            return
+        gap = next(earlier for earlier, later in pairwise(self.numbers) if later - earlier > step)
+        steps = f" (in steps of {step})" if step > 1 else ""
+        more = f", and {missing - 1} more are" if missing > 1 else ""
+        raise InputError(f"{self.numbering.path(gap + step)} is missing from its sequence{steps}{more}; {advice}.")
+
+
+def order_names(folder: Path, names: Sequence[str]) -> FileSequence:
     """Put the files of one sequence in order; names without any number go by the alphabet.
 
     Parameters
@@ -103,22 +156,25 @@ def order_names(folder: Path, names: Sequence[str]) -> tuple[list[Path], Numberi
 
     Returns
     -------
-    list of Path, Numbering or None
-        The files in order, and how they are named; None where the names have no numbers.
+    FileSequence
+        Some numbers may be missing; see `FileSequence.check_complete`.
 
     Raises
     ------
     InputError
-        Several sequences, numbers of different widths, or a gap.
+        Several sequences, or numbers of different widths.
     OSError
         The folder cannot be read.
     """
     groups, plain = _group_names(names)
     plain_types = {f"*{os.path.splitext(name)[1]}" for name in plain}
     if len(groups) + len(plain_types) > 1:
-        raise _several_sequences(folder, groups, plain_types)
+        across_zero = None if plain else _across_zero(folder, groups)
+        if across_zero is None:
+            raise _several_sequences(folder, groups, plain_types)
+        return across_zero
     if plain:
-        return [folder / name for name in sorted(plain, key=lambda name: (name.casefold(), name))], None
+        return FileSequence([folder / name for name in sorted(plain, key=lambda name: (name.casefold(), name))])
     (prefix, suffix), numbers = groups.popitem()
     numbering = Numbering(folder, prefix, min(map(len, numbers)), suffix)
     for name in names:
@@ -127,28 +183,54 @@ def order_names(folder: Path, names: Sequence[str]) -> tuple[list[Path], Numberi
                 f"{folder} holds numbers of different widths ({numbering.path(int(min(numbers, key=len))).name} and "
                 f"{name}); name the frames alike, or choose some with a pattern such as {folder / numbering.pattern}."
             )
-    return find_without_gap(numbering), numbering
+    return _in_order(numbering, numbering.find())
 
 
-def find_without_gap(numbering: Numbering) -> list[Path]:
-    """List the existing images of a naming in the order of their numbers.
+def find_numbered(numbering: Numbering) -> FileSequence:
+    """List the existing files of a naming in the order of their numbers.
+
+    Returns
+    -------
+    FileSequence
+        Some numbers may be missing; see `FileSequence.check_complete`.
 
     Raises
     ------
     InputError
-        There are none, or one is missing between two others.
+        There are none.
     OSError
         The folder cannot be read.
     """
     found = numbering.find()
     if not found:
         raise InputError(f"No image is named like {numbering.folder / numbering.pattern}; check the pattern.")
-    for expected, (number, _) in zip(itertools.count(found[0][0]), found, strict=False):
-        if number != expected:
-            raise InputError(
-                f"{numbering.path(expected)} is missing from its sequence; add it, or renumber the images without gaps."
-            )
-    return [path for _, path in found]
+    return _signed(numbering) or _in_order(numbering, found)
+
+
+def _in_order(numbering: Numbering, found: Sequence[tuple[int, Path]]) -> FileSequence:
+    return FileSequence([path for _, path in found], numbering, [number for number, _ in found])
+
+
+def _across_zero(folder: Path, groups: dict[tuple[str, str], list[str]]) -> FileSequence | None:
+    """Two namings as one where they differ by a dash that is a minus: ``-0001.png`` and ``0000.png``."""
+    if len(groups) != 2:
+        return None
+    (prefix, suffix), other = sorted(groups, key=lambda key: len(key[0]))
+    digits = min(len(number) for numbers in groups.values() for number in numbers)
+    is_minus = other == (f"{prefix}-", suffix)
+    found = _signed(Numbering(folder, prefix, digits, suffix)) if is_minus else None
+    return found if found and len(found.files) == sum(map(len, groups.values())) else None
+
+
+def _signed(numbering: Numbering) -> FileSequence | None:
+    """The files of a naming with those before 0; None where there are none, or where they do not lead to the others.
+
+    A dash that separates a name from its number then is none.
+    """
+    signed = replace(numbering, signed=True)
+    found = _in_order(signed, signed.find())
+    is_one = bool(found.numbers) and found.numbers[0] < 0 <= found.numbers[-1] and not found.missing(found.step)
+    return found if is_one else None
 
 
 def list_files(folder: Path) -> list[str]:

@@ -1,8 +1,8 @@
 """Score the report's methods inside of what a scene shows: ``python samples/score_inside.py FOLDER --scene glass``.
 
-Every second frame of ``FOLDER/SCENE``, as `render_scenes.py` writes it, is hidden and made again; what counts is the mean
-squared error, in levels of 255, where the ray through the pixel's centre meets one of the scene's own solids first.
-What is behind them, which moves as its surface does, would drown the difference.
+Every second frame of ``FOLDER/SCENE``, as `render_scenes.py` writes it, is hidden and made again. What counts is the
+mean squared error, in levels of 255, where the ray through the pixel's centre meets a solid of the scene first:
+floor and wall, which move as their surfaces do, would drown the difference.
 """
 
 from __future__ import annotations

@@ -211,7 +211,7 @@ def test_frames_without_vectors_are_named(tmp_path):
         VectorFolder(tmp_path / "v", tmp_path / "d").at(1)
     (tmp_path / "v" / "v_0002.exr").unlink()
     with pytest.raises(InputError, match=r"v_0002\.exr is missing"):
-        VectorFolder(tmp_path / "v")
+        VectorFolder(tmp_path / "v").at(0)
 
 
 def test_flow_without_partner_and_mixed_kinds_are_named(tmp_path):

@@ -74,6 +74,8 @@ def open_source(
     *,
     purpose: Purpose | None = None,
     reading: Reading | None = None,
+    fill_gaps: bool = False,
+    in_place: bool = False,
     limit: MemoryLimit | None = None,
 ) -> FrameSource:
     """Open a clip for reading.
@@ -88,6 +90,8 @@ def open_source(
         What the target asks of it.
     reading : Reading, optional
         How a video file is read.
+    fill_gaps, in_place : bool
+        Of numbered images; see `fpsboost.media.images.numbered.ImageSource`.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
 
@@ -100,7 +104,8 @@ def open_source(
     InputError
         Missing, unreadable, or too large.
     OptionError
-        `input_fps` is missing for images, or given for a video; or `reading` says what only video files know.
+        `input_fps` is missing for images, or given for a video; `reading` says what only video files know, or
+        `fill_gaps` what only images have.
     """
     if not path:
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
@@ -108,21 +113,45 @@ def open_source(
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
     purpose, reading = purpose or Purpose(), reading or Reading()
     with explained(InputError, "read", path, "check the name and the permissions"):
+        is_images = stands_for_images(path)
+        if fill_gaps and not is_images:
+            check_images(path, "--fill-gaps")
         if path in PIPES:
             _check_reading(reading, "standard input", "let the program before the pipe do that")
             _check_has_own_rate(input_fps, "standard input")
             return PipeSource(for_images=purpose.pictures_alone, limit=limit)
-        if Path(path).is_dir() or (is_pattern(path) and not Path(path).is_file()):
+        if is_images:
             _check_reading(reading, f"{path}, which holds images", "leave it out")
-            return _open_images(path, input_fps, purpose, limit)
+            if input_fps is None and purpose.needs_rate:
+                raise OptionError(
+                    f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
+                )
+            rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
+            return ImageSource(path, rate, upright=purpose.upright, fill_gaps=fill_gaps, in_place=in_place, limit=limit)
         return _open_file(path, input_fps, purpose, reading, limit)
 
 
-def _open_images(path: str, input_fps: Fraction | None, purpose: Purpose, limit: MemoryLimit | None) -> ImageSource:
-    if input_fps is None and purpose.needs_rate:
-        raise OptionError(f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24.")
-    rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
-    return ImageSource(path, rate, upright=purpose.upright, limit=limit)
+def stands_for_images(path: str) -> bool:
+    """Whether a path names a folder, or a pattern of images."""
+    return path not in PIPES and (os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)))
+
+
+def check_images(path: str, option: str) -> None:
+    """Raise an error unless an input is a folder or a pattern of images, which an option is for.
+
+    Raises
+    ------
+    OptionError
+        It is something else.
+    InputError
+        It does not exist.
+    """
+    if stands_for_images(path):
+        return
+    if path not in PIPES and not os.path.exists(path):
+        raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
+    name = "standard input" if path in PIPES else path
+    raise OptionError(f"{option} is for a folder or a pattern of images, which {name} is not; leave it out.")
 
 
 def _open_file(
@@ -171,8 +200,9 @@ def beginning(source: FrameSource) -> Moment:
     """When the first frame of a source is shown in its clip; asked for when that has been read."""
     if isinstance(source, ExcerptSource):
         return source.beginning
-    skipped = source.skipped if isinstance(source, ImageSource) else 0
-    return Moment(skipped, skipped / source.info.rate)
+    if isinstance(source, ImageSource):
+        return Moment(source.skipped, source.begins)
+    return Moment(0, Fraction(0))
 
 
 def makes_video(path: str) -> bool:
@@ -227,6 +257,8 @@ def open_sink(
     overwrite: bool,
     job: Job | None = None,
     window: Window | None = None,
+    factor: Fraction | None = None,
+    in_place: bool = False,
 ) -> FrameSink:
     """Prepare a target for writing; it appears when the sink is left without an error.
 
@@ -248,6 +280,10 @@ def open_sink(
         What a later run must have in common with this one to go on with it.
     window : Window, optional
         Which part of the clip is written, for its other streams.
+    factor : Fraction, optional
+        Frames written per frame of the source, for the numbers of images; numbered one by one without it.
+    in_place : bool
+        Write images beside those of the source.
 
     Returns
     -------
@@ -284,7 +320,16 @@ def open_sink(
             raise OptionError(f"--resume cannot go on with the animation {path}; leave it out.")
         plays = source.plays if isinstance(source, AnimationSource) else 0
         return AnimationSink(path, source.info, timing, plays=plays, inputs=_files_of(source), overwrite=overwrite)
-    return ImageSink(path, source.info, images, expected_frames, overwrite=overwrite, job=job)
+    return ImageSink(
+        path,
+        source.info,
+        images,
+        expected_frames,
+        overwrite=overwrite,
+        job=job,
+        factor=factor,
+        in_place=in_place,
+    )
 
 
 def describe_job(source: FrameSource, *, resume: bool, **options: Any) -> Job | None:

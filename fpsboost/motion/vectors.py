@@ -1,6 +1,7 @@
 """Motion that a renderer knows: vectors, and depth, for every frame of the output.
 
-The vectors of a frame go one output frame far, to its neighbours in time. Renderers write them as
+The vectors of a frame go to its neighbours in time, one output frame far; where frames are known by their numbers, from
+one number to the next, whatever the step that was rendered with. Renderers write them as
 
 OpenEXR
     Blender's vector pass, four channels: X and Y are the place in the previous frame minus the place in this one, Z and
@@ -11,8 +12,10 @@ OpenEXR
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
@@ -28,7 +31,7 @@ from fpsboost.frame import Image, check_pair
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.flow_files import read_flow
 from fpsboost.prepared import PreparedImage
-from fpsboost.sequence import Numbering, find_placeholder, find_without_gap, list_files, order_names
+from fpsboost.sequence import FileSequence, Numbering, find_numbered, find_placeholder, list_files, order_names
 
 KEPT_FRAMES = 4
 """A pair's two frames, and two between them."""
@@ -48,7 +51,9 @@ class FrameVectors(NamedTuple):
 
 
 class VectorFolder:
-    """A folder with motion vectors for every frame of the output rate, the first file for the first frame.
+    """A folder with motion vectors for every frame of the output rate.
+
+    The first file is for the first frame, unless `matched` has found the frames' numbers in the names of the files.
 
     Parameters
     ----------
@@ -68,19 +73,59 @@ class VectorFolder:
     ----------
     files : list of Path
         All that is read from, in the order of frames.
+    step : int
+        How many vectors lead from one output frame to the next: the distance of their numbers, or 1.
+    remarks : list of str
+        What was guessed when the frames were matched.
     """
 
     def __init__(self, path: str | Path, depth: str | Path | None = None) -> None:
         self.path = Path(path)
         self.depth_path = None if depth is None else Path(depth)
-        frames, read = _find_vectors(self.path)
-        self._readers = [read(*files) for files in frames]
-        self._depth_files = [] if self.depth_path is None else _find_exr(self.depth_path, "depth")
-        self.files = [*chain.from_iterable(frames), *self._depth_files]
+        self._vectors, self._read_vectors = _find_vectors(self.path)
+        self._depth = None if self.depth_path is None else _find_exr(self.depth_path, "depth")
+        depth_files = [] if self._depth is None else self._depth.files
+        partners = [_partners(file) for file in self._vectors.files]
+        self.files = [*chain.from_iterable(partners), *depth_files]
+        self.step, self.remarks = 1, list[str]()
+        self._numbers: Sequence[int] | None = None
         self._kept: OrderedDict[int, FrameVectors] = OrderedDict()
 
     def __repr__(self) -> str:
         return f"VectorFolder({str(self.path)!r}, depth={None if self.depth_path is None else str(self.depth_path)!r})"
+
+    def matched(self, numbers: Sequence[int], *, must_match: bool) -> VectorFolder:
+        """The same vectors for frames that are known by their numbers.
+
+        A frame takes the files with its number where all frames have some, and the files have numbers. Where they have
+        none, or others, the first file stays that of the first frame.
+
+        Parameters
+        ----------
+        numbers : sequence of int
+            Of the output's frames, at one distance.
+        must_match : bool
+            Whether the renderer has given the frames their numbers: then a file that is missing is an error, when it is
+            asked for.
+
+        Returns
+        -------
+        VectorFolder
+        """
+        folder = copy(self)
+        folder._kept = OrderedDict()
+        found = [each.numbers for each in (self._vectors, self._depth) if each is not None]
+        if not all(found):
+            return folder
+        if must_match or all(set(numbers) <= set(each) for each in found):
+            folder._numbers = numbers
+            folder.step = numbers[1] - numbers[0] if len(numbers) > 1 else 1
+        elif self._vectors.numbers[0] != numbers[0] and len(self._vectors.numbers) != len(numbers):
+            folder.remarks = [
+                f"{self.path} is numbered from {self._vectors.numbers[0]} on and the output from {numbers[0]}: its "
+                "files were taken in order, the first for the first frame."
+            ]
+        return folder
 
     def at(self, number: int) -> FrameVectors:
         """The vectors of an output frame, counted from 0.
@@ -115,14 +160,10 @@ class VectorFolder:
         return vectors
 
     def _read(self, number: int) -> FrameVectors:
-        if not 0 <= number < len(self._readers):
-            raise _too_few(self.path, "vectors", number, len(self._readers))
-        backward, forward = self._readers[number]()
-        if self.depth_path is None:
+        backward, forward = self._read_vectors(self._file_of(self._vectors, number, self.path, "vectors"))
+        if self._depth is None or self.depth_path is None:
             return FrameVectors(backward, forward, None)
-        if number >= len(self._depth_files):
-            raise _too_few(self.depth_path, "depth", number, len(self._depth_files))
-        file = self._depth_files[number]
+        file = self._file_of(self._depth, number, self.depth_path, "depth")
         depth = _read_depth(file)
         if depth.shape != backward.shape[:2]:
             (height, width), (vectors_height, vectors_width) = depth.shape, backward.shape[:2]
@@ -132,12 +173,30 @@ class VectorFolder:
             )
         return FrameVectors(backward, forward, depth)
 
+    def _file_of(self, found: FileSequence, number: int, path: Path, what: str) -> Path:
+        """The file of an output frame, counted from 0."""
+        if self._numbers is None or found.numbering is None:
+            found.check_complete(1, "render it, too")
+            if not 0 <= number < len(found.files):
+                raise InputError(
+                    f"{path} has no {what} for output frame {number}; render one file for every frame of the output, "
+                    f"from frame 0 on ({len(found.files)} are there)."
+                )
+            return found.files[number]
+        wanted = self._numbers[0] + number * self.step
+        place = bisect_left(found.numbers, wanted)
+        if place == len(found.numbers) or found.numbers[place] != wanted:
+            raise InputError(
+                f"{found.numbering.path(wanted)} is missing, the {what} of output frame {wanted}; render it too."
+            )
+        return found.files[place]
+
 
 @dataclass(frozen=True)
 class RenderedMotion:
     """The renderer's motion of each of the two frames, continued in a straight line to the other.
 
-    Vectors go one output frame far; those of a pair that lies several output frames apart are made that much longer.
+    Vectors go one frame far; those of a pair that lies several frames apart are made that much longer.
 
     Parameters
     ----------
@@ -158,7 +217,7 @@ class RenderedMotion:
         """
         check_pair(image0.pixels, image1.pixels)
         number0, number1 = frame_number(image0.place), frame_number(image1.place)
-        span = np.float32(number1 - number0)
+        span = np.float32((number1 - number0) * self.vectors.step)
         forward = self.vectors.for_image(number0, image0.pixels).forward
         backward = self.vectors.for_image(number1, image1.pixels).backward
         alike = np.ones(forward.shape[:2], np.float32)
@@ -186,25 +245,18 @@ def not_an_output_frame() -> OptionError:
     )
 
 
-def _too_few(path: Path, what: str, number: int, count: int) -> InputError:
-    return InputError(
-        f"{path} has no {what} for output frame {number}; render one file for every frame of the output, "
-        f"from frame 0 on ({count} are there)."
-    )
+VectorReader = Callable[[Path], tuple[NDArray[Any], NDArray[Any]]]
 
 
-VectorReader = Callable[[], tuple[NDArray[Any], NDArray[Any]]]
-
-
-def _find_vectors(path: Path) -> tuple[Sequence[tuple[Path, ...]], Callable[..., VectorReader]]:
-    """The files of each frame, and what makes a reader of them."""
+def _find_vectors(path: Path) -> tuple[FileSequence, VectorReader]:
+    """The file of each frame, of a pair the one that leads backward, and what reads it."""
     names = _names_in(path, "motion vectors", (".exr", ".flo"))
     kinds = {Path(name).suffix.lower() for name in names}
     if len(kinds) > 1:
         raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
     if kinds == {".flo"}:
-        return _find_pairs(path, names), _flow_reader
-    return [(file,) for file in _find_exr(path, "motion vectors")], _exr_reader
+        return _find_pairs(path, names), _read_flows
+    return _find_exr(path, "motion vectors"), _read_vector_pass
 
 
 def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
@@ -227,40 +279,45 @@ def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
     return names
 
 
-def _find_exr(path: Path, what: str) -> list[Path]:
+def _find_exr(path: Path, what: str) -> FileSequence:
     names = _names_in(path, what, (".exr",))
     with explained(InputError, "read", path, "check that it exists and that you may read it"):
         if not names:
-            return find_without_gap(Numbering.parse(str(path)))
-        return order_names(path, names)[0]
+            return find_numbered(Numbering.parse(str(path)))
+        return order_names(path, names)
 
 
-def _find_pairs(folder: Path, names: Collection[str]) -> list[tuple[Path, Path]]:
-    """The files to the previous and to the next frame, in the order of frames."""
-    for name in names:
+def _find_pairs(folder: Path, names: Iterable[str]) -> FileSequence:
+    """The files to the previous frame, each of which has a partner to the next."""
+    names = set(names)
+    for name in sorted(names):
         if not name.endswith((BACKWARD, FORWARD)):
             raise InputError(f"{folder / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename it or take it away.")
         ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
         partner = name.removesuffix(ending) + other
         if partner not in names:
             raise InputError(f"{folder / name} has no partner {partner}; write both directions for every frame.")
-    backwards, _ = order_names(folder, [name for name in names if name.endswith(BACKWARD)])
-    return [(path, path.with_name(path.name.removesuffix(BACKWARD) + FORWARD)) for path in backwards]
+    return order_names(folder, sorted(name for name in names if name.endswith(BACKWARD)))
 
 
-def _flow_reader(backward: Path, forward: Path) -> VectorReader:
-    def read() -> tuple[NDArray[Any], NDArray[Any]]:
-        flows = read_flow(backward), read_flow(forward)
-        if flows[0].shape != flows[1].shape:
-            raise InputError(f"{backward} and {forward.name} differ in size; write both for the same frame.")
-        for path, flow in zip((backward, forward), flows, strict=True):
-            _check_numbers(path, flow)
-        return flows
-
-    return read
+def _partners(path: Path) -> list[Path]:
+    """All files of a frame, by the first of them."""
+    if not path.name.endswith(BACKWARD):
+        return [path]
+    return [path, path.with_name(path.name.removesuffix(BACKWARD) + FORWARD)]
 
 
-def _exr_reader(path: Path) -> VectorReader:
+def _read_flows(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
+    backward, forward = _partners(path)
+    flows = read_flow(backward), read_flow(forward)
+    if flows[0].shape != flows[1].shape:
+        raise InputError(f"{backward} and {forward.name} differ in size; write both for the same frame.")
+    for each, flow in zip((backward, forward), flows, strict=True):
+        _check_numbers(each, flow)
+    return flows
+
+
+def _read_vector_pass(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
     def choose(names: Collection[str]) -> list[str]:
         layer = find_layer(names, "XYZW", "Vector")
         if layer is None:
@@ -270,13 +327,10 @@ def _exr_reader(path: Path) -> VectorReader:
             )
         return [layer + each for each in "XYZW"]
 
-    def read() -> tuple[NDArray[Any], NDArray[Any]]:
-        x, y, z, w = read_exr(path, choose).values()
-        backward, forward = np.dstack([x, -y]), np.dstack([-z, w])  # y points up in the file
-        _check_numbers(path, backward, forward)
-        return backward, forward
-
-    return read
+    x, y, z, w = read_exr(path, choose).values()
+    backward, forward = np.dstack([x, -y]), np.dstack([-z, w])  # y points up in the file
+    _check_numbers(path, backward, forward)
+    return backward, forward
 
 
 def _check_numbers(path: Path, *flows: NDArray[Any]) -> None:

@@ -72,10 +72,10 @@ class SceneAssisted:
     def _image_at(self, transition: Transition, t: float) -> Image:
         image0, image1 = transition.image0, transition.image1
         place0, place1, number = _places(image0.place, image1.place, t)
-        here = self.vectors.for_image(number, image0.pixels)
+        here, step = self.vectors.for_image(number, image0.pixels), self.vectors.step
         neighbours = (
-            _Neighbour(image0, here.backward * np.float32(number - place0), 1 - t),
-            _Neighbour(image1, here.forward * np.float32(place1 - number), t),
+            _Neighbour(image0, here.backward * np.float32((number - place0) * step), 1 - t),
+            _Neighbour(image1, here.forward * np.float32((place1 - number) * step), t),
         )
         weights, colours = [], []
         for neighbour in neighbours:

@@ -22,6 +22,7 @@ import numpy as np
 from fpsboost.errors import InputError, OutputError, explained
 from fpsboost.exr import encode_exr, find_layer, read_exr, read_exr_header
 from fpsboost.frame import ClipInfo, Image, describe, type_names
+from fpsboost.media.images.kinds import as_stored
 from fpsboost.media.images.sizes import declared_size
 from fpsboost.memory_limit import MemoryLimit
 
@@ -83,6 +84,7 @@ def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
         raise InputError(f"{path} is damaged or no image; replace it.")
     if image.ndim == 2:
         image = image[:, :, np.newaxis]
+    image = as_stored(data, image)
     if image.dtype not in type_names or image.shape[2] not in (1, 3, 4):
         raise InputError(
             f"{path} has {image.shape[2]} channels of {image.dtype}; "

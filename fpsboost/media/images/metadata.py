@@ -20,6 +20,7 @@ from fpsboost.exr import read_exr_attributes
 from fpsboost.frame import Image
 from fpsboost.media.images import png_chunks, tiff_tags, webp_chunks
 from fpsboost.media.images.exact import DamagedError
+from fpsboost.media.images.kinds import stored_otherwise
 from fpsboost.media.images.tiff_tags import Tag
 
 LARGEST_PROFILE = 2**24
@@ -97,6 +98,16 @@ def read_metadata(path: Path) -> ImageMetadata:
     except DamagedError:
         return ImageMetadata()
     return _of_tiff(data)
+
+
+def how_stored(data: bytes, channels: int) -> str:
+    """Say how a file stores its pixels, where that is not how they are read; see `kinds.stored_otherwise`."""
+    components = None
+    if data[:2] == b"\xff\xd8":
+        components = next(
+            (body[5] for mark, body in _segments(data) if mark in _start_of_frame and len(body) > 5), None
+        )
+    return stored_otherwise(data, channels, components)
 
 
 def can_pass(path: Path) -> bool:

@@ -8,7 +8,14 @@ from pathlib import Path
 from fpsboost.errors import InputError
 from fpsboost.media.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.media.video.encoding import VIDEO_SUFFIXES
-from fpsboost.sequence import Numbering, find_placeholder, list_files, order_names
+from fpsboost.sequence import (
+    FileSequence,
+    Numbering,
+    find_numbered,
+    find_placeholder,
+    list_files,
+    order_names,
+)
 
 
 def is_pattern(path: str) -> bool:
@@ -30,18 +37,55 @@ def is_pattern(path: str) -> bool:
     return extension in IMAGE_SUFFIXES or (place[0] not in ("%d", "#") and extension not in VIDEO_SUFFIXES)
 
 
-def scan_folder(folder: Path) -> tuple[list[Path], Numbering | None]:
-    """Find the one sequence in a folder; images without any number in their names go by the alphabet.
-
-    Returns
-    -------
-    list of Path, Numbering or None
-        The images in order, and how they are named; None where the names have no numbers.
+def find_images(path: str) -> FileSequence:
+    """Find the images that a folder or a pattern stands for, some of which may be missing.
 
     Raises
     ------
     InputError
-        No images, several sequences, numbers of different widths, or a gap.
+        As `scan_folder`; or the path is neither, or nothing is named like the pattern.
+    OSError
+        The folder cannot be read.
+    """
+    place = Path(path)
+    if place.is_dir():
+        return scan_folder(place)
+    if is_pattern(path):
+        return find_numbered(Numbering.parse(path))
+    if place.exists():
+        raise InputError(f"{path} is a single file; give a folder of images or a pattern like shot_####.png.")
+    raise InputError(f"{path} does not exist; check the path.")
+
+
+def find_numbers(path: str) -> range | None:
+    """Find the numbers of images where they rise by one step; None where there are none, or no images.
+
+    Raises
+    ------
+    InputError
+        As `find_images`.
+    OSError
+        The folder cannot be read.
+    """
+    if not Path(path).is_dir() and (Path(path).is_file() or not is_pattern(path)):
+        return None
+    found = find_images(path)
+    if not found.numbers or found.missing(found.step):
+        return None
+    return range(found.numbers[0], found.numbers[-1] + 1, found.step)
+
+
+def scan_folder(folder: Path) -> FileSequence:
+    """Find the one sequence in a folder; images without any number in their names go by the alphabet.
+
+    Returns
+    -------
+    FileSequence
+
+    Raises
+    ------
+    InputError
+        No images, several sequences, or numbers of different widths.
     OSError
         The folder cannot be read.
     """

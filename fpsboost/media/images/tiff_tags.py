@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 ORIENTATION, PROFILE, XMP, PHOTOMETRIC = 274, 34675, 700, 262
+BITS, SAMPLES, EXTRA_SAMPLES = 258, 277, 338
 ACROSS, DOWN, RESOLUTION_UNIT = 282, 283, 296
 BYTE, SHORT, RATIONAL, UNDEFINED = 1, 3, 5, 7
 INCH, CENTIMETRE = 2, 3
@@ -48,6 +49,20 @@ def read_tags(data: bytes) -> tuple[str, dict[int, Tag]]:
     except struct.error:
         pass
     return order, tags
+
+
+def has_more_pages(data: bytes) -> bool:
+    """Whether there is an image behind the first."""
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
+    if order is None:
+        return False
+    try:
+        (place,) = struct.unpack_from(order + "I", data, 4)
+        (count,) = struct.unpack_from(order + "H", data, place)
+        (following,) = struct.unpack_from(order + "I", data, place + 2 + 12 * count)
+    except struct.error:
+        return False
+    return bool(following)
 
 
 def numbers_of(order: str, tag: Tag | None) -> tuple[int, ...]:

@@ -1,0 +1,106 @@
+"""Images of unusual kinds: they look as they should, and it is said where made frames are stored otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from fpsboost import convert
+from fpsboost.media.images.files import read_image
+
+COLOUR = (200, 100, 52)
+HEIGHT, WIDTH = 8, 10
+
+Save = Callable[[Path, int], None]
+
+
+def picture(shift: int = 0) -> np.ndarray:
+    """A little ramp in red, green and blue."""
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    image[..., 0] = np.arange(WIDTH) * 20 + shift
+    image[..., 1] = np.arange(HEIGHT)[:, None] * 20
+    return image
+
+
+def pillow(mode: str, **options: object) -> Save:
+    def save(path: Path, shift: int) -> None:
+        image = Image.fromarray(picture(shift))
+        image = image.quantize(16) if mode == "P" else image.convert("CMYK" if mode == "LAB" else mode)
+        if mode == "LAB":
+            image = Image.merge("LAB", image.split()[:3])
+        image.save(path, **options)
+
+    return save
+
+
+def tiff(image: np.ndarray, **options: object) -> Save:
+    return lambda path, shift: tifffile.imwrite(path, image, **options)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "save", "words"),
+    [
+        (".jpg", pillow("CMYK"), "as CMYK; all frames were written as RGB"),
+        (".tif", pillow("CMYK"), "as CMYK; all frames were written as RGB"),
+        (".tif", pillow("LAB"), "as CIELab; all frames were written as RGB"),
+        (".png", pillow("P"), "with a palette; the frames between were written as RGB"),
+        (".tif", pillow("P"), "with a palette; the frames between were written as RGB"),
+        (".bmp", pillow("P"), "with a palette; the frames between were written as RGB"),
+        (".png", pillow("1"), "with 1 bit a pixel; the frames between were written as gray"),
+        (".tif", pillow("1"), "with 1 bit a pixel; the frames between were written as gray"),
+        (".png", pillow("LA"), "as gray with alpha; the frames between were written as RGB with alpha"),
+        (".tif", pillow("LA"), "as gray with alpha; the frames between were written as gray"),
+        (".png", pillow("RGB", transparency=(1, 2, 3)), "with one transparent colour; the frames between were"),
+        (".png", pillow("L", transparency=3), "with one transparent colour; the frames between were written as gray"),
+        (".tif", tiff(picture()[..., 0], photometric="miniswhite"), "with white as 0; the frames between were written"),
+        (".tif", tiff(np.stack([picture()] * 2), photometric="rgb"), "hold several pictures, the first of which"),
+        (".png", pillow("RGB", save_all=True, append_images=[Image.fromarray(picture(9))]), "hold several pictures"),
+    ],
+)
+def test_other_kinds_are_said(tmp_path, suffix, save, words):
+    """One sentence for a folder, by the name of the first image of the kind."""
+    (tmp_path / "in").mkdir()
+    for number in (1, 2, 3):
+        save(tmp_path / "in" / f"{number}{suffix}", number * 7)
+    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), method="blend")
+    said = [remark for remark in summary.remarks if words in remark]
+    assert len(said) == 1, summary.remarks
+    assert said[0].startswith(f"1{suffix} and its like ")
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".bmp", ".jpg", ".webp"])
+@pytest.mark.parametrize("mode", ["L", "RGB"])
+def test_usual_kinds_are_not(tmp_path, suffix, mode):
+    """Gray and colour in every type of file (but gray in WebP, which has none)."""
+    (tmp_path / "in").mkdir()
+    for number in (1, 2):
+        pillow(mode)(tmp_path / "in" / f"{number}{suffix}", number)
+    assert convert(str(tmp_path / "in"), str(tmp_path / "out"), method="blend").remarks == []
+
+
+def flat(*values: int, dtype: type = np.uint8) -> np.ndarray:
+    return np.full((HEIGHT, WIDTH, len(values)), values, dtype)
+
+
+@pytest.mark.parametrize(
+    ("save", "expected"),
+    [
+        (tiff(flat(200, 100, 52, 128), photometric="rgb", extrasamples=["unassalpha"]), [52, 100, 200, 128]),
+        (tiff(flat(200, 100, 52, 0), photometric="rgb", extrasamples=["unassalpha"]), [0, 0, 0, 0]),
+        (tiff(flat(100, 50, 26, 128), photometric="rgb", extrasamples=["assocalpha"]), [26, 50, 100, 128]),
+        (tiff(flat(20, 10, 5, 7, dtype=np.uint16), photometric="rgb", extrasamples=["unassalpha"]), [5, 10, 20, 7]),
+        (tiff(flat(55, 155, 203, 0), photometric="separated"), [52, 100, 200]),
+        (tiff(flat(200)[..., 0], photometric="miniswhite"), [55]),
+        (tiff(flat(20000, dtype=np.uint16)[..., 0], photometric="miniswhite"), [45535]),
+    ],
+)
+def test_unusual_tiffs_look_as_they_should(tmp_path, save, expected):
+    """Colours apart from their alpha stay so, CMYK has no alpha, and white is bright in 16 bits as in 8."""
+    save(tmp_path / "1.tif", 0)
+    pixel = read_image(tmp_path / "1.tif")[0, 0].astype(int)
+    assert np.abs(pixel - expected).max() <= 1

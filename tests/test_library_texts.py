@@ -1,0 +1,105 @@
+"""What libraries print by themselves does not reach the terminal before our own sentence."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fpsboost.cli_library_texts import LibraryTexts
+from fpsboost.exr import write_exr
+
+NOISE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
+
+
+def encoded(suffix: str) -> bytearray:
+    return bytearray(cv2.imencode(suffix, NOISE)[1].tobytes())
+
+
+def cut(suffix: str) -> bytes:
+    data = encoded(suffix)
+    return bytes(data[: len(data) * 2 // 3])
+
+
+def flipped(suffix: str) -> bytes:
+    data = encoded(suffix)
+    data[len(data) // 2] ^= 0x55
+    return bytes(data)
+
+
+def damaged_exr(path: Path) -> None:
+    write_exr(path, {name: NOISE[..., 0].astype(np.float32) for name in "BGR"})
+    data = bytearray(path.read_bytes())
+    data[-40:-20] = bytes(20)
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("command", [("in", "out", "-m", "blend"), ("probe", "in")])
+@pytest.mark.parametrize(
+    ("suffix", "damage"), [(".png", cut), (".png", flipped), (".tif", cut), (".bmp", cut), (".exr", None)]
+)
+def test_a_damaged_image_is_one_sentence(tmp_path, fpsboost_, suffix, damage, command):
+    """Ours, which names the file; nothing of libpng's, libtiff's, OpenCV's or OpenEXR's."""
+    (tmp_path / "in").mkdir()
+    for number in (1, 2):
+        path = tmp_path / "in" / f"{number}{suffix}"
+        if suffix == ".exr":
+            write_exr(path, {name: NOISE[..., 0].astype(np.float32) for name in "BGR"})
+        else:
+            path.write_bytes(encoded(suffix))
+    if damage is None:
+        damaged_exr(path)
+    else:
+        path.write_bytes(damage(suffix))
+    result = fpsboost_(*command)
+    assert result.code == 1
+    assert [line for line in result.lines if line.strip()] == [line for line in result.lines if "2" + suffix in line]
+    assert result.err.startswith("fpsboost: in")
+
+
+def test_what_is_read_nevertheless_is_a_note(tmp_path, fpsboost_):
+    """Damage that a library reads over is said behind the summary, each text once; --quiet leaves it out."""
+    (tmp_path / "in").mkdir()
+    for number in (1, 2, 3):
+        (tmp_path / "in" / f"{number}.jpg").write_bytes(flipped(".jpg"))
+    result = fpsboost_("in", "out", "-m", "blend")
+    assert (result.code, len(result.lines)) == (0, 2)
+    assert result.lines[1].startswith("Note: A library that reads files says: Corrupt JPEG data")
+    assert fpsboost_("in", "out2", "-m", "blend", "-q").err == ""
+
+
+def test_texts_are_cleaned_and_counted():
+    """OpenCV's clock differs from line to line; everything after is as it was before."""
+    before = sys.stderr
+    with LibraryTexts() as texts:
+        for clock in (1, 2):
+            os.write(2, f"[ WARN:0@{clock}.5] global grfmt_png.cpp:793 it ends early\n".encode())
+        for name in "abc":
+            os.write(2, f"{name}\n".encode())
+        assert texts.lines() == ["grfmt_png.cpp:793 it ends early", "a", "b", "c"]
+        assert texts.sentence().endswith("grfmt_png.cpp:793 it ends early; a; b; and 1 more.")
+    assert sys.stderr is before
+    assert texts.lines() == []
+
+
+def test_python_goes_on_to_the_terminal():
+    """Also as a process of its own, whose standard error is the terminal; without one nothing happens."""
+    program = (
+        "import os, sys\n"
+        "from fpsboost.cli_library_texts import LibraryTexts\n"
+        "with LibraryTexts():\n"
+        "    os.write(2, b'library\\n')\n"
+        "    print('ours', file=sys.stderr)\n"
+        "os.write(2, b'after\\n')\n"
+        "print('too', file=sys.stderr)\n"
+        "os.close(2)\n"
+        "with LibraryTexts() as texts:\n"
+        "    assert texts.lines() == []\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr.split() == ["ours", "after", "too"]
