@@ -161,11 +161,13 @@ def stop(number: int, frame: FrameType | None) -> None:
 
 
 def main() -> None:
-    """Run the command line and exit."""
+    """Run the command line and exit; `fpsboost.__main__` is where it begins."""
     signal.signal(signal.SIGTERM, stop)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as nohup and a shell's & have it
+        signal.signal(signal.SIGINT, stop)
     errors = console()
     verbose = "--verbose" in sys.argv
-    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]]
+    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except KeyboardInterrupt as stopped:
