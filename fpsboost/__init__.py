@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
+    from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame
     from fpsboost.interpolator import Interpolator
     from fpsboost.media.video.encoding import Encoding
@@ -39,6 +39,7 @@ __all__ = [
     "OptionError",
     "OutputError",
     "Reading",
+    "SceneCutWarning",
     "Summary",
     "__version__",
     "boost",
@@ -62,6 +63,7 @@ _homes = {
     "OptionError": "errors",
     "OutputError": "errors",
     "Reading": "media.video.reading",
+    "SceneCutWarning": "errors",
     "Summary": "pipeline",
     "boost": "pipeline",
     "convert": "pipeline",

@@ -172,8 +172,10 @@ def stop(number: int, frame: FrameType | None) -> None:
 
 
 def main() -> None:
-    """Run the command line and exit."""
+    """Run the command line and exit; `fpsboost.__main__` is where it begins."""
     signal.signal(signal.SIGTERM, stop)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as nohup and a shell's & have it
+        signal.signal(signal.SIGINT, stop)
     with LibraryTexts() as texts:
         run_command(texts)
 
@@ -182,7 +184,7 @@ def run_command(texts: LibraryTexts) -> None:
     """Run the command line; exit unless all went well."""
     errors = console()
     verbose = "--verbose" in sys.argv
-    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]]
+    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
         if texts.sentence() and not {"--quiet", "-q"} & set(tokens):

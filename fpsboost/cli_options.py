@@ -215,7 +215,7 @@ class CutOptions:
     at_cuts
         repeat a frame, blend or extrapolate.
     cut_threshold
-        Likeness below which a pair is a cut, 0 to 1; else 0.48.
+        Likeness below which a pair is a cut, 0 to 1; else 0.5.
     no_cuts
         Take everything for one scene.
     cuts

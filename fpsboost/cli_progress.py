@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo
     from fpsboost.interpolator import Interpolator
     from fpsboost.pipeline import Summary
-
-COMPILE_HINT_AFTER = 2.5
-"""Seconds of silence before the first frame after which a person is told why."""
 
 
 class FramesPerSecondColumn(ProgressColumn):
@@ -38,7 +35,7 @@ class Reporter:
         self._output = output
         self._verbose = verbose
         self._info: ClipInfo | None = None
-        self._hint = threading.Timer(COMPILE_HINT_AFTER, self._say_compiling)
+        self._listening = ExitStack()
         self._task: TaskID | None = None
         self._progress = Progress(
             TextColumn("{task.description}"),
@@ -58,23 +55,24 @@ class Reporter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._hint.cancel()
+        self._listening.close()
         self._progress.stop()
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
         """See `fpsboost.pipeline.Observer.opened`."""
+        from fpsboost.kernels.compiling import told_of_compiling  # noqa: PLC0415 (--help need not wait for numba)
+
         self._info = info
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
-        self._hint.start()
+        self._listening.enter_context(told_of_compiling(self._say_compiling))
         self._task = self._progress.add_task(
             shown(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
         )
 
     def ready(self) -> None:
         """See `fpsboost.pipeline.Observer.ready`."""
-        self._hint.cancel()
         if self._task is not None:
             self._progress.start_task(self._task)
 

@@ -9,6 +9,9 @@
         ├── CompleteAlreadyError  an output to go on with needs nothing more
         └── ReaderGoneError  the program that reads standard output has closed it
 
+    UserWarning
+    └── SceneCutWarning  a scene ends between two images, and nothing was interpolated across it
+
 Every message is one sentence that names the file or the option and says what to do. The library raises;
 only the command line prints and chooses an exit code (2 for `OptionError`, 1 for the others).
 """
@@ -26,6 +29,14 @@ class FpsboostError(Exception):
 
 class OptionError(FpsboostError, ValueError):
     """An option or argument has a value that can never work."""
+
+
+class SceneCutWarning(UserWarning):
+    """A scene ends between two images that were to be interpolated: what was made is not what lies between them.
+
+    Only given where somebody asks for cuts to be looked for; ``warnings.simplefilter("error", SceneCutWarning)`` makes
+    it an exception.
+    """
 
 
 class InputError(FpsboostError):

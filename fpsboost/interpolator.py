@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -11,7 +12,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
-from fpsboost.errors import OptionError, check_choice
+from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.lighting import Lighting, find_lighting, in_either_light
 from fpsboost.motion import MotionEstimator
@@ -37,6 +38,15 @@ Item = TypeVar("Item")
 AT_CUTS: Mapping[AtCuts, Synthesizer] = MappingProxyType(
     {"repeat": Nearest(), "blend": Blend(), "extrapolate": Extrapolate()}
 )
+
+ACROSS_A_CUT: Mapping[AtCuts, str] = MappingProxyType(
+    {
+        "repeat": "A scene ends between the two images; the nearer one was repeated.",
+        "blend": "A scene ends between the two images; they were mixed.",
+        "extrapolate": "A scene ends between the two images; each was repeated, as its motion is not known.",
+    }
+)
+"""What was done with two images alone."""
 
 
 class InBetween(NamedTuple):
@@ -188,8 +198,12 @@ class Interpolator:
         """Whether motion was rendered from each frame to the very next, so that none may be passed over."""
         return isinstance(self.estimator, RenderedMotion) or isinstance(self.synthesizer, SceneAssisted)
 
-    def interpolate(self, image0: Image, image1: Image, times: Sequence[float | Fraction]) -> list[Image]:
+    def interpolate(
+        self, image0: Image, image1: Image, times: Sequence[float | Fraction], *, cuts: CutPolicy | None = None
+    ) -> list[Image]:
         """Make one image for every time.
+
+        Two images say too little about where a scene ends: unless `cuts` is given, motion is followed between any two.
 
         Parameters
         ----------
@@ -197,6 +211,9 @@ class Interpolator:
             Two frames of one size and type.
         times : sequence of float or Fraction
             Each in [0, 1]; 0 gives frame 0 and 1 gives frame 1, unchanged.
+        cuts : CutPolicy, optional
+            Says whether a scene ends between the two, as a `CutDetector` does, instead of this interpolator's own
+            policy, which is for sequences. Across a cut, `at_cuts` decides.
 
         Returns
         -------
@@ -208,9 +225,19 @@ class Interpolator:
             The two are no images of one size and type.
         OptionError
             A time lies outside of [0, 1].
+
+        Warns
+        -----
+        SceneCutWarning
+            There is a cut, and a time lies between the two.
         """
-        pair = self.pair(PreparedImage(image0), PreparedImage(image1))
-        return list(self.between(pair, times).images)
+        judged = replace(self, cuts=cuts)
+        pair = judged.pair(PreparedImage(image0), PreparedImage(image1))
+        images, scene_cut = judged.between(pair, times)
+        made = list(images)
+        if scene_cut and any(0 < t < 1 for t in times):
+            warnings.warn(ACROSS_A_CUT[self.at_cuts], SceneCutWarning, stacklevel=2)
+        return made
 
     def pair(self, image0: PreparedImage, image1: PreparedImage, duration: Fraction | float = 1) -> Pair:
         """Two frames as `between` takes them; see `Pair`."""
@@ -257,8 +284,8 @@ class Interpolator:
 
     def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
         breaks_off = pair.breaks_off(before, after)
-        # what is beyond these two is not known here, and without it only a pair that is unlike by itself breaks off
-        before, after = (None if each is None or each.breaks_off() else each for each in (before, after))
+        # what is beyond these two is not known here
+        before, after = (None if each is None or each.breaks_off(pair) else each for each in (before, after))
         if breaks_off:
             onward = self.at_cuts == "extrapolate"
             fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)

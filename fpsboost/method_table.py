@@ -21,6 +21,7 @@ from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, Still, TvL1
 from fpsboost.motion.vectors import RenderedMotion, VectorFolder
 from fpsboost.prepared import PreparedImage
+from fpsboost.scenes import CutPolicy
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.fuse import Fuse, Fused
@@ -132,9 +133,14 @@ def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any
 
 
 def interpolate(
-    frame0: Image, frame1: Image, t: float | Fraction = 0.5, *, method: str | Interpolator = "nlm"
+    frame0: Image,
+    frame1: Image,
+    t: float | Fraction = 0.5,
+    *,
+    method: str | Interpolator = "nlm",
+    cuts: CutPolicy | None = None,
 ) -> Image:
-    """Make the image at time t between two images.
+    """Make the image at time t between two images, whatever they show: never one of them again, unless `cuts` is given.
 
     Parameters
     ----------
@@ -143,7 +149,10 @@ def interpolate(
     t : float or Fraction
         In [0, 1]; 0 is `frame0`, 1 is `frame1`.
     method : str or Interpolator
-        A name of `fpsboost.methods`, or an object.
+        A name of `fpsboost.methods`, or an object, whose own policy for cuts is for sequences and not asked.
+    cuts : CutPolicy, optional
+        Says whether a scene ends between the two: ``cuts=fpsboost.CutDetector()``. Across a cut, the method's
+        ``at_cuts`` decides; with most the nearer image is repeated.
 
     Returns
     -------
@@ -157,6 +166,11 @@ def interpolate(
     OptionError
         Unknown method, or `t` out of range.
 
+    Warns
+    -----
+    SceneCutWarning
+        There is a cut, so that the result does not show what lies between the two.
+
     Examples
     --------
     >>> import numpy as np
@@ -165,7 +179,7 @@ def interpolate(
     (48, 64, 3)
     """
     interpolator = find_method(method) if isinstance(method, str) else method
-    (image,) = interpolator.interpolate(*_with_channels(frame0, frame1), [t])
+    (image,) = interpolator.interpolate(*_with_channels(frame0, frame1), [t], cuts=cuts)
     return image.reshape(frame0.shape)
 
 

@@ -10,18 +10,40 @@ from typing import Protocol
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.motion.colour import Components, colour_components, contrast_components, gray, small_copy
+from fpsboost.motion.field import MotionField, round_trip
 from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
 
-NOTHING_ALIKE = 0.25
-"""Share of the threshold below which a pair is a cut whatever its neighbours are like."""
+NOTHING_ALIKE = 0.3
+"""Share of the threshold below which a pair is a cut whatever its neighbours are like, or if it has none."""
 
-SLIGHTLY_ALIKE, MUCH_ALIKE = 1.1, 5 / 3
-"""Multiples of the threshold below which a pair is a cut if it stands out, and if it is far out."""
+MUCH_ALIKE = 1.3
+"""Multiple of the threshold below which a pair is a cut if it is far more unlike than both its neighbours."""
+
+REACH = 1 / 3
+"""Largest motion that is looked for, as a share of the longer side; a pan that is faster shows another scene anyway."""
+
+V = 0.1
+"""Width of the similarity of thumbnails: what blurs or glitters from frame to frame still counts for something."""
+
+PRICE = 0.002
+"""What a pixel of motion costs in units of similarity: among patches that are equally alike, as those of a wall, the
+nearest is found, in both directions the same one."""
+
+FOUND_BACK = 1.5
+"""Pixels of a thumbnail by which a way there and back may miss its beginning: one in x and one in y, as zooms do."""
+
+SAME_V = 0.04
+"""Width of the similarity where a way there and back ends elsewhere: only what looks nearly the same, as places of one
+wall or of a black frame do, is as good as the beginning."""
+
+PATCH_RADIUS = 5
+"""A quarter of a thumbnail's width a patch: smaller ones find something alike in any picture."""
 
 
 class CutPolicy(Protocol):
@@ -42,48 +64,46 @@ class CutPolicy(Protocol):
 
 @dataclass(frozen=True)
 class CutDetector:
-    """A cut is where hardly anything of one frame can be found in the other, or much less than before and after.
+    """A cut is where hardly anything can be followed from one frame to the other and back.
 
-    Both frames are reduced to thumbnails, and every patch of one is searched for in the other with the similarity of
-    the method itself; the mean over all pixels of the best similarity is high under any motion and low across a cut.
-    Where scenes have much in common, as slides, fog and rooms in the same colours do, it is lower than its neighbours.
+    Both frames are reduced to thumbnails, and every patch of either is searched for in the other with the similarity of
+    the method itself. By chance, something alike is often found; but from a patch that has moved the way back leads
+    to where it was, and from one that is alike by chance it leads to something else. The mean over all pixels of how
+    alike both ends of the way there and of the way there and back are is high under any motion and low across a cut.
+    What moves fast, is blurred or is hidden for a moment makes it lower in the pairs around, too: a cut must stand out.
 
     Parameters
     ----------
     threshold : float
-        Pairs whose similarity lies below it are cuts, 0 (none) to 1 (all). Of 18 rendered and filmed clips, pairs
-        up to four frames apart stayed above 0.52, and cuts between clips below 0.42; the default lies between.
+        Pairs whose likeness lies below it are cuts if they stand out, 0 (none) to 1 (all). Of constructed clips and of
+        26 rendered and filmed ones, with up to three frames left out between two, 98 of 100 pairs within a scene lie
+        above 0.5, and 97 of 100 cuts below.
     drop : float
-        Between other pairs, a cut has at most this share of the likeness of the better neighbour: where all pairs are
-        hard to follow, behind turning glass or in a hail of confetti, no scene ends. Of the same clips and three more,
-        all cuts lay below 0.45, and pairs within a scene above 0.8.
-    fall : float
-        A pair that lies below both its neighbours by as much may be a little more alike than the threshold: of
-        constructed clips, nine of ten cuts lie lower by as much, and 98 of 100 pairs within a scene by at most 0.12.
+        A cut has at most this share of the likeness of the better neighbour: where all pairs are hard to follow, behind
+        turning glass or among trees that rush past, no scene ends.
     times : float
-        If it is so many times as unlike as the worse neighbour, it may be much more alike: slides and rooms in the same
-        colours are cuts. A figure that strikes another pose in an animation differs less from what it does around.
+        If a pair is so many times as unlike as the worse of both neighbours, it is a cut even where it is more alike
+        than the threshold: slides and rooms in the same colours are. A figure that strikes another pose in an animation
+        differs less from what it does around.
     thumbnail_side : int
         Longer side of the thumbnails, pixels.
 
     Raises
     ------
     OptionError
-        The threshold is out of range.
+        A value is out of range.
     """
 
-    threshold: float = 0.48
-    drop: float = 0.6
-    fall: float = 0.15
+    threshold: float = 0.5
+    drop: float = 0.5
     times: float = 3.0
     thumbnail_side: int = 40
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold <= 1:
             raise OptionError(f"--cut-threshold must be 0 (no cuts) to 1 (all cuts), not {self.threshold}.")
-        for name in ("drop", "fall"):
-            if not 0 < getattr(self, name) <= 1:
-                raise OptionError(f"{name} must be above 0 and at most 1, not {getattr(self, name)}.")
+        if not 0 < self.drop <= 1:
+            raise OptionError(f"drop must be above 0 and at most 1, not {self.drop}.")
         if not self.times >= 1:
             raise OptionError(f"times must be at least 1, not {self.times}.")
         if self.thumbnail_side < 1:
@@ -92,6 +112,9 @@ class CutDetector:
     def is_cut(self, likeness: float, *neighbours: float) -> bool:
         """Whether a scene ends in a pair.
 
+        Alone, a pair is a cut only if nothing is alike: how much of a scene can be followed at all is known from the
+        pairs around, and what is interpolated in vain does less harm than motion that stops.
+
         Parameters
         ----------
         likeness : float
@@ -99,15 +122,14 @@ class CutDetector:
         *neighbours : float
             The same for the pairs before and after, where they are known.
         """
-        if self.threshold == 1 or not neighbours:
-            return self.threshold == 1 or likeness < self.threshold
-        if likeness < NOTHING_ALIKE * self.threshold:
-            return True
-        if likeness < self.threshold and likeness <= self.drop * max(neighbours):
-            return True
-        stands_out = likeness <= min(neighbours) - self.fall
-        far_out = 1 - likeness >= self.times * (1 - min(neighbours))
-        return stands_out and likeness < self.threshold * (MUCH_ALIKE if far_out else SLIGHTLY_ALIKE)
+        if self.threshold == 1 or likeness < NOTHING_ALIKE * self.threshold:
+            return self.threshold > 0
+        if not neighbours:
+            return False
+        drops = likeness < self.threshold and likeness <= self.drop * max(neighbours)
+        # one neighbour may be a moment's rest before motion goes on
+        far_out = len(neighbours) > 1 and 1 - likeness >= self.times * (1 - min(neighbours))
+        return drops or (far_out and likeness < MUCH_ALIKE * self.threshold)
 
     def find_cuts(self, likenesses: Sequence[float]) -> list[bool]:
         """`is_cut` for each of the pairs of a sequence."""
@@ -126,18 +148,35 @@ class CutDetector:
         *neighbours : float
             Of the pairs before and after, where they are known.
         """
-        goes_on = not self.is_cut(across) and not self.is_cut(across, *neighbours)
+        goes_on = across >= self.threshold and not self.is_cut(across, *neighbours)
         return goes_on and self.is_cut(likeness, across)
 
     def likeness(self, image0: PreparedImage, image1: PreparedImage) -> float:
-        """How much of the frames can be found in each other, 0 to 1: the worse of both directions.
+        """How much of the frames can be followed there and back, 0 to 1: the worse of both directions.
 
         A picture in which little is to be seen can be found in nearly any other, but not the other in it.
         """
         thumbnails = [contrast_components(image.once(small_copy, self.thumbnail_side)) for image in (image0, image1)]
-        reach = math.ceil(self.thumbnail_side / 6)
-        fields = search_fused(thumbnails[0], thumbnails[1], reach, 5, "box", 0.06)
-        return min(float(field.similarity.mean()) for field in fields)
+        reach = math.ceil(REACH * self.thumbnail_side)
+        field01, field10 = search_fused(thumbnails[0], thumbnails[1], reach, PATCH_RADIUS, "box", V, PRICE)
+        return min(_followed(thumbnails[0], field01, field10), _followed(thumbnails[1], field10, field01))
+
+
+def _followed(thumbnail: Components, there: MotionField, back: MotionField) -> float:
+    """Mean similarity of the pixels of a frame to where they are found, times that to where the way back ends."""
+    height, width = there.similarity.shape
+    y, x = np.mgrid[:height, :width]
+    end_y, end_x = y, x
+    for field in (there, back):
+        dx, dy = np.moveaxis(field.flow[end_y, end_x].astype(np.intp), -1, 0)
+        end_y, end_x = end_y + dy, end_x + dx
+    arrived = round_trip(there.flow, y[:, 0], x[0], back.flow) < FOUND_BACK
+    padded = cv2.copyMakeBorder(thumbnail, *(PATCH_RADIUS,) * 4, cv2.BORDER_REPLICATE)
+    patches = sliding_window_view(padded, (2 * PATCH_RADIUS + 1,) * 2, axis=(0, 1))
+    samples = patches[..., ::PATCH_RADIUS, ::PATCH_RADIUS]  # centre, corners and edges are enough to tell patches apart
+    apart = np.square(samples[end_y, end_x] - samples).sum(axis=2)
+    looks_the_same = np.exp(-apart / (2 * SAME_V**2)).mean(axis=(2, 3))
+    return float((there.similarity * np.maximum(looks_the_same, arrived)).mean())
 
 
 @dataclass(frozen=True)

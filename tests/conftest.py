@@ -84,9 +84,9 @@ Command = Callable[..., Result]
 @pytest.fixture
 def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
     """Run the command line in this process and in `tmp_path`, as if its output were piped."""
-    handler = signal.getsignal(signal.SIGTERM)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli_progress, "COMPILE_HINT_AFTER", 3600)
+    monkeypatch.setattr(cli_progress.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
     for name in COLOUR_VARIABLES:
         monkeypatch.delenv(name, raising=False)
 
@@ -101,4 +101,5 @@ def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
         return Result(code, *capfd.readouterr())
 
     yield run
-    signal.signal(signal.SIGTERM, handler)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

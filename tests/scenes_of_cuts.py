@@ -343,6 +343,80 @@ def passing(random: np.random.Generator) -> Clip:
     return Clip("passing", make_shot(random, actor=actor).frames(12), set())
 
 
+def fast(random: np.random.Generator, **how: Any) -> Shot:
+    """A camera that pans by a tenth to a quarter of the width with every frame, and hardly faster or slower."""
+    speed, heading = random.uniform(0.1, 0.25) * WIDTH, random.choice((0, np.pi)) + random.uniform(-0.3, 0.3)
+    dx, dy, swing = speed * np.cos(heading), speed * np.sin(heading), random.uniform(0, 0.3)
+    path = lambda t: (dx * (t + swing * np.sin(2 * t)), dy * t, 1.0, 0.0)  # noqa: E731
+    start = 180 if dx > 0 else CANVAS[1] - 180
+    return make_shot(random, place=(start, 240), path=path, shutter=random.uniform(0.2, 0.7), bars=0, **how)
+
+
+def tracking(random: np.random.Generator) -> Shot:
+    """A camera that follows something among trees: trunks and leaves pass in front, several times as fast."""
+    speed = random.uniform(0.08, 0.3) * WIDTH * random.choice((-1, 1))
+    leaves = fine(random)
+    trunks = [(random.uniform(0, 4 * WIDTH), random.uniform(4, 22), colour(random, 0.05, 0.4)) for _ in range(14)]
+    crowns = [(*random.uniform((0, -10), (4 * WIDTH, 30)), random.uniform(10, 28)) for _ in range(10)]
+    body = colour(random, 0.3, 1)
+
+    def actor(t: float, image: Array) -> None:
+        for x, width, shade in trunks:
+            left = (x + speed * t) % (4 * WIDTH) - width
+            cv2.rectangle(image, (round(left), 0), (round(left + width), HEIGHT), shade, -1)
+        for x, y, size in crowns:
+            mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+            left = (x + speed * t) % (4 * WIDTH) - size
+            cv2.circle(mask, (round(left), round(y)), round(size), 255, -1)
+            shifted = leaves[100 : 100 + HEIGHT, int(300 - left) % 500 :][:, :WIDTH]
+            image[mask > 0] = 0.6 * shifted[mask > 0]
+        cv2.ellipse(image, (WIDTH // 2, HEIGHT // 2), (8, 16), 10 * np.sin(2 * t), 0, 360, body, -1)
+
+    pan = 0.3 * speed
+    path = lambda t: (-pan * t, 2 * np.sin(1.3 * t), 1.0, 0.0)  # noqa: E731
+    start = CANVAS[1] - 200 if pan > 0 else 200
+    return make_shot(random, place=(start, 240), path=path, actor=actor, shutter=0.6, bars=0)
+
+
+def thin(random: np.random.Generator) -> Shot:
+    """Branches, wires and spokes in front of something that moves otherwise."""
+    count = int(random.integers(8, 30))
+    ends = random.uniform((-40, -20, -40, -20), (WIDTH + 40, HEIGHT + 20, WIDTH + 40, HEIGHT + 20), (count, 4))
+    move = random.uniform(-6, 6, (2,))
+    shades = [colour(random, 0, 0.5) for _ in range(count)]
+    turn = random.uniform(-0.25, 0.25)
+
+    def actor(t: float, image: Array) -> None:
+        for (x0, y0, x1, y1), shade in zip(ends, shades, strict=True):
+            first = int(x0 + move[0] * t), int(y0 + move[1] * t)
+            cv2.line(image, first, (int(x1 + move[0] * t), int(y1 + move[1] * t)), shade, 1, cv2.LINE_AA)
+        for spoke in range(9):
+            angle = 2 * np.pi * spoke / 9 + turn * t
+            rim = int(WIDTH / 2 + 30 * np.cos(angle)), int(HEIGHT / 2 + 30 * np.sin(angle))
+            cv2.line(image, (WIDTH // 2, HEIGHT // 2), rim, (0.1, 0.1, 0.1), 1, cv2.LINE_AA)
+
+    return make_shot(random, actor=actor)
+
+
+def one_shot_or_more(name: str, make: Callable[[np.random.Generator], Shot]) -> Callable[[np.random.Generator], Clip]:
+    """Shots of one kind with cuts between them, or one of them alone."""
+
+    def clip(random: np.random.Generator) -> Clip:
+        return joined(name, *(make(random).frames(5) for _ in range(random.integers(1, 4))))
+
+    return clip
+
+
+def few_frames(random: np.random.Generator) -> Clip:
+    """Two frames or three in all, of every kind of shot, with a cut or without."""
+    makers = make_shot, fast, tracking, thin
+    length = int(random.integers(2, 4))
+    first, second = (makers[random.integers(len(makers))](random) for _ in range(2))
+    cut = int(random.integers(length)) if random.random() < 0.5 else length
+    shots = [first.frames(cut), second.frames(length - cut)]
+    return joined(f"{length} frames", *(shot for shot in shots if shot))
+
+
 KINDS = (
     hard_cuts,
     equally_bright,
@@ -358,6 +432,10 @@ KINDS = (
     zoom,
     shake,
     passing,
+    one_shot_or_more("fast pans", fast),
+    one_shot_or_more("among trees", tracking),
+    one_shot_or_more("thin structure", thin),
+    few_frames,
 )
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import shlex
 import signal
 import subprocess
 import sys
-import threading
 import time
+import tomllib
 from dataclasses import is_dataclass
 from pathlib import Path
 
@@ -17,10 +18,11 @@ import cv2
 import numpy as np
 import pytest
 from conftest import COLOUR_VARIABLES, Result
+from numba import njit
 from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 
 import fpsboost
-from fpsboost import cli, cli_progress
+from fpsboost import cli
 from fpsboost.cli_compare import choose
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods, vector_methods
@@ -29,6 +31,7 @@ from fpsboost.timing import parse_number, parse_rate
 ROOT = Path(__file__).parents[1]
 ORBIT = ROOT / "samples" / "orbit.mp4"
 CHEAP = ("--method", "nearest")
+SAY_COMPILING = cli.Reporter._say_compiling  # before a fixture silences it
 SUMMARY = r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\)"
 
 pytestmark = [
@@ -139,21 +142,66 @@ def test_verbose_shows_a_traceback(fpsboost_):
     assert result.lines[-1].startswith("fpsboost: none.mp4 does not exist")
 
 
-def test_slow_compiling_is_explained(fpsboost_, clip, monkeypatch):
-    """A person who waits for the compiler is told so once, before the summary."""
-    told = threading.Event()
-    say = cli.Reporter._say_compiling
+def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, clip, tmp_path, monkeypatch):
+    """Once, as soon as the first begins; not where all come from the cache, however long that takes."""
 
-    def say_and_tell(reporter: cli.Reporter) -> None:
-        say(reporter)
-        told.set()
+    def compile_two(interpolator: Interpolator, image: np.ndarray) -> None:
+        for kernel in (njit(lambda x: x + 1), njit(lambda x: x + 2)):
+            kernel(1)
 
-    monkeypatch.setattr(cli_progress, "COMPILE_HINT_AFTER", 0)
-    monkeypatch.setattr(cli.Reporter, "_say_compiling", say_and_tell)
-    monkeypatch.setattr(Interpolator, "compile_for", lambda self, image: told.wait(60))
+    monkeypatch.setattr(cli.Reporter, "_say_compiling", SAY_COMPILING)
+    monkeypatch.setattr(Interpolator, "compile_for", compile_two)
     result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
     assert len(result.lines) == 2
     assert "Compiling" in result.lines[0]
+
+    kernel = tmp_path / "kernel.py"
+    kernel.write_text("from numba import njit\n@njit(cache=True)\ndef kernel(x):\n    return x + 1\n")
+    spec = importlib.util.spec_from_file_location("kernel", kernel)
+    lines = []
+    for _ in range(2):
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        monkeypatch.setattr(Interpolator, "compile_for", lambda self, image, run=module.kernel: run(1))
+        lines.append(len(fpsboost_("in.mp4", "out.mp4", *CHEAP, "--overwrite").lines))
+    assert lines == [2, 1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["fpsboost.cli", "cyclopts", "numba", "fpsboost.media"])
+def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, number, module):
+    """One sentence and exit code 130, whichever module is about to be imported when it happens."""
+    code = f"""if True:
+        import os, sys
+        class Stopping:
+            def find_spec(self, name, path=None, target=None):
+                if name == {module!r}:
+                    sys.meta_path.remove(self)
+                    os.kill(os.getpid(), {int(number)})
+        sys.meta_path.insert(0, Stopping())
+        sys.argv = ["fpsboost", "in.mp4", "out.mp4"]
+        from fpsboost.__main__ import main
+        main()
+    """
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, timeout=100, check=False
+    )
+    assert (result.returncode, result.stdout, result.stderr) == (130, b"", b"Stopped; nothing was written.\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
+
+
+def test_both_ways_to_start_begin_where_they_can_be_stopped():
+    """The console script is the same function as ``python -m fpsboost``."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["scripts"]["fpsboost"] == "fpsboost.__main__:main"
+
+
+def test_without_arguments_there_is_the_help(fpsboost_):
+    """On standard output, as with --help, and exit code 0."""
+    alone = fpsboost_()
+    assert (alone.code, alone.err) == (0, "")
+    assert alone.out == fpsboost_("--help").out
+    assert "Usage: fpsboost" in alone.out
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 from truth import accelerating, affine, as_type, eroded, layers, moving_object, noise, prepared, translation, waves
 
 import fpsboost
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import InputError, OptionError, SceneCutWarning
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import (
     configure,
@@ -506,7 +506,8 @@ def test_cuts_repeat_the_nearer_frame_or_mix():
     repeated = nlm.between(nlm.pair(*prepared(image0, image1)), times)
     assert repeated.scene_cut
     np.testing.assert_array_equal(list(repeated.images), [image0, image0, image1, image1])
-    mixed = replace(methods["nlm"], at_cuts="blend").interpolate(image0, image1, [0.5])
+    with pytest.warns(SceneCutWarning, match="mixed"):
+        mixed = replace(nlm, at_cuts="blend").interpolate(image0, image1, [0.5], cuts=CutDetector())
     uncut = replace(methods["blend"], cuts=None).interpolate(image0, image1, [0.5])
     np.testing.assert_array_equal(mixed, uncut)
     assert np.abs(mixed[0] - (image0 / 2 + image1 / 2)).max() <= 0.5
@@ -573,6 +574,19 @@ def test_within_a_scene_nothing_is_cut():
     assert not replace(methods["nlm"], cuts=None).pair(*prepared(*unlike)).is_cut()
 
 
+@pytest.mark.parametrize("method", ["nlm-fast", "nlm-exhaustive", "blend"])
+def test_two_images_are_never_repeated_unless_asked(method):
+    """Not even two that have nothing in common; who asks for cuts is told in a warning, where something was made."""
+    image0, image1 = affine(60, 80, seed=1).image0, affine(60, 80, seed=2).image0
+    made = interpolate(image0, image1, method=method)
+    assert (made != image0).any()
+    assert (made != image1).any()
+    with pytest.warns(SceneCutWarning, match="nearer one was repeated"):
+        repeated = interpolate(image0, image1, method=method, cuts=CutDetector())
+    np.testing.assert_array_equal(repeated, image0)
+    np.testing.assert_array_equal(interpolate(image0, image1, 1, method=method, cuts=CutDetector()), image1)
+
+
 def test_motion_is_estimated_once_a_pair_and_only_if_needed():
     """Ends and cuts need none."""
 
@@ -587,7 +601,8 @@ def test_motion_is_estimated_once_a_pair_and_only_if_needed():
     counting = Interpolator(estimator, Nearest())
     image0, image1 = affine(60, 80, seed=1).image0, affine(60, 80, seed=2).image0
     counting.interpolate(image0, image0, [0, 1])
-    counting.interpolate(image0, image1, [0.5])
+    with pytest.warns(SceneCutWarning, match="repeated"):
+        counting.interpolate(image0, image1, [0.5], cuts=CutDetector())
     assert estimator.calls == 0
     counting.interpolate(image0, image0, [0.25, 0.5, 0.75])
     assert estimator.calls == 1

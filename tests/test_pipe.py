@@ -74,9 +74,9 @@ Piped = Callable[..., "subprocess.CompletedProcess[bytes]"]
 @pytest.fixture
 def piped(monkeypatch, capfdbinary, tmp_path) -> Iterator[Piped]:
     """The command line in this process and in `tmp_path`, between two pipes; most of a process's time is its start."""
-    handler = signal.getsignal(signal.SIGTERM)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli_progress, "COMPILE_HINT_AFTER", 3600)
+    monkeypatch.setattr(cli_progress.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
 
     def feed(target: BinaryIO, data: bytes) -> None:
         with suppress(BrokenPipeError), target:
@@ -99,7 +99,8 @@ def piped(monkeypatch, capfdbinary, tmp_path) -> Iterator[Piped]:
         return subprocess.CompletedProcess(words, code, *capfdbinary.readouterr())
 
     yield run
-    signal.signal(signal.SIGTERM, handler)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 def sentences(done: subprocess.CompletedProcess[bytes]) -> list[str]:
