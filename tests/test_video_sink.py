@@ -228,7 +228,10 @@ def test_damaged_sound_does_not_stop_the_video(tmp_path):
 def test_streams_that_do_not_fit_are_refused_at_once(tmp_path):
     """Before any frame is read, the message names the stream and only containers that hold everything."""
     clip = write_clip(tmp_path / "in.mkv", sound="aac", subtitles=[(0, 100, b"one")])
-    sentence = "cannot hold the aac sound of .*; write .mp4 or .m4v or .mov or .mkv, or .* --no-audio"
+    sentence = (
+        "cannot hold the aac sound of .*; encode it anew with --audio-codec opus, write .mp4 or .m4v or .mov or .mkv, "
+        "or .* --no-audio"
+    )
     with VideoSource(clip) as source, pytest.raises(OutputError, match=sentence):
         VideoSink(
             tmp_path / "out.webm",

@@ -95,7 +95,11 @@ class Encoding:
     preset : str, optional
         Speed: ``ultrafast`` ... ``placebo`` for h264 and hevc, a number for vp9 (0-8) and av1 (0-13, larger is faster).
     audio, subtitles : bool
-        Copy the source's sound and subtitles.
+        Keep the source's sound and subtitles.
+    audio_codec : str, optional
+        Format that sound is encoded anew in, where it is in another one: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``,
+        ``flac``, ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, sound is
+        copied packet by packet.
     pixel_format : str, optional
         FFmpeg's name, ``yuv420p10le``; by default the source's, or the encoder's that loses least.
     bitrate : int, optional
@@ -116,6 +120,7 @@ class Encoding:
     preset: str | None = None
     audio: bool = True
     subtitles: bool = True
+    audio_codec: str | None = None
     pixel_format: str | None = None
     bitrate: int | None = None
     lossless: bool = False
@@ -127,6 +132,8 @@ class Encoding:
         if self.lossless and (self.crf, self.bitrate) != (None, None):
             other = "--crf" if self.bitrate is None else "--bitrate"
             raise OptionError(f"--lossless and {other} contradict each other; give one of them.")
+        if self.audio_codec is not None and not self.audio:
+            raise OptionError("--audio-codec and --no-audio contradict each other; give one of them.")
         if self.bitrate is not None and not LOWEST_BITRATE <= self.bitrate <= HIGHEST_BITRATE:
             raise OptionError(f"--bitrate must be 1k to 2000M, not {self.bitrate}.")
         names = [name for name, _ in self.encoder_options]
@@ -144,6 +151,7 @@ class Encoding:
             "--bitrate": self.bitrate,
             "--lossless": self.lossless or None,
             "--pix-fmt": self.pixel_format,
+            "--audio-codec": self.audio_codec,
             "--encoder-option": self.encoder_options or None,
         }
         return [option for option, value in values.items() if value is not None]
@@ -215,7 +223,7 @@ def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, 
         )
     if not holds(container, encoder):
         fitting = [friendly for friendly, e in encoders.items() if holds(container, e.name)]
-        others = suffixes_holding([encoder])
+        others = [suffix for suffix, each in containers.items() if holds(each, encoder)]
         instead = f", or write {' or '.join(others)}" if others else ""
         raise OptionError(f"--codec {asked} cannot go into {name}; use {' or '.join(fitting)}{instead}.")
     _check_pixel_format(codec, encoding.pixel_format)
@@ -366,9 +374,20 @@ def holds(container: str, codec: str) -> bool:
         Name of its encoder or decoder; no container takes an empty one.
     """
     with av.open(BytesIO(), "w", format=container) as probe:
-        return codec in probe.supported_codecs
+        listed = codec in probe.supported_codecs
+    return listed and (container != "mov" or codec in ASK_MORE or _begins(container, codec))
 
 
-def suffixes_holding(codecs: Collection[str]) -> list[str]:
-    """List the suffixes of the containers that take all of these codecs."""
-    return [suffix for suffix, container in containers.items() if all(holds(container, codec) for codec in codecs)]
+ASK_MORE = ("dvvideo",)
+"""Codecs whose header cannot be tried without a picture."""
+
+
+def _begins(container: str, codec: str) -> bool:
+    """Whether a muxer writes a header for a codec: that of .mov lists what it shares with .mp4 and then refuses."""
+    try:
+        with av.open(BytesIO(), "w", format=container) as probe:
+            probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))
+            probe.start_encoding()
+    except (av.error.FFmpegError, ValueError):
+        return False
+    return True

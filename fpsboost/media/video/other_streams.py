@@ -1,13 +1,13 @@
 """Everything of a video file but its pictures: sound, subtitles, data, cover, titles and chapters, carried over.
 
 Packets pass untouched; only text subtitles become another text where the container asks for it, a timecode counts at
-the new rate, and sound is encoded anew where it lasts longer.
+the new rate, and sound is encoded anew where it lasts longer or where that is asked for.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -16,11 +16,11 @@ import av.container
 import av.error
 
 from fpsboost.media.excerpt import Window
+from fpsboost.media.video.encoded_sound import EncodedSound, remark_on
 from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding
-from fpsboost.media.video.fitting import codec_of, fits, is_wanted, keeps_data, kind_of, stretches
+from fpsboost.media.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
 from fpsboost.media.video.source import VideoSource, open_video
 from fpsboost.media.video.stream_choice import is_cover_art
-from fpsboost.media.video.stretched_sound import StretchedSound, remark_on
 from fpsboost.media.video.subtitles import TextConverter, formats, is_text
 from fpsboost.media.video.timecode import at_rate, find_timecode, frames_later
 
@@ -43,6 +43,8 @@ class OtherStreams:
     encoding : Encoding
     container, name : str
         FFmpeg's name of the output's container, and the path for messages.
+    fitting : Fitting
+        How the streams come into the container.
     window : Window, optional
         Which part of the source is written. What overlaps it is copied, and moved in time as the pictures are.
     """
@@ -56,9 +58,10 @@ class OtherStreams:
         encoding: Encoding,
         container: str,
         name: str,
+        fitting: Fitting,
         window: Window | None = None,
     ) -> None:
-        self._window = window
+        self._window, self._fitting = window, fitting
         self.remarks: list[str] = []
         self._output, self._name, self._container, self._source = output, name, container, source
         self._input = open_video(source.path, source.info.name)
@@ -66,18 +69,20 @@ class OtherStreams:
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.stream.Stream] = []
         self._converters: dict[int, TextConverter] = {}
-        self._sounds: dict[int, StretchedSound] = {}
+        self._sounds: dict[int, EncodedSound] = {}
         _copy_titles(self._input, output)
-        if window is None:
-            output.set_chapters(self._input.chapters())
-        else:
-            output.set_chapters(_chapters_within(self._input, window))
+        chapters = self._input.chapters() if window is None else _chapters_within(self._input, window)
+        output.set_chapters(chapters)
+        if chapters and fitting.any_codec:
+            self.remarks.append(f"{name} lost the chapters of its source, which its kind of sound rules out here.")
         _copy_labels(self._input.streams[source.stream_index], video)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
                 self._add(stream, encoding)
-        self.clock = _clock_of_starts(self._input)
+        self.clock = _clock_of_starts(
+            self._input, [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
+        )
         self._packets = self._read()
         self._ahead: av.Packet[av.stream.Stream] | None = None
 
@@ -115,8 +120,8 @@ class OtherStreams:
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:
             pass  # chapters as an mp4 keeps them, which FFmpeg reads by itself
-        elif stream.type == "audio" and encoding.audio and stretches(self._window):
-            self._add_stretched(stream)
+        elif stream.index in self._fitting.encoders:
+            self._add_encoded(stream, self._fitting.encoders[stream.index])
         elif is_wanted(stream, encoding) and is_text(stream) and not fits(self._container, stream, None):
             self._add_converted(stream)
         elif is_wanted(stream, encoding) or (stream.type == "data" and keeps_data(self._container, stream)):
@@ -133,7 +138,7 @@ class OtherStreams:
         self._targets[stream.index] = target
 
     def _add_converted(self, stream: av.stream.Stream) -> None:
-        """Give subtitles a counterpart in a text format of the container; `check_streams` has seen that it can be."""
+        """Give subtitles a counterpart in a text format of the container; `fit_streams` has seen that it can be."""
         converter = TextConverter(stream, self._output, self._container)
         self._converters[stream.index] = converter
         self._add_target(stream, converter.stream)
@@ -142,16 +147,16 @@ class OtherStreams:
             f"{formats[self._container]}; styles may differ."
         )
 
-    def _add_stretched(self, stream: av.stream.Stream) -> None:
-        """Give sound a counterpart that lasts as long as the pictures; `check_streams` has seen that it can be."""
-        assert self._window is not None
-        sound = StretchedSound(stream, self._output, self._container, self._window)
+    def _add_encoded(self, stream: av.stream.Stream, encoder: str) -> None:
+        """Give sound a counterpart of another format or length; `fit_streams` has seen that it can be."""
+        sound = EncodedSound(stream, self._output, encoder, self._window)
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
-        mixed = "" if sound.layout == sound.source_layout else f", its {sound.source_layout} as {sound.layout}"
+        stretch = 1 if self._window is None else self._window.stretch
+        stretched = "" if stretch == 1 else f"stretched to {stretch} times its length and "
         self.remarks.append(
-            f"{self._name} holds stream {stream.index} ({codec_of(stream)} sound) of its source stretched to "
-            f"{self._window.stretch} times its length and encoded anew as {codec_of(sound.stream)}{mixed}."
+            f"{self._name} holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded "
+            f"anew as {codec_of(sound.stream)}{sound.changes}."
         )
 
     def _finish_sounds(self) -> None:
@@ -309,14 +314,17 @@ def _copy_labels(stream: av.stream.Stream, target: av.stream.Stream) -> None:
     target.disposition = stream.disposition
 
 
-def _clock_of_starts(file: av.container.InputContainer) -> int:
-    """Ticks per second that tell exactly when each stream starts, which mp4 otherwise rounds to milliseconds."""
+def _clock_of_starts(file: av.container.InputContainer, ticks_of_sounds: Sequence[Fraction]) -> int:
+    """Ticks per second that tell exactly when each stream starts, which mp4 otherwise rounds to milliseconds.
+
+    Of sound that is encoded anew, also when it ends, since its last packet holds more than the sound.
+    """
     starts = [
         stream.start_time * Fraction(stream.time_base)
         for stream in file.streams
         if stream.start_time is not None and stream.time_base
     ]
-    ticks = math.lcm(1000, *(start.denominator for start in starts))
+    ticks = math.lcm(1000, *(time.denominator for time in (*starts, *ticks_of_sounds)))
     return ticks if ticks < 2**31 else 1000
 
 

@@ -36,7 +36,7 @@ from fpsboost.media.video.encoding import (
     choose_encoder,
     containers,
 )
-from fpsboost.media.video.fitting import check_streams
+from fpsboost.media.video.fitting import Fitting, fit_streams
 from fpsboost.media.video.pipe import PipeSource
 from fpsboost.media.video.source import VideoSource
 from fpsboost.media.video.traits import VideoTraits
@@ -118,8 +118,9 @@ class VideoSink:
             )
         self._source, self._traits = file, source.traits if source is not None else None
         self._info = info if file is None else file.info  # whose first picture knows the size better than the header
+        self._fitting = Fitting()
         if file is not None:
-            check_streams(file, encoding, self._codec, self._format, self._name, window)
+            self._fitting = fit_streams(file, encoding, self._codec, self._format, self._name, window)
         self._frame_count, self._chunk_frames = frame_count, chunk_frames
         self._encoder: VideoEncoder | None = None
         self._assembly: Assembly | None = None
@@ -227,6 +228,7 @@ class VideoSink:
             encoding=self._encoding,
             container=self._format,
             name=self._name,
+            fitting=self._fitting,
             window=self._window,
         )
 
