@@ -73,7 +73,7 @@ def codec_of_sound(path: Path) -> str:
         return str(file.streams.audio[0].codec_context.codec.canonical_name)
 
 
-# ----------------------------------------------------------------------------------------------- what muxers really hold
+# ---------------------------------------------------------------------------------------------- what muxers really hold
 
 
 @pytest.mark.parametrize("codec", ["wmav2", "pcm_mulaw", "adpcm_ms", "adpcm_ima_wav"])
@@ -152,7 +152,7 @@ def test_mov_refuses_what_it_lists(tmp_path):
     ],
 )
 def test_encoded_sound_is_in_its_place_and_as_long(tmp_path, name, suffix, canonical):
-    """To the sample, priming and padding cut off, as Matroska's decoders and mp4's tracks tell it; lossless is exact."""
+    """To the sample, priming and padding cut off, as Matroska's samples and mp4's tracks say; lossless is exact."""
     clip, target = tmp_path / "in.mkv", tmp_path / f"out{suffix}"
     truth = write_noise(clip)
     assert double(clip, target, name) == [
@@ -229,7 +229,7 @@ def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
     assert codec_of_sound(tmp_path / "good.mkv") == "flac"
 
 
-# ------------------------------------------------------------------------------------------------- stretched sound's end
+# ------------------------------------------------------------------------------------------------ stretched sound's end
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])

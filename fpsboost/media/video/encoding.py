@@ -89,7 +89,7 @@ class Encoding:
     Parameters
     ----------
     codec : str, optional
-        ``h264``, ``hevc``, ``vp9``, ``av1`` or the exact name of an FFmpeg encoder; by default H.264, in .webm VP9.
+        ``h264``, ``hevc``, ``vp9``, ``av1`` or the exact name of an FFmpeg encoder; by default see `default_codec`.
     crf : int, optional
         Quality, 0 (best) to 51 or 63; by default one that is hard to tell from the source.
     preset : str, optional
@@ -196,8 +196,45 @@ def parse_encoder_options(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
     return tuple((name.strip(), value) for name, _, value in pairs)
 
 
-def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, dict[str, str]]:
-    """Find FFmpeg's encoder and its options for what was asked.
+def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: str = "") -> str:
+    """The codec of an output where none is asked for: what most players show at the source's depth.
+
+    8 bits become H.264, in .webm VP9. Few players show H.264 beyond 8 bits, and what records or delivers such video is
+    HEVC nearly always, so deeper pictures become HEVC; in .webm AV1, as VP9's encoder has 8 bits only, unless they have
+    alpha, which only VP9 keeps. Deep H.264 stays H.264 and deep 4:2:0 in AV1 stays AV1: what shows the source shows the
+    output.
+
+    Parameters
+    ----------
+    container : str
+        FFmpeg's name.
+    pixel_format : str
+        Of the source, or the one that was asked for.
+    source_codec : str
+        FFmpeg's name of the source's format; empty where there is none.
+    """
+    is_deep = depth_of(pixel_format) > 8
+    if container == "webm":
+        return "av1" if is_deep and not has_alpha(pixel_format) else "vp9"
+    if not is_deep or source_codec == "h264":
+        return "h264"
+    if source_codec == "av1" and container != "mov" and pixel_format.startswith("yuv420p"):
+        return "av1"
+    return "hevc"
+
+
+def depth_of(pixel_format: str) -> int:
+    """Bits of a sample; 8 for what FFmpeg does not know."""
+    try:
+        return max((component.bits for component in av.VideoFormat(pixel_format).components), default=8)
+    except ValueError:
+        return 8
+
+
+def choose_encoder(
+    encoding: Encoding, container: str, name: str, pixel_format: str = "yuv420p", source_codec: str = ""
+) -> tuple[str, dict[str, str]]:
+    """Find FFmpeg's encoder and its options for what was asked; see `default_codec` where no codec was.
 
     Returns
     -------
@@ -210,7 +247,8 @@ def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, 
         Unknown codec, not allowed in this container, or a quality, preset, pixel format or option that it
         does not know.
     """
-    asked = encoding.codec or ("vp9" if container == "webm" else "h264")
+    default = default_codec(container, encoding.pixel_format or pixel_format, source_codec)
+    asked = encoding.codec or default
     known = encoders.get(asked.lower()) or next((e for e in encoders.values() if e.name == asked), None)
     encoder = known.name if known else asked
     try:
@@ -241,7 +279,7 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
         Of a codec that `choose_encoder` accepts; nothing else holds alpha.
     container : str
     """
-    asked = encoding.codec or ("vp9" if container == "webm" else "h264")
+    asked = encoding.codec or default_codec(container, encoding.pixel_format or "yuv420p")
     encoder = encoders[asked.lower()].name if asked.lower() in encoders else asked
     try:
         offered = pixel_formats(av.Codec(encoder, "w"))
