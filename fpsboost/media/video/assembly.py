@@ -81,6 +81,8 @@ class Assembly:
                 )
                 if container in EXACT_CLOCKS:
                     self._output.container_options["movie_timescale"] = str(self._others.clock)
+                    if self._others.tags.free_keys:
+                        self._output.container_options["movflags"] = "+faststart+use_metadata_tags"
             self._output.start_encoding()
             if self._others is not None:
                 self._others.copy_cover()
@@ -117,6 +119,8 @@ class Assembly:
         output, self._output = self._output, None
         output.close()
         sync(self._path)
+        if self._others is not None:
+            self._others.check_labels(self._path)
 
     def discard(self) -> None:
         """Let go of everything; the file goes first, lest FFmpeg rewrites it for fast starting."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import av
@@ -22,6 +23,7 @@ from fpsboost.media.video.fitting import Fitting, codec_of, fits, is_wanted, kee
 from fpsboost.media.video.source import VideoSource, open_video
 from fpsboost.media.video.stream_choice import is_cover_art
 from fpsboost.media.video.subtitles import TextConverter, formats, is_text
+from fpsboost.media.video.tags import copy_labels, lost_labels, tags_for
 from fpsboost.media.video.timecode import at_rate, find_timecode, frames_later
 
 WOVEN = 10
@@ -70,12 +72,16 @@ class OtherStreams:
         self._covers: list[av.stream.Stream] = []
         self._converters: dict[int, TextConverter] = {}
         self._sounds: dict[int, EncodedSound] = {}
-        _copy_titles(self._input, output)
+        self.tags = tags_for(self._input.metadata, container)
+        output.metadata.update(self.tags.values)
+        if self.tags.lost:
+            names = ", ".join(self.tags.lost)
+            self.remarks.append(f"{name} lost tags of its source, which its container has no place for: {names}.")
         chapters = self._input.chapters() if window is None else _chapters_within(self._input, window)
         output.set_chapters(chapters)
         if chapters and fitting.any_codec:
             self.remarks.append(f"{name} lost the chapters of its source, which its kind of sound rules out here.")
-        _copy_labels(self._input.streams[source.stream_index], video)
+        copy_labels(self._input.streams[source.stream_index], video, container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
@@ -114,6 +120,16 @@ class OtherStreams:
                 packet.stream = self._targets[stream.index]
                 self._output.mux(packet)
 
+    def check_labels(self, path: Path) -> None:
+        """Say what the streams of the finished file do not say of their sources."""
+        with av.open(str(path.absolute()), metadata_errors="replace") as file:
+            for index, target in self._targets.items():
+                if target.type == "video" or target.index >= len(file.streams):
+                    continue  # a cover
+                lost = lost_labels(target, file.streams[target.index])
+                if lost:
+                    self.remarks.append(f"{self._name} lost of stream {index} of its source: {', '.join(lost)}.")
+
     def _add(self, stream: av.stream.Stream, encoding: Encoding) -> None:
         """Give a stream its counterpart in the output, or remark that there is none."""
         if stream.type == "video" and is_cover_art(stream):
@@ -134,7 +150,7 @@ class OtherStreams:
             self.remarks.append(f"{self._name} does not hold stream {stream.index} ({kind_of(stream)}) of its source.")
 
     def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
-        _copy_labels(stream, target)
+        copy_labels(stream, target, self._container)
         self._targets[stream.index] = target
 
     def _add_converted(self, stream: av.stream.Stream) -> None:
@@ -272,12 +288,6 @@ class OtherStreams:
         self._output.mux(packet)
 
 
-def _copy_titles(file: av.container.InputContainer, output: av.container.OutputContainer) -> None:
-    """Title and artist; not what describes the old file's making."""
-    skipped = {"major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"}
-    output.metadata.update({key: value for key, value in file.metadata.items() if key.lower() not in skipped})
-
-
 def _chapters_within(file: av.container.InputContainer, window: Window) -> list[Any]:
     """The chapters that overlap a window, as far as they do."""
     kept = []
@@ -292,26 +302,6 @@ def _chapters_within(file: av.container.InputContainer, window: Window) -> list[
             }
             kept.append({**chapter, **times})
     return kept
-
-
-def _copy_labels(stream: av.stream.Stream, target: av.stream.Stream) -> None:
-    """Language, title and role of a stream."""
-    skipped = (
-        "encoder",
-        "duration",
-        "vendor_id",
-        "rotate",
-        "timecode",
-        "alpha_mode",
-        "number_of",
-        "bps",
-        "_statistics",
-    )
-    labels = {key: value for key, value in stream.metadata.items() if not key.lower().startswith(skipped)}
-    if "name" in labels:  # what mp4 gives as the name, it takes as the title, and so does Matroska
-        labels.setdefault("title", labels.pop("name"))
-    target.metadata.update(labels)
-    target.disposition = stream.disposition
 
 
 def _clock_of_starts(file: av.container.InputContainer, ticks_of_sounds: Sequence[Fraction]) -> int:
