@@ -283,7 +283,7 @@ class VideoOptions:
     encoder_option
         FFmpeg's own option; may be given repeatedly.
     audio_codec
-        Encode sound as aac, opus, flac...; else copy it.
+        Sound as aac, opus, flac...; else copied.
     no_audio
         Leave the sound out.
     no_subtitles

@@ -86,7 +86,9 @@ def test_attachments_go_along(tmp_path):
         fonts = [(each.name, each.mimetype, each.data) for each in file.streams if each.type == "attachment"]
     assert fonts == [("Sans.ttf", "font/ttf", FONT)]
     target = tmp_path / "out.mp4"
-    assert double(clip, target) == [f"{target} does not hold stream 1 (attachment, Sans.ttf) of its source."]
+    assert double(clip, target) == [
+        f"{target} does not hold stream 1 (attachment, Sans.ttf) of its source; write .mkv to keep it."
+    ]
 
 
 def test_data_goes_along_where_it_is_known_again(tmp_path):
@@ -103,7 +105,9 @@ def test_data_goes_along_where_it_is_known_again(tmp_path):
         assert packets_of(tmp_path / f"out{suffix}", "data") == packets_of(clip, "data")
         assert [data for _, data in packets_of(clip, "data")] == [b"message 0", b"message 1", b"message 2"]
     target = tmp_path / "out.mkv"
-    assert double(clip, target) == [f"{target} does not hold stream 1 (data, bin_data) of its source."]
+    assert double(clip, target) == [
+        f"{target} does not hold stream 1 (data, bin_data) of its source; write .mp4 or .m4v or .mov to keep it."
+    ]
     assert [each.carries_over for each in probe(str(clip)).streams] == [True, True]
 
 
@@ -112,7 +116,9 @@ def test_other_data_is_named(tmp_path):
     clip = write_with(tmp_path / "in.ts", lambda output, video: output.add_data_stream("klv"), messages)
     for suffix in (".mp4", ".mov", ".mkv"):
         target = tmp_path / f"out{suffix}"
-        assert double(clip, target) == [f"{target} does not hold stream 1 (data, klv) of its source."]
+        assert double(clip, target) == [
+            f"{target} does not hold stream 1 (data, klv) of its source; none of the containers written here does."
+        ]
 
 
 def test_a_timecode_counts_at_the_new_rate(tmp_path):

@@ -18,8 +18,9 @@ import av.error
 
 from fpsboost.media.excerpt import Window
 from fpsboost.media.video.encoded_sound import EncodedSound, remark_on
-from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding
+from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, containers
 from fpsboost.media.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
+from fpsboost.media.video.losses import not_held_remark
 from fpsboost.media.video.source import VideoSource, open_video
 from fpsboost.media.video.stream_choice import is_cover_art
 from fpsboost.media.video.subtitles import TextConverter, formats, is_text
@@ -142,12 +143,14 @@ class OtherStreams:
             self._add_converted(stream)
         elif is_wanted(stream, encoding) or (stream.type == "data" and keeps_data(self._container, stream)):
             self._add_target(stream, self._output.add_stream_from_template(stream))
-        elif stream.type == "attachment" and self._container == "matroska":
+        elif stream.type == "attachment" and _keeps(self._container, stream):
             self._output.add_stream_from_template(stream)
         elif stream.type == "data" and find_timecode(stream.metadata) and self._has_timecode:
             pass  # the container makes a stream of it by itself, or keeps it as a tag
         elif stream.type in ("data", "attachment", "unknown"):
-            self.remarks.append(f"{self._name} does not hold stream {stream.index} ({kind_of(stream)}) of its source.")
+            keeping = [suffix for suffix, container in containers.items() if _keeps(container, stream)]
+            what = f"stream {stream.index} ({kind_of(stream)})"
+            self.remarks.append(not_held_remark(self._name, what, keeping))
 
     def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
         copy_labels(stream, target, self._container)
@@ -218,7 +221,8 @@ class OtherStreams:
             self._targets[stream.index] = target
             self._covers.append(stream)
             return
-        self.remarks.append(f"{self._name} does not hold the cover picture of its source.")
+        keeping = [suffix for suffix, container in containers.items() if container in ("mp4", "matroska")]
+        self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
 
     def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
         covers = {stream.index for stream in self._covers}
@@ -286,6 +290,13 @@ class OtherStreams:
             return
         packet.stream = self._targets[index]
         self._output.mux(packet)
+
+
+def _keeps(container: str, stream: av.stream.Stream) -> bool:
+    """Whether a container holds a stream that is neither pictures, sound nor subtitles."""
+    if stream.type == "attachment":
+        return container == "matroska"
+    return stream.type == "data" and keeps_data(container, stream)
 
 
 def _chapters_within(file: av.container.InputContainer, window: Window) -> list[Any]:

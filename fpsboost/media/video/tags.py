@@ -29,6 +29,9 @@ OF_THE_OLD_STREAM = (
 )
 """Beginnings of such tags of a stream."""
 
+UNSET_CLOCKS = ("1904-01-01T00:00:00", "1970-01-01T00:00:00")
+"""Times of creation that mean that nobody wrote one."""
+
 OF_A_CAMERA = ("make", "model", "software", "location", "com.", "creationdate")
 """Beginnings of tags that phones and cameras write, for which mp4 and mov have a list of free keys."""
 
@@ -97,8 +100,10 @@ def lost_labels(wanted: av.stream.Stream, found: av.stream.Stream) -> list[str]:
 
 
 def _is_old(key: str, value: str) -> bool:
+    """Whether a tag says nothing of what the file shows: how it was made, or a clock that stood at its beginning."""
     name = key.lower()
-    return name in OF_THE_OLD_FILE or name.startswith("wm/wmadrc") or (name == "software" and value.startswith("Lav"))
+    made = name in OF_THE_OLD_FILE or name.startswith("wm/wmadrc") or (name == "software" and value.startswith("Lav"))
+    return made or (name == "creation_time" and value.startswith(UNSET_CLOCKS))
 
 
 def _is_twin(key: str, tags: Mapping[str, str]) -> bool:
