@@ -138,7 +138,7 @@ def test_light_beyond_white_is_said(tmp_path):
 
 
 def test_lossless_rgb_video(tmp_path):
-    """A screen capture in RGB comes back from H.264, too, value by value."""
+    """A screen capture in RGB comes back from H.264, too; without --lossless it says what few players show."""
     image = noise(np.uint8)
     clip = tmp_path / "in.mkv"
     with av.open(str(clip), "w") as output:
@@ -150,6 +150,10 @@ def test_lossless_rgb_video(tmp_path):
             picture.pts, picture.time_base = index, Fraction(1, 10)
             packets += video.encode(picture)
         output.mux(packets + video.encode(None))
+    (remark,) = convert(str(clip), str(tmp_path / "out.mp4"), factor=1).remarks
+    assert "out.mp4 was written as yuv444p to keep the colours of its source, which few players show" in remark
+    encoding = Encoding(pixel_format="yuv420p")
+    assert convert(str(clip), str(tmp_path / "plain.mp4"), factor=1, encoding=encoding).remarks == []
     for codec, pixel_format in (("h264", "yuv444p10le"), ("ffv1", "bgr0")):
         target = tmp_path / f"{codec}.mkv"
         encoding = Encoding(codec=codec, lossless=True)

@@ -86,11 +86,19 @@ def choose_pixel_format(
     best, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
     if best is None:
         raise OutputError(f"{name} cannot hold {wanted} with {encoder}; choose another --codec.")
+    remark = ""
     plain = wanted.replace("yuvj", "yuv")
-    if wanted in offered or plain in offered:
-        return best.name, [] if best.name == plain else [_odd_size(name, info, best.name)]
     lost = [word for flag, word in _losses if loss & flag][:1]
-    return best.name, [_less(name, lost, encoder, best.name, wanted)] if lost else []
+    if wanted in offered or plain in offered:
+        remark = "" if best.name == plain else _odd_size(name, info, best.name)
+    elif whole_only and av.VideoFormat(wanted).is_rgb and _chroma_of(best) == 1:
+        remark = (
+            f"{name} was written as {best.name} to keep the colours of its source, which few players show; --pix-fmt "
+            "yuv420p makes what all show."
+        )
+    elif lost:
+        remark = _less(name, lost, encoder, best.name, wanted)
+    return best.name, [remark] if remark else []
 
 
 _losses = (
