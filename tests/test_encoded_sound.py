@@ -37,7 +37,9 @@ def noise(samples: int = SAMPLES) -> NDArray[np.int16]:
     return np.rint(smooth / np.abs(smooth).max() * 16000).astype(np.int16)
 
 
-def write_noise(path: Path, codec: str = "pcm_s16le", rate: int = RATE, format: str = "s16") -> NDArray[np.int16]:
+def write_noise(
+    path: Path, codec: str = "pcm_s16le", rate: int = RATE, format: str = "s16", packet: int = 960
+) -> NDArray[np.int16]:
     """Write 25 frames and noise, with the video encoder that every container takes; return the noise."""
     samples = noise()
     with av.open(str(path), "w") as output:
@@ -50,8 +52,8 @@ def write_noise(path: Path, codec: str = "pcm_s16le", rate: int = RATE, format: 
             picture.pts = index
             packets += video.encode(picture)
         packets += video.encode(None)
-        for at in range(0, len(samples), 960):
-            frame = av.AudioFrame.from_ndarray(samples[None, at : at + 960], format="s16", layout="mono")
+        for at in range(0, len(samples), packet):
+            frame = av.AudioFrame.from_ndarray(samples[None, at : at + packet], format="s16", layout="mono")
             frame.sample_rate, frame.pts, frame.time_base = rate, at, Fraction(1, rate)
             for ready in av.AudioResampler(format=format).resample(frame):
                 packets += sound.encode(ready)
@@ -181,6 +183,14 @@ def test_parts_of_it(tmp_path):
     assert clicks_of(target, expected, 0.3) == pytest.approx(expected, abs=0.002)
     with av.open(str(target)) as file:
         assert file.streams.audio[0].duration * file.streams.audio[0].time_base == 1
+
+
+def test_packets_shorter_than_the_clock(tmp_path):
+    """Sound of which several packets share a millisecond, as TrueHD in Matroska, is encoded whole."""
+    clip, target = tmp_path / "in.mkv", tmp_path / "out.mov"
+    truth = write_noise(clip, packet=40)
+    assert [remark for remark in double(clip, target, "alac") if "out of order" in remark] == []
+    assert np.array_equal(np.rint(heard(target)[0] * 32768), truth)
 
 
 def test_only_what_is_of_another_format(tmp_path):

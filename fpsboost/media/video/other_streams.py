@@ -273,7 +273,8 @@ class OtherStreams:
         if index not in self._sounds and self._window is not None and not self._move(packet, self._window):
             return
         last = self._last_dts.get(index)
-        equal_is_fine = kind == "subtitle" or self._container not in EXACT_CLOCKS
+        # short packets of sound may share a millisecond, and what is encoded anew gets times of its own
+        equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_CLOCKS
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
             sentence = f"{self._source.info.name} has sound or subtitle packets out of order, which were left out."
             if sentence not in self.remarks:
