@@ -212,6 +212,18 @@ def test_rates_and_speakers_that_an_encoder_does_not_take(tmp_path):
     assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.005)
 
 
+def test_lost_bits_are_said(tmp_path):
+    """24 bits become 16 with a word about it, and stay 24 where the encoder has them."""
+    clip = tmp_path / "in.mkv"
+    write_noise(clip, "pcm_s24le", format="s32")
+    (remark,) = double(clip, tmp_path / "out.mkv", "pcm")
+    assert remark.endswith("(pcm_s24le sound) of its source encoded anew as pcm_s16le, in 16 bits.")
+    (remark,) = double(clip, tmp_path / "deep.mkv", "flac")
+    assert remark.endswith("encoded anew as flac.")
+    with av.open(str(tmp_path / "deep.mkv")) as file:
+        assert file.streams.audio[0].codec_context.format.name == "s32"
+
+
 def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
     """Unknown names, names of pictures, containers that do not hold it, contradictions, and targets without sound."""
     write_clip(tmp_path / "in.mp4", sound="aac")

@@ -92,6 +92,8 @@ class EncodedSound:
         self.changes = "" if layout == traits[2] else f", its {traits[2]} as {layout}"
         if self._rate != traits[0]:
             self.changes += f", at {self._rate} instead of {traits[0]} Hz"
+        if is_lossless(encoder) and self._source.codec.lossless and _bits(format) < _bits(traits[1]):
+            self.changes += f", in {_bits(format)} bits"
         target: Any = output.add_stream(encoder, rate=self._rate, layout=layout)
         target.codec_context.format = format
         if not is_lossless(encoder):
@@ -343,6 +345,10 @@ def _part(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame:
     part = av.AudioFrame.from_ndarray(samples, format=frame.format.name, layout=frame.layout.name)
     part.sample_rate = frame.sample_rate
     return part
+
+
+def _bits(format: str) -> int:
+    return 8 * av.AudioFormat(format).bytes
 
 
 def _traits_of_stream(stream: av.stream.Stream) -> tuple[Traits, int]:
