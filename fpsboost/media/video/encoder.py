@@ -224,7 +224,7 @@ def traits_of_image(image: Image | None) -> VideoTraits:
     channels = 3 if image is None else image.shape[2]
     deep = image is not None and image.dtype != np.uint8
     return VideoTraits(
-        pixel_format={1: "gray", 3: "gbrp", 4: "gbrap"}[channels] + ("16le" if deep else ""),
+        pixel_format={1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""),
         color_space=BT709,
         tagged_color_space=BT709,
         color_range=LIMITED_RANGE,
