@@ -285,6 +285,8 @@ class VideoOptions:
         FFmpeg's name, yuv420p10le; else the input's.
     encoder_option
         FFmpeg's own option; may be given repeatedly.
+    audio_codec
+        Sound as aac, opus, flac...; else copied.
     no_audio
         Leave the sound out.
     no_subtitles
@@ -298,6 +300,7 @@ class VideoOptions:
     lossless: bool = False
     pix_fmt: Annotated[str | None, Parameter(metavar="NAME")] = None
     encoder_option: Annotated[tuple[str, ...] | None, Parameter(metavar="KEY=VALUE")] = None
+    audio_codec: Annotated[str | None, Parameter(metavar="NAME")] = None
     no_audio: bool = False
     no_subtitles: bool = False
 
@@ -310,6 +313,7 @@ class VideoOptions:
             self.crf,
             self.preset,
             audio=not self.no_audio,
+            audio_codec=self.audio_codec,
             subtitles=not self.no_subtitles,
             pixel_format=self.pix_fmt,
             bitrate=None if self.bitrate is None else parse_bitrate(self.bitrate),

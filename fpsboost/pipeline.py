@@ -386,7 +386,7 @@ def _with_sound_that_fits(encoding: Encoding, source: FrameSource, pace: Pace) -
         return encoding, []
     has_sound = isinstance(source, VideoSource) and "sound" in source.companions
     lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []
-    return replace(encoding, audio=False), lost
+    return replace(encoding, audio=False, audio_codec=None), lost
 
 
 def _give_up(end: FrameSource | FrameSink) -> Callable[[], None]:

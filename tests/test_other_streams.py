@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -85,7 +86,9 @@ def test_attachments_go_along(tmp_path):
         fonts = [(each.name, each.mimetype, each.data) for each in file.streams if each.type == "attachment"]
     assert fonts == [("Sans.ttf", "font/ttf", FONT)]
     target = tmp_path / "out.mp4"
-    assert double(clip, target) == [f"{target} does not hold stream 1 (attachment, Sans.ttf) of its source."]
+    assert double(clip, target) == [
+        f"{target} does not hold stream 1 (attachment, Sans.ttf) of its source; write .mkv to keep it."
+    ]
 
 
 def test_data_goes_along_where_it_is_known_again(tmp_path):
@@ -102,7 +105,9 @@ def test_data_goes_along_where_it_is_known_again(tmp_path):
         assert packets_of(tmp_path / f"out{suffix}", "data") == packets_of(clip, "data")
         assert [data for _, data in packets_of(clip, "data")] == [b"message 0", b"message 1", b"message 2"]
     target = tmp_path / "out.mkv"
-    assert double(clip, target) == [f"{target} does not hold stream 1 (data, bin_data) of its source."]
+    assert double(clip, target) == [
+        f"{target} does not hold stream 1 (data, bin_data) of its source; write .mp4 or .m4v or .mov to keep it."
+    ]
     assert [each.carries_over for each in probe(str(clip)).streams] == [True, True]
 
 
@@ -111,7 +116,9 @@ def test_other_data_is_named(tmp_path):
     clip = write_with(tmp_path / "in.ts", lambda output, video: output.add_data_stream("klv"), messages)
     for suffix in (".mp4", ".mov", ".mkv"):
         target = tmp_path / f"out{suffix}"
-        assert double(clip, target) == [f"{target} does not hold stream 1 (data, klv) of its source."]
+        assert double(clip, target) == [
+            f"{target} does not hold stream 1 (data, klv) of its source; none of the containers written here does."
+        ]
 
 
 def test_a_timecode_counts_at_the_new_rate(tmp_path):
@@ -333,3 +340,99 @@ def test_no_sound_is_no_matter(tmp_path):
     clip = write_clip(tmp_path / "in.mp4")
     assert double(clip, tmp_path / "out.mkv") == []
     assert [kind for kind, *_ in streams_of(tmp_path / "out.mkv")] == ["video"]
+
+
+# ----------------------------------------------------------------------------------------------------------------- tags
+
+CAMERA = {
+    "com.apple.quicktime.make": "Apple",
+    "com.apple.quicktime.model": "iPhone 15",
+    "com.apple.quicktime.software": "17.4",
+    "com.apple.quicktime.creationdate": "2024-05-06T07:08:09+0200",
+    "com.apple.quicktime.location.ISO6709": "+48.1351+011.5820+520.000/",
+}
+
+
+def tags_of(path: Path) -> dict[str, str]:
+    """The tags of a file in lower case."""
+    with av.open(str(path)) as file:
+        return {key.lower(): value for key, value in file.metadata.items()}
+
+
+def write_tags(path: Path, tags: dict[str, str], languages: Sequence[str] = (), **options: str) -> Path:
+    """Write two frames with tags, and silence in some languages."""
+    with av.open(str(path), "w", container_options=options) as output:
+        output.metadata.update(tags)
+        video = output.add_stream("libx264", rate=5, width=64, height=48)
+        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        sounds = [output.add_stream("aac", rate=48000) for _ in languages]
+        for sound, language in zip(sounds, languages, strict=True):
+            sound.metadata["language"] = language
+        packets: list[Any] = []
+        for index in range(2):
+            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
+            picture.pts = index
+            packets += video.encode(picture)
+        packets += video.encode(None)
+        for sound in sounds:
+            packets += tone(sound, 0)
+        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv", ".webm"])
+def test_what_a_phone_says_goes_along(tmp_path, suffix):
+    """Make, model, software, date and place arrive in every container, word by word."""
+    tags = {**CAMERA, "creation_time": "2024-05-06T05:08:09.000000Z"}
+    clip = write_tags(tmp_path / "in.mov", tags, movflags="use_metadata_tags")
+    assert double(clip, tmp_path / f"out{suffix}") == []
+    found = tags_of(tmp_path / f"out{suffix}")
+    assert {key: found.get(key.lower()) for key in CAMERA} == CAMERA
+    assert found["creation_time"].startswith("2024-05-06T05:08:09")
+
+
+def test_what_a_camera_says_changes_containers(tmp_path):
+    """QuickTime's own make, model and place arrive in .mp4, a title stays where players look for it without them."""
+    tags = {"make": "Canon", "model": "R5", "location": "+48.1351+011.5820/", "date": "2024-05-06", "title": "Cranes"}
+    clip = write_tags(tmp_path / "in.mov", tags)
+    for target in ("a.mp4", "b.mkv"):
+        assert double(clip, tmp_path / target) == []
+    assert double(tmp_path / "b.mkv", tmp_path / "c.mp4") == []
+    for target in ("a.mp4", "b.mkv", "c.mp4"):
+        assert {key: tags_of(tmp_path / target).get(key) for key in tags} == tags
+    plain = write_tags(tmp_path / "plain.mkv", {"title": "Cranes", "software": "Lavf59.27.100"})
+    assert double(plain, tmp_path / "plain.mp4") == []
+    assert b"\xa9nam" in (tmp_path / "plain.mp4").read_bytes()
+
+
+def test_tags_without_a_place_are_said(tmp_path):
+    """What mp4 has no key for is named; what only described the old file is dropped in silence."""
+    clip = write_tags(tmp_path / "in.mkv", {"title": "Cranes", "DIRECTOR": "Ana", "totalframes": "7"})
+    target = tmp_path / "out.mp4"
+    assert double(clip, target) == [
+        f"{target} lost tags of its source, which its container has no place for: DIRECTOR."
+    ]
+    assert "totalframes" not in tags_of(target)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "expected"),
+    [(".mp4", ["spa", "deu", "por"]), (".mov", ["spa", "ger", "por"]), (".mkv", ["spa", "deu", "por"])],
+)
+def test_languages_get_three_letters(tmp_path, suffix, expected):
+    """Two letters and regions become what the container wants, and .mov the spelling that it knows."""
+    clip = write_tags(tmp_path / "in.mkv", {}, ["es", "deu", "pt-BR"])
+    assert double(clip, tmp_path / f"out{suffix}") == []
+    assert [
+        labels["language"] for kind, labels, _ in streams_of(tmp_path / f"out{suffix}") if kind == "audio"
+    ] == expected
+
+
+def test_lost_labels_are_said(tmp_path):
+    """A language that the container cannot say is named with its stream."""
+    clip = write_tags(tmp_path / "in.mkv", {}, ["Klingon", "bre"])
+    target = tmp_path / "out.mov"
+    assert double(clip, target) == [
+        f"{target} lost of stream 1 of its source: language Klingon.",
+        f"{target} lost of stream 2 of its source: language bre.",
+    ]

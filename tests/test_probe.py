@@ -61,7 +61,7 @@ def test_every_stream_is_listed(tmp_path):
 
 def test_what_is_refused_or_lost_is_said_beforehand(tmp_path):
     """In the words of the conversion itself, and nothing is left behind by asking."""
-    clip = write_clip(tmp_path / "in.mkv", times=range(4), codec="ffv1", pixel_format="yuv444p12le")
+    clip = write_clip(tmp_path / "in.mkv", times=range(4), codec="ffv1", pixel_format="yuv444p16le")
     found = probe(str(clip))
     summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest")
     assert found.conversion.refused is None

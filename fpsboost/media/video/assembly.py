@@ -18,6 +18,8 @@ from fpsboost.media.excerpt import Window
 from fpsboost.media.unfinished import sync
 from fpsboost.media.video.chunks import Chunk
 from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding
+from fpsboost.media.video.fitting import Fitting
+from fpsboost.media.video.muxing import open_muxer
 from fpsboost.media.video.other_streams import OtherStreams
 from fpsboost.media.video.source import VideoSource
 
@@ -41,6 +43,8 @@ class Assembly:
     encoding : Encoding
     container, name : str
         FFmpeg's name of the container, and what messages call the output.
+    fitting : Fitting
+        How the other streams come into the container.
     window : Window, optional
         Which part of the source is written.
     """
@@ -56,14 +60,11 @@ class Assembly:
         encoding: Encoding,
         container: str,
         name: str,
+        fitting: Fitting,
         window: Window | None = None,
     ) -> None:
         self._path, self._time_base, self._container, self._name = path, time_base, container, name
-        options = {"movflags": "+faststart"} if container in EXACT_CLOCKS else {}
-        # FFmpeg would take a colon in a relative path for a protocol
-        self._output: av.container.OutputContainer | None = av.open(
-            str(path.absolute()), "w", format=container, container_options=options
-        )
+        self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
         self._others: OtherStreams | None = None
         try:
             self._stream = self._add_video(self._output, template, display_matrix)
@@ -75,10 +76,13 @@ class Assembly:
                     encoding=encoding,
                     container=container,
                     name=name,
+                    fitting=fitting,
                     window=window,
                 )
                 if container in EXACT_CLOCKS:
                     self._output.container_options["movie_timescale"] = str(self._others.clock)
+                    if self._others.tags.free_keys:
+                        self._output.container_options["movflags"] = "+faststart+use_metadata_tags"
             self._output.start_encoding()
             if self._others is not None:
                 self._others.copy_cover()
@@ -115,6 +119,8 @@ class Assembly:
         output, self._output = self._output, None
         output.close()
         sync(self._path)
+        if self._others is not None:
+            self._others.check_labels(self._path)
 
     def discard(self) -> None:
         """Let go of everything; the file goes first, lest FFmpeg rewrites it for fast starting."""

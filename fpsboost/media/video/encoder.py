@@ -13,15 +13,15 @@ import av
 import av.container
 import av.error
 import numpy as np
-from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.frame import PictureType
 from av.video.reformatter import VideoReformatter
 
-from fpsboost.errors import OptionError, OutputError
+from fpsboost.errors import OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.media import OutputTiming
-from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, encoders, encodes_alpha, needs_hardware, pixel_formats
+from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, needs_hardware
 from fpsboost.media.video.hdr import with_hdr
+from fpsboost.media.video.pixel_choice import choose_pixel_format
 from fpsboost.media.video.traits import VideoTraits
 from fpsboost.media.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
@@ -80,7 +80,10 @@ class VideoEncoder:
         is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # need not be said
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
-        self.pixel_format = self._choose_pixel_format(traits)
+        self.pixel_format, lost = choose_pixel_format(
+            encoder, encoding, container, traits.pixel_format, info, name, of_images=not keeps_original
+        )
+        self.remarks += lost
         if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
             self._options["auto-alt-ref"] = "0"  # libvpx cannot hide frames of a picture and of its alpha alike
         if encoder == "libx265" and info.width < NARROWEST_CUTREE:
@@ -166,7 +169,7 @@ class VideoEncoder:
         self._tag_colours(context, self._traits)
         if self._traits.sample_aspect_ratio is not None:
             context.sample_aspect_ratio = self._traits.sample_aspect_ratio
-        if self._encoder == "libx265" and self._format in EXACT_CLOCKS:
+        if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._format in EXACT_CLOCKS:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players take
         context.options = dict(self._options)
         self._open_encoder(context)
@@ -182,8 +185,10 @@ class VideoEncoder:
             # RGB has neither matrix nor range, and gets what its size suggests.
             self._full_range = False
             context.colorspace, context.color_range = traits.color_space, LIMITED_RANGE
-        elif _is_rgb(self.pixel_format) and not _is_rgb(traits.pixel_format):
+        elif _is_rgb(self.pixel_format):
             context.colorspace, context.color_range = RGB, FULL_RANGE
+        elif self.pixel_format.startswith("gray") and not self._keeps_original:
+            context.color_range = FULL_RANGE
         elif self.pixel_format.startswith("yuvj"):
             self._full_range = True
             context.color_range = FULL_RANGE
@@ -213,47 +218,13 @@ class VideoEncoder:
                 "--codec."
             ) from None
 
-    def _choose_pixel_format(self, traits: VideoTraits) -> str:
-        """Take the source's format, or the one among the encoder's that loses least; say what is lost."""
-        wanted = self._encoding.pixel_format or traits.pixel_format
-        offered = pixel_formats(av.Codec(self._encoder, "w"))
-        if not offered:
-            return wanted
-        whole_only = any(e.name == self._encoder and e.needs_whole_chroma for e in encoders.values())
-        fitting = [name for name in offered if not whole_only or _divides(name, self._info.width, self._info.height)]
-        if wanted in fitting:
-            return wanted
-        if self._encoding.pixel_format:
-            raise OptionError(
-                f"--pix-fmt {wanted} halves an odd size, which {self._encoder} cannot do for {self._name} at "
-                f"{self._info.width}x{self._info.height}; use yuv444p, or crop to an even size."
-            )
-        keeps_alpha = encodes_alpha(self._encoding, self._format) and has_alpha(wanted)
-        fitting = [name for name in fitting if has_alpha(name) or not keeps_alpha] or fitting
-        found, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
-        if found is None:
-            raise OutputError(f"{self._name} cannot hold {wanted} with {self._encoder}; choose another --codec.")
-        width, height = self._info.width, self._info.height
-        if wanted in offered or wanted.replace("yuvj", "yuv") in offered:
-            if found.name != wanted.replace("yuvj", "yuv"):
-                self.remarks.append(
-                    f"{self._name} has the odd size {width}x{height} and was written as {found.name}, which few "
-                    "players show; write a .webm, or crop to an even size."
-                )
-        elif loss & (PixFmtLoss.DEPTH | PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION):
-            lost = "depth" if loss & PixFmtLoss.DEPTH else "colour resolution"
-            self.remarks.append(
-                f"{self._name} has less {lost} than its source: {self._encoder} wrote {found.name} for {wanted}."
-            )
-        return found.name
-
 
 def traits_of_image(image: Image | None) -> VideoTraits:
-    """What to write for images, which carry no tags: BT.709, limited range, 4:2:0, 10 bits for deep images."""
+    """What to write for images, which carry no tags: BT.709, limited range, and their own channels and depth."""
+    channels = 3 if image is None else image.shape[2]
     deep = image is not None and image.dtype != np.uint8
-    transparent = image is not None and image.shape[2] in (2, 4)
     return VideoTraits(
-        pixel_format=("yuva420p" if transparent else "yuv420p") + ("10le" if deep else ""),
+        pixel_format={1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""),
         color_space=BT709,
         tagged_color_space=BT709,
         color_range=LIMITED_RANGE,
@@ -269,13 +240,6 @@ def traits_of_image(image: Image | None) -> VideoTraits:
 
 def _is_rgb(pixel_format: str) -> bool:
     return av.VideoFormat(pixel_format).is_rgb
-
-
-def _divides(pixel_format: str, width: int, height: int) -> bool:
-    """Whether chroma planes come out whole."""
-    layout = av.VideoFormat(pixel_format, 16, 16)
-    across, down = 16 // max(1, layout.chroma_width()), 16 // max(1, layout.chroma_height())
-    return width % across == 0 and height % down == 0
 
 
 def _bounded(rate: Fraction) -> Fraction:

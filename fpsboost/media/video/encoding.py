@@ -89,13 +89,17 @@ class Encoding:
     Parameters
     ----------
     codec : str, optional
-        ``h264``, ``hevc``, ``vp9``, ``av1`` or the exact name of an FFmpeg encoder; by default H.264, in .webm VP9.
+        ``h264``, ``hevc``, ``vp9``, ``av1`` or the exact name of an FFmpeg encoder; by default see `default_codec`.
     crf : int, optional
         Quality, 0 (best) to 51 or 63; by default one that is hard to tell from the source.
     preset : str, optional
         Speed: ``ultrafast`` ... ``placebo`` for h264 and hevc, a number for vp9 (0-8) and av1 (0-13, larger is faster).
     audio, subtitles : bool
-        Copy the source's sound and subtitles.
+        Keep the source's sound and subtitles.
+    audio_codec : str, optional
+        Format that sound is encoded anew in, where it is in another one: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``,
+        ``flac``, ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, sound is
+        copied packet by packet.
     pixel_format : str, optional
         FFmpeg's name, ``yuv420p10le``; by default the source's, or the encoder's that loses least.
     bitrate : int, optional
@@ -116,6 +120,7 @@ class Encoding:
     preset: str | None = None
     audio: bool = True
     subtitles: bool = True
+    audio_codec: str | None = None
     pixel_format: str | None = None
     bitrate: int | None = None
     lossless: bool = False
@@ -127,6 +132,8 @@ class Encoding:
         if self.lossless and (self.crf, self.bitrate) != (None, None):
             other = "--crf" if self.bitrate is None else "--bitrate"
             raise OptionError(f"--lossless and {other} contradict each other; give one of them.")
+        if self.audio_codec is not None and not self.audio:
+            raise OptionError("--audio-codec and --no-audio contradict each other; give one of them.")
         if self.bitrate is not None and not LOWEST_BITRATE <= self.bitrate <= HIGHEST_BITRATE:
             raise OptionError(f"--bitrate must be 1k to 2000M, not {self.bitrate}.")
         names = [name for name, _ in self.encoder_options]
@@ -144,6 +151,7 @@ class Encoding:
             "--bitrate": self.bitrate,
             "--lossless": self.lossless or None,
             "--pix-fmt": self.pixel_format,
+            "--audio-codec": self.audio_codec,
             "--encoder-option": self.encoder_options or None,
         }
         return [option for option, value in values.items() if value is not None]
@@ -188,8 +196,45 @@ def parse_encoder_options(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
     return tuple((name.strip(), value) for name, _, value in pairs)
 
 
-def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, dict[str, str]]:
-    """Find FFmpeg's encoder and its options for what was asked.
+def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: str = "") -> str:
+    """The codec of an output where none is asked for: what most players show at the source's depth.
+
+    8 bits become H.264, in .webm VP9. Few players show H.264 beyond 8 bits, and what records or delivers such video is
+    HEVC nearly always, so deeper pictures become HEVC; in .webm AV1, as VP9's encoder has 8 bits only, unless they have
+    alpha, which only VP9 keeps. Deep H.264 stays H.264 and deep 4:2:0 in AV1 stays AV1: what shows the source shows the
+    output.
+
+    Parameters
+    ----------
+    container : str
+        FFmpeg's name.
+    pixel_format : str
+        Of the source, or the one that was asked for.
+    source_codec : str
+        FFmpeg's name of the source's format; empty where there is none.
+    """
+    is_deep = depth_of(pixel_format) > 8
+    if container == "webm":
+        return "av1" if is_deep and not has_alpha(pixel_format) else "vp9"
+    if not is_deep or source_codec == "h264":
+        return "h264"
+    if source_codec == "av1" and container != "mov" and pixel_format.startswith("yuv420p"):
+        return "av1"
+    return "hevc"
+
+
+def depth_of(pixel_format: str) -> int:
+    """Bits of a sample; 8 for what FFmpeg does not know."""
+    try:
+        return max((component.bits for component in av.VideoFormat(pixel_format).components), default=8)
+    except ValueError:
+        return 8
+
+
+def choose_encoder(
+    encoding: Encoding, container: str, name: str, pixel_format: str = "yuv420p", source_codec: str = ""
+) -> tuple[str, dict[str, str]]:
+    """Find FFmpeg's encoder and its options for what was asked; see `default_codec` where no codec was.
 
     Returns
     -------
@@ -202,7 +247,8 @@ def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, 
         Unknown codec, not allowed in this container, or a quality, preset, pixel format or option that it
         does not know.
     """
-    asked = encoding.codec or ("vp9" if container == "webm" else "h264")
+    default = default_codec(container, encoding.pixel_format or pixel_format, source_codec)
+    asked = encoding.codec or default
     known = encoders.get(asked.lower()) or next((e for e in encoders.values() if e.name == asked), None)
     encoder = known.name if known else asked
     try:
@@ -215,7 +261,7 @@ def choose_encoder(encoding: Encoding, container: str, name: str) -> tuple[str, 
         )
     if not holds(container, encoder):
         fitting = [friendly for friendly, e in encoders.items() if holds(container, e.name)]
-        others = suffixes_holding([encoder])
+        others = [suffix for suffix, each in containers.items() if holds(each, encoder)]
         instead = f", or write {' or '.join(others)}" if others else ""
         raise OptionError(f"--codec {asked} cannot go into {name}; use {' or '.join(fitting)}{instead}.")
     _check_pixel_format(codec, encoding.pixel_format)
@@ -233,7 +279,7 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
         Of a codec that `choose_encoder` accepts; nothing else holds alpha.
     container : str
     """
-    asked = encoding.codec or ("vp9" if container == "webm" else "h264")
+    asked = encoding.codec or default_codec(container, encoding.pixel_format or "yuv420p")
     encoder = encoders[asked.lower()].name if asked.lower() in encoders else asked
     try:
         offered = pixel_formats(av.Codec(encoder, "w"))
@@ -366,9 +412,20 @@ def holds(container: str, codec: str) -> bool:
         Name of its encoder or decoder; no container takes an empty one.
     """
     with av.open(BytesIO(), "w", format=container) as probe:
-        return codec in probe.supported_codecs
+        listed = codec in probe.supported_codecs
+    return listed and (container != "mov" or codec in ASK_MORE or _begins(container, codec))
 
 
-def suffixes_holding(codecs: Collection[str]) -> list[str]:
-    """List the suffixes of the containers that take all of these codecs."""
-    return [suffix for suffix, container in containers.items() if all(holds(container, codec) for codec in codecs)]
+ASK_MORE = ("dvvideo",)
+"""Codecs whose header cannot be tried without a picture."""
+
+
+def _begins(container: str, codec: str) -> bool:
+    """Whether a muxer writes a header for a codec: that of .mov lists what it shares with .mp4 and then refuses."""
+    try:
+        with av.open(BytesIO(), "w", format=container) as probe:
+            probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))
+            probe.start_encoding()
+    except (av.error.FFmpegError, ValueError):
+        return False
+    return True

@@ -27,3 +27,9 @@ def lost_companions_remark(name: str, companions: Sequence[str], target: str) ->
 def lost_shape_remark(name: str, aspect: Fraction | None) -> str:
     """What to say of pixels that are not square, where images are written."""
     return f"{name} has pixels of the shape {aspect}, which images cannot say; they come out unscaled."
+
+
+def not_held_remark(name: str, what: str, keeping: Sequence[str]) -> str:
+    """What to say of a stream that is left out, and the suffixes of containers that keep it."""
+    way = f"write {' or '.join(keeping)} to keep it" if keeping else "none of the containers written here does"
+    return f"{name} does not hold {what} of its source; {way}."

@@ -1,14 +1,15 @@
 """Everything of a video file but its pictures: sound, subtitles, data, cover, titles and chapters, carried over.
 
 Packets pass untouched; only text subtitles become another text where the container asks for it, a timecode counts at
-the new rate, and sound is encoded anew where it lasts longer.
+the new rate, and sound is encoded anew where it lasts longer or where that is asked for.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import av
@@ -16,12 +17,14 @@ import av.container
 import av.error
 
 from fpsboost.media.excerpt import Window
-from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding
-from fpsboost.media.video.fitting import codec_of, fits, is_wanted, keeps_data, kind_of, stretches
+from fpsboost.media.video.encoded_sound import EncodedSound, remark_on
+from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, containers
+from fpsboost.media.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
+from fpsboost.media.video.losses import not_held_remark
 from fpsboost.media.video.source import VideoSource, open_video
 from fpsboost.media.video.stream_choice import is_cover_art
-from fpsboost.media.video.stretched_sound import StretchedSound, remark_on
 from fpsboost.media.video.subtitles import TextConverter, formats, is_text
+from fpsboost.media.video.tags import copy_labels, lost_labels, tags_for
 from fpsboost.media.video.timecode import at_rate, find_timecode, frames_later
 
 WOVEN = 10
@@ -43,6 +46,8 @@ class OtherStreams:
     encoding : Encoding
     container, name : str
         FFmpeg's name of the output's container, and the path for messages.
+    fitting : Fitting
+        How the streams come into the container.
     window : Window, optional
         Which part of the source is written. What overlaps it is copied, and moved in time as the pictures are.
     """
@@ -56,9 +61,10 @@ class OtherStreams:
         encoding: Encoding,
         container: str,
         name: str,
+        fitting: Fitting,
         window: Window | None = None,
     ) -> None:
-        self._window = window
+        self._window, self._fitting = window, fitting
         self.remarks: list[str] = []
         self._output, self._name, self._container, self._source = output, name, container, source
         self._input = open_video(source.path, source.info.name)
@@ -66,18 +72,24 @@ class OtherStreams:
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.stream.Stream] = []
         self._converters: dict[int, TextConverter] = {}
-        self._sounds: dict[int, StretchedSound] = {}
-        _copy_titles(self._input, output)
-        if window is None:
-            output.set_chapters(self._input.chapters())
-        else:
-            output.set_chapters(_chapters_within(self._input, window))
-        _copy_labels(self._input.streams[source.stream_index], video)
+        self._sounds: dict[int, EncodedSound] = {}
+        self.tags = tags_for(self._input.metadata, container)
+        output.metadata.update(self.tags.values)
+        if self.tags.lost:
+            names = ", ".join(self.tags.lost)
+            self.remarks.append(f"{name} lost tags of its source, which its container has no place for: {names}.")
+        chapters = self._input.chapters() if window is None else _chapters_within(self._input, window)
+        output.set_chapters(chapters)
+        if chapters and fitting.any_codec:
+            self.remarks.append(f"{name} lost the chapters of its source, which its kind of sound rules out here.")
+        copy_labels(self._input.streams[source.stream_index], video, container)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
                 self._add(stream, encoding)
-        self.clock = _clock_of_starts(self._input)
+        self.clock = _clock_of_starts(
+            self._input, [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
+        )
         self._packets = self._read()
         self._ahead: av.Packet[av.stream.Stream] | None = None
 
@@ -109,31 +121,43 @@ class OtherStreams:
                 packet.stream = self._targets[stream.index]
                 self._output.mux(packet)
 
+    def check_labels(self, path: Path) -> None:
+        """Say what the streams of the finished file do not say of their sources."""
+        with av.open(str(path.absolute()), metadata_errors="replace") as file:
+            for index, target in self._targets.items():
+                if target.type == "video" or target.index >= len(file.streams):
+                    continue  # a cover
+                lost = lost_labels(target, file.streams[target.index])
+                if lost:
+                    self.remarks.append(f"{self._name} lost of stream {index} of its source: {', '.join(lost)}.")
+
     def _add(self, stream: av.stream.Stream, encoding: Encoding) -> None:
         """Give a stream its counterpart in the output, or remark that there is none."""
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:
             pass  # chapters as an mp4 keeps them, which FFmpeg reads by itself
-        elif stream.type == "audio" and encoding.audio and stretches(self._window):
-            self._add_stretched(stream)
+        elif stream.index in self._fitting.encoders:
+            self._add_encoded(stream, self._fitting.encoders[stream.index])
         elif is_wanted(stream, encoding) and is_text(stream) and not fits(self._container, stream, None):
             self._add_converted(stream)
         elif is_wanted(stream, encoding) or (stream.type == "data" and keeps_data(self._container, stream)):
             self._add_target(stream, self._output.add_stream_from_template(stream))
-        elif stream.type == "attachment" and self._container == "matroska":
+        elif stream.type == "attachment" and _keeps(self._container, stream):
             self._output.add_stream_from_template(stream)
         elif stream.type == "data" and find_timecode(stream.metadata) and self._has_timecode:
             pass  # the container makes a stream of it by itself, or keeps it as a tag
         elif stream.type in ("data", "attachment", "unknown"):
-            self.remarks.append(f"{self._name} does not hold stream {stream.index} ({kind_of(stream)}) of its source.")
+            keeping = [suffix for suffix, container in containers.items() if _keeps(container, stream)]
+            what = f"stream {stream.index} ({kind_of(stream)})"
+            self.remarks.append(not_held_remark(self._name, what, keeping))
 
     def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
-        _copy_labels(stream, target)
+        copy_labels(stream, target, self._container)
         self._targets[stream.index] = target
 
     def _add_converted(self, stream: av.stream.Stream) -> None:
-        """Give subtitles a counterpart in a text format of the container; `check_streams` has seen that it can be."""
+        """Give subtitles a counterpart in a text format of the container; `fit_streams` has seen that it can be."""
         converter = TextConverter(stream, self._output, self._container)
         self._converters[stream.index] = converter
         self._add_target(stream, converter.stream)
@@ -142,16 +166,16 @@ class OtherStreams:
             f"{formats[self._container]}; styles may differ."
         )
 
-    def _add_stretched(self, stream: av.stream.Stream) -> None:
-        """Give sound a counterpart that lasts as long as the pictures; `check_streams` has seen that it can be."""
-        assert self._window is not None
-        sound = StretchedSound(stream, self._output, self._container, self._window)
+    def _add_encoded(self, stream: av.stream.Stream, encoder: str) -> None:
+        """Give sound a counterpart of another format or length; `fit_streams` has seen that it can be."""
+        sound = EncodedSound(stream, self._output, encoder, self._window)
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
-        mixed = "" if sound.layout == sound.source_layout else f", its {sound.source_layout} as {sound.layout}"
+        stretch = 1 if self._window is None else self._window.stretch
+        stretched = "" if stretch == 1 else f"stretched to {stretch} times its length and "
         self.remarks.append(
-            f"{self._name} holds stream {stream.index} ({codec_of(stream)} sound) of its source stretched to "
-            f"{self._window.stretch} times its length and encoded anew as {codec_of(sound.stream)}{mixed}."
+            f"{self._name} holds stream {stream.index} ({codec_of(stream)} sound) of its source {stretched}encoded "
+            f"anew as {codec_of(sound.stream)}{sound.changes}."
         )
 
     def _finish_sounds(self) -> None:
@@ -197,7 +221,8 @@ class OtherStreams:
             self._targets[stream.index] = target
             self._covers.append(stream)
             return
-        self.remarks.append(f"{self._name} does not hold the cover picture of its source.")
+        keeping = [suffix for suffix, container in containers.items() if container in ("mp4", "matroska")]
+        self.remarks.append(not_held_remark(self._name, "the cover picture", keeping))
 
     def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
         covers = {stream.index for stream in self._covers}
@@ -248,7 +273,8 @@ class OtherStreams:
         if index not in self._sounds and self._window is not None and not self._move(packet, self._window):
             return
         last = self._last_dts.get(index)
-        equal_is_fine = kind == "subtitle" or self._container not in EXACT_CLOCKS
+        # short packets of sound may share a millisecond, and what is encoded anew gets times of its own
+        equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_CLOCKS
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
             sentence = f"{self._source.info.name} has sound or subtitle packets out of order, which were left out."
             if sentence not in self.remarks:
@@ -267,10 +293,11 @@ class OtherStreams:
         self._output.mux(packet)
 
 
-def _copy_titles(file: av.container.InputContainer, output: av.container.OutputContainer) -> None:
-    """Title and artist; not what describes the old file's making."""
-    skipped = {"major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"}
-    output.metadata.update({key: value for key, value in file.metadata.items() if key.lower() not in skipped})
+def _keeps(container: str, stream: av.stream.Stream) -> bool:
+    """Whether a container holds a stream that is neither pictures, sound nor subtitles."""
+    if stream.type == "attachment":
+        return container == "matroska"
+    return stream.type == "data" and keeps_data(container, stream)
 
 
 def _chapters_within(file: av.container.InputContainer, window: Window) -> list[Any]:
@@ -289,34 +316,17 @@ def _chapters_within(file: av.container.InputContainer, window: Window) -> list[
     return kept
 
 
-def _copy_labels(stream: av.stream.Stream, target: av.stream.Stream) -> None:
-    """Language, title and role of a stream."""
-    skipped = (
-        "encoder",
-        "duration",
-        "vendor_id",
-        "rotate",
-        "timecode",
-        "alpha_mode",
-        "number_of",
-        "bps",
-        "_statistics",
-    )
-    labels = {key: value for key, value in stream.metadata.items() if not key.lower().startswith(skipped)}
-    if "name" in labels:  # what mp4 gives as the name, it takes as the title, and so does Matroska
-        labels.setdefault("title", labels.pop("name"))
-    target.metadata.update(labels)
-    target.disposition = stream.disposition
+def _clock_of_starts(file: av.container.InputContainer, ticks_of_sounds: Sequence[Fraction]) -> int:
+    """Ticks per second that tell exactly when each stream starts, which mp4 otherwise rounds to milliseconds.
 
-
-def _clock_of_starts(file: av.container.InputContainer) -> int:
-    """Ticks per second that tell exactly when each stream starts, which mp4 otherwise rounds to milliseconds."""
+    Of sound that is encoded anew, also when it ends, since its last packet holds more than the sound.
+    """
     starts = [
         stream.start_time * Fraction(stream.time_base)
         for stream in file.streams
         if stream.start_time is not None and stream.time_base
     ]
-    ticks = math.lcm(1000, *(start.denominator for start in starts))
+    ticks = math.lcm(1000, *(time.denominator for time in (*starts, *ticks_of_sounds)))
     return ticks if ticks < 2**31 else 1000
 
 

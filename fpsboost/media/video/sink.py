@@ -18,9 +18,10 @@ from typing import Any, Self
 
 import av
 import av.error
+import numpy as np
 
 from fpsboost.errors import CompleteAlreadyError, OutputError
-from fpsboost.frame import ClipInfo, Frame, describe
+from fpsboost.frame import ClipInfo, Frame, Image, describe
 from fpsboost.media import OutputTiming
 from fpsboost.media.excerpt import Window
 from fpsboost.media.target import check_target
@@ -35,8 +36,9 @@ from fpsboost.media.video.encoding import (
     Encoding,
     choose_encoder,
     containers,
+    depth_of,
 )
-from fpsboost.media.video.fitting import check_streams
+from fpsboost.media.video.fitting import Fitting, fit_streams
 from fpsboost.media.video.pipe import PipeSource
 from fpsboost.media.video.source import VideoSource
 from fpsboost.media.video.traits import VideoTraits
@@ -110,16 +112,17 @@ class VideoSink:
         if not overwrite and job is not None and job.resume and _is_there_already(self._path, inputs, self._unfinished):
             raise CompleteAlreadyError(complete_already(self._name))
         check_target(self._path, self._name, inputs, overwrite)
-        self._codec, self._options = choose_encoder(encoding, self._format, self._name)
         if self._format not in EXACT_CLOCKS and 1 / timing.rate < CLOCK_OF_MATROSKA:
             raise OutputError(
                 f"{self._name} counts time in milliseconds and cannot hold {float(timing.rate):g} frames per second; "
                 "write an .mp4 or .mov instead."
             )
         self._source, self._traits = file, source.traits if source is not None else None
+        self._codec, self._options = self._choose_encoder(self._traits)
         self._info = info if file is None else file.info  # whose first picture knows the size better than the header
+        self._fitting = Fitting()
         if file is not None:
-            check_streams(file, encoding, self._codec, self._format, self._name, window)
+            self._fitting = fit_streams(file, encoding, self._codec, self._format, self._name, window)
         self._frame_count, self._chunk_frames = frame_count, chunk_frames
         self._encoder: VideoEncoder | None = None
         self._assembly: Assembly | None = None
@@ -128,7 +131,7 @@ class VideoSink:
         self._frames_there = self._frames_seen = self._frames_in_chunk = 0
         self._durations: dict[int, int] = {}
         self._last_pts: int | None = None
-        self._alpha_dropped = False
+        self._alpha_dropped = self._light_clipped = False
         self._remarks: list[str] = []
 
     @property
@@ -189,6 +192,8 @@ class VideoSink:
             if self._encoder is None:
                 self._start(traits_of_image(frame.image))
             assert self._encoder is not None
+            if frame.image.dtype == np.float32:
+                self._say_floats(frame.image)
             if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(self._encoder.pixel_format):
                 self._alpha_dropped = True
                 self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")
@@ -207,6 +212,7 @@ class VideoSink:
 
         Where no source says what frames are like it takes a frame.
         """
+        self._codec, self._options = self._choose_encoder(traits)
         self._encoder = VideoEncoder(
             self._name,
             self._codec,
@@ -227,8 +233,25 @@ class VideoSink:
             encoding=self._encoding,
             container=self._format,
             name=self._name,
+            fitting=self._fitting,
             window=self._window,
         )
+
+    def _say_floats(self, image: Image) -> None:
+        """Say once what whole numbers do not hold of floating-point images."""
+        assert self._encoder is not None
+        if self._last_pts is None and depth_of(self._encoder.pixel_format) == 16:  # else less depth is said already
+            self._remarks.append(f"{self._name} holds the floating-point values of its source in 16 bits.")
+        if not self._light_clipped and _is_beyond_white(image):
+            self._light_clipped = True
+            self._remarks.append(
+                f"{self._name} holds no light beyond white or below black, which was clipped; images as .exr keep it."
+            )
+
+    def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
+        """FFmpeg's encoder and its options; the depth of images is known only with the first of them."""
+        known = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
+        return choose_encoder(self._encoding, self._format, self._name, *known)
 
     def _encode(self, frame: Frame, pts: int) -> None:
         assert self._encoder is not None
@@ -284,6 +307,12 @@ class VideoSink:
             yield
         except (av.error.FFmpegError, OSError) as error:
             raise OutputError(_explain(error, self._name)) from error
+
+
+def _is_beyond_white(image: Image) -> bool:
+    """Whether a float image has colours outside 0 to 1."""
+    colours = image[..., :3]
+    return bool(np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0)
 
 
 def _is_there_already(path: Path, inputs: Collection[Path], unfinished: Unfinished) -> bool:

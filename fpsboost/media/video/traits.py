@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -44,6 +44,9 @@ class VideoTraits:
     light_level : LightLevel or None
     has_dynamic_hdr : bool
         Dolby Vision, HDR10+ and their like, which change from frame to frame.
+    codec : str
+        FFmpeg's name of the format that the pictures were coded in; empty where they were not. Says nothing about what
+        they mean, and does not count where traits are compared.
     """
 
     pixel_format: str
@@ -60,6 +63,7 @@ class VideoTraits:
     mastering_display: MasteringDisplay | None = None
     light_level: LightLevel | None = None
     has_dynamic_hdr: bool = False
+    codec: str = field(default="", compare=False)
 
     @property
     def has_hdr_data(self) -> bool:
@@ -112,6 +116,7 @@ def read_traits(
         mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),
         light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL")),
         has_dynamic_hdr=not DYNAMIC_HDR.isdisjoint(sides),
+        codec=codec,
     )
 
 

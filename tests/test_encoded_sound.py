@@ -1,0 +1,278 @@
+"""Sound that a container cannot hold, or that is wanted in another format: encoded anew, in its place and as long."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
+from video_truth import packets_of, scene, write_clip
+
+from fpsboost.errors import OptionError, OutputError
+from fpsboost.media.excerpt import Excerpt
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.pipeline import convert
+from fpsboost.position import Position
+
+RATE = 48000
+SAMPLES = RATE + 1234
+"""Of a sound that no encoder's frames divide."""
+
+
+def double(source: Path, target: Path, audio_codec: str | None = None, **more: Any) -> list[str]:
+    """Convert in the cheapest way; return what was said."""
+    encoding = Encoding(preset="8" if target.suffix == ".webm" else "ultrafast", audio_codec=audio_codec)
+    return convert(str(source), str(target), method="nearest", encoding=encoding, **more).remarks
+
+
+def noise(samples: int = SAMPLES) -> NDArray[np.int16]:
+    """Noise that sounds alike at no other place, low enough for every encoder."""
+    steps = np.random.default_rng(0).normal(size=samples + 400)
+    smooth = np.convolve(steps, np.hanning(20), "same")[200:-200]
+    return np.rint(smooth / np.abs(smooth).max() * 16000).astype(np.int16)
+
+
+def write_noise(
+    path: Path, codec: str = "pcm_s16le", rate: int = RATE, format: str = "s16", packet: int = 960
+) -> NDArray[np.int16]:
+    """Write 25 frames and noise, with the video encoder that every container takes; return the noise."""
+    samples = noise()
+    with av.open(str(path), "w") as output:
+        video = output.add_stream("mpeg4", rate=25, width=64, height=48)
+        video.pix_fmt = "yuv420p"
+        sound: Any = output.add_stream(codec, rate=rate, layout="mono", bit_rate=96000)
+        packets: list[Any] = []
+        for index in range(25):
+            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
+            picture.pts = index
+            packets += video.encode(picture)
+        packets += video.encode(None)
+        for at in range(0, len(samples), packet):
+            frame = av.AudioFrame.from_ndarray(samples[None, at : at + packet], format="s16", layout="mono")
+            frame.sample_rate, frame.pts, frame.time_base = rate, at, Fraction(1, rate)
+            for ready in av.AudioResampler(format=format).resample(frame):
+                packets += sound.encode(ready)
+        packets += sound.encode(None)
+        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+    return samples
+
+
+def lag(truth: NDArray[Any], found: NDArray[Any]) -> int:
+    """How many samples late a sound is."""
+    size = 1 << 17
+    spectra = np.conj(np.fft.rfft(truth, size)) * np.fft.rfft(found, size)
+    place = int(np.argmax(np.fft.irfft(spectra, size)))
+    return place if place < size // 2 else place - size
+
+
+def codec_of_sound(path: Path) -> str:
+    with av.open(str(path)) as file:
+        return str(file.streams.audio[0].codec_context.codec.canonical_name)
+
+
+# ---------------------------------------------------------------------------------------------- what muxers really hold
+
+
+@pytest.mark.parametrize("codec", ["wmav2", "pcm_mulaw", "adpcm_ms", "adpcm_ima_wav"])
+def test_matroska_holds_what_its_list_leaves_out(tmp_path, codec):
+    """Sound that Matroska names as Windows does is copied into .mkv packet by packet."""
+    suffix = ".asf" if codec == "wmav2" else ".avi"
+    clip, target = tmp_path / f"in{suffix}", tmp_path / "it's [out] | of.mkv"
+    write_noise(clip, codec, 44100 if codec == "wmav2" else RATE, "fltp" if codec == "wmav2" else "s16")
+    assert not [remark for remark in double(clip, target) if "sound" in remark]
+    before, after = packets_of(clip, "audio"), packets_of(target, "audio")
+    assert [data for _, data in after] == [data for _, data in before]
+    assert max(abs(a - b) for (a, _), (b, _) in zip(after, before, strict=True)) <= Fraction(1, 500)
+    assert len(packets_of(target, "video")) == 50
+
+
+def test_chapters_that_do_not_go_along_are_said(tmp_path):
+    """What is muxed past the list of codecs loses chapters, and a sentence says so."""
+    clip, target = tmp_path / "in.mov", tmp_path / "out.mkv"
+    write_clip(tmp_path / "chapters.mp4", sound="aac", chapters=True)
+    with av.open(str(tmp_path / "chapters.mp4")) as chapters:
+        listed = chapters.chapters()
+    write_noise(tmp_path / "sound.mov", "pcm_mulaw")
+    with av.open(str(tmp_path / "sound.mov")) as source, av.open(str(clip), "w") as output:
+        output.set_chapters(listed)
+        targets = {stream.index: output.add_stream_from_template(stream) for stream in source.streams}
+        for packet in source.demux():
+            if packet.dts is not None:
+                packet.stream = targets[packet.stream.index]
+                output.mux(packet)
+    assert double(clip, target) == [
+        f"{target} lost the chapters of its source, which its kind of sound rules out here."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("codec", "suffix", "ways"),
+    [
+        ("wmav2", ".mp4", "encode it anew with --audio-codec aac, write .mkv, or leave the sound out with --no-audio"),
+        ("aac", ".webm", "encode it anew with --audio-codec opus, write .mp4 or .m4v or .mov or .mkv, or leave"),
+    ],
+)
+def test_what_cannot_be_held_names_the_option_first(tmp_path, codec, suffix, ways):
+    """Encoding anew, then other containers, then leaving out; before any frame is read."""
+    clip = tmp_path / ("in.asf" if codec == "wmav2" else "in.mp4")
+    write_noise(clip, codec, 44100, "fltp")
+    with pytest.raises(OutputError, match=f"cannot hold the {codec} sound of .*; {ways}"):
+        double(clip, tmp_path / f"out{suffix}")
+    assert not (tmp_path / f"out{suffix}").exists()
+
+
+def test_mov_refuses_what_it_lists(tmp_path):
+    """Formats that .mov shares with .mp4 in its list and not in fact are refused with what to use."""
+    clip = write_clip(tmp_path / "in.mp4", sound="aac")
+    with pytest.raises(OptionError, match=r"--audio-codec flac cannot go into .*out\.mov; use aac .*, or write \.mp4"):
+        double(clip, tmp_path / "out.mov", "flac")
+    with pytest.raises(OptionError, match=r"--codec av1 cannot go into .*out\.mov; use h264 or hevc, or write \.mp4"):
+        convert(str(clip), str(tmp_path / "out.mov"), encoding=Encoding("av1"))
+
+
+# ---------------------------------------------------------------------------------------------------- where it is heard
+
+
+@pytest.mark.parametrize(
+    ("name", "suffix", "canonical"),
+    [
+        ("aac", ".mp4", "aac"),
+        ("AAC", ".mkv", "aac"),
+        ("opus", ".webm", "opus"),
+        ("opus", ".mp4", "opus"),
+        ("mp3", ".mkv", "mp3"),
+        ("ac3", ".mov", "ac3"),
+        ("eac3", ".mkv", "eac3"),
+        ("flac", ".mkv", "flac"),
+        ("alac", ".mov", "alac"),
+        ("pcm_s24le", ".mov", "pcm_s24le"),
+    ],
+)
+def test_encoded_sound_is_in_its_place_and_as_long(tmp_path, name, suffix, canonical):
+    """To the sample, priming and padding cut off, as Matroska's samples and mp4's tracks say; lossless is exact."""
+    clip, target = tmp_path / "in.mkv", tmp_path / f"out{suffix}"
+    truth = write_noise(clip)
+    assert double(clip, target, name) == [
+        f"{target} holds stream 1 (pcm_s16le sound) of its source encoded anew as {canonical}."
+    ]
+    assert codec_of_sound(target) == canonical
+    found, rate = heard(target)
+    rounded = RATE // 1000 if suffix in (".mkv", ".webm") else 0  # Matroska's times
+    assert rate == RATE
+    assert abs(lag(truth / 32768, found)) <= rounded
+    if canonical in ("flac", "alac", "pcm_s24le"):
+        assert np.array_equal(np.rint(found * 32768), truth)
+    with av.open(str(target)) as file:
+        stream = file.streams.audio[0]
+        if rounded:
+            assert sum(frame.samples for frame in file.decode(stream)) == SAMPLES
+        else:
+            assert stream.duration * stream.time_base == pytest.approx(SAMPLES / RATE, abs=0.5 / RATE)
+
+
+def test_parts_of_it(tmp_path):
+    """--start and --end cut encoded sound to the sample."""
+    clip, target = write_sounds(tmp_path / "in.mkv"), tmp_path / "out.mp4"
+    double(clip, target, "aac", excerpt=Excerpt(Position(Fraction(4, 5)), Position(Fraction(9, 5))))
+    expected = [click - 0.8 + CLICK / 2 for click in CLICKS[1:]]
+    assert clicks_of(target, expected, 0.3) == pytest.approx(expected, abs=0.002)
+    with av.open(str(target)) as file:
+        assert file.streams.audio[0].duration * file.streams.audio[0].time_base == 1
+
+
+def test_packets_shorter_than_the_clock(tmp_path):
+    """Sound of which several packets share a millisecond, as TrueHD in Matroska, is encoded whole."""
+    clip, target = tmp_path / "in.mkv", tmp_path / "out.mov"
+    truth = write_noise(clip, packet=40)
+    assert [remark for remark in double(clip, target, "alac") if "out of order" in remark] == []
+    assert np.array_equal(np.rint(heard(target)[0] * 32768), truth)
+
+
+def test_only_what_is_of_another_format(tmp_path):
+    """Sound that is in the format already, and all sound with copy, passes packet by packet."""
+    clip = write_clip(tmp_path / "in.mp4", sound="aac")
+    for name in ("aac", "copy"):
+        assert double(clip, tmp_path / f"{name}.mp4", name) == []
+        assert packets_of(tmp_path / f"{name}.mp4", "audio") == packets_of(clip, "audio")
+
+
+def test_rates_and_speakers_that_an_encoder_does_not_take(tmp_path):
+    """The next rate and the nearest speakers are taken, and said."""
+    clip, target = write_sounds(tmp_path / "in.mkv", ["5.1(side)"], codec="ac3", rate=44100), tmp_path / "out.mkv"
+    assert double(clip, target, "opus") == [
+        f"{target} holds stream 1 (ac3 sound) of its source encoded anew as opus, its 5.1(side) as 5.1, at 48000 "
+        "instead of 44100 Hz."
+    ]
+    expected = [click + CLICK / 2 for click in CLICKS]
+    assert clicks_of(target, expected, 0.25) == pytest.approx(expected, abs=0.005)
+
+
+def test_lost_bits_are_said(tmp_path):
+    """24 bits become 16 with a word about it, and stay 24 where the encoder has them."""
+    clip = tmp_path / "in.mkv"
+    write_noise(clip, "pcm_s24le", format="s32")
+    (remark,) = double(clip, tmp_path / "out.mkv", "pcm")
+    assert remark.endswith("(pcm_s24le sound) of its source encoded anew as pcm_s16le, in 16 bits.")
+    (remark,) = double(clip, tmp_path / "deep.mkv", "flac")
+    assert remark.endswith("encoded anew as flac.")
+    with av.open(str(tmp_path / "deep.mkv")) as file:
+        assert file.streams.audio[0].codec_context.format.name == "s32"
+
+
+def test_options_of_sound_that_cannot_work(tmp_path, fpsboost_):
+    """Unknown names, names of pictures, containers that do not hold it, contradictions, and targets without sound."""
+    write_clip(tmp_path / "in.mp4", sound="aac")
+    wrong = {
+        ("out.mp4", "--audio-codec", "ogg"): "--audio-codec ogg is unknown here; use aac, opus, mp3, ac3, eac3, flac, "
+        "alac, pcm, copy, or the exact name of an FFmpeg sound encoder.",
+        ("out.mp4", "--audio-codec", "libx264"): "--audio-codec libx264 is unknown here; use aac",
+        ("out.webm", "--audio-codec", "aac"): "--audio-codec aac cannot go into out.webm; use opus, or write .mp4 or",
+        (
+            "out.mp4",
+            "--audio-codec",
+            "aac",
+            "--no-audio",
+        ): "--audio-codec and --no-audio contradict each other; give one",
+        ("frames/", "--audio-codec", "aac"): "frames/ will be images, which take no --audio-codec; leave that out.",
+        (
+            *("out.mp4", "--audio-codec", "copy", "--slow-motion", "--slow-motion-sound", "stretch"),
+        ): "--slow-motion-sound stretch and --audio-codec copy contradict each other; give one of them.",
+    }
+    for options, sentence in wrong.items():
+        result = fpsboost_("in.mp4", *options)
+        assert result.code == 2
+        assert sentence in " ".join(result.lines)
+    assert fpsboost_("in.mp4", "good.mkv", "--audio-codec", "flac", "-m", "nearest", "--preset", "ultrafast").code == 0
+    assert codec_of_sound(tmp_path / "good.mkv") == "flac"
+
+
+# ------------------------------------------------------------------------------------------------ stretched sound's end
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_stretched_sound_ends_where_its_source_does(tmp_path, suffix):
+    """The padding behind the source's last samples is not stretched along: 4 s for 2 s, and no more."""
+    clip, target = write_sounds(tmp_path / "in.mp4", codec="aac", rate=44100), tmp_path / f"out{suffix}"
+    with av.open(str(clip)) as file:
+        assert file.streams.audio[0].duration * file.streams.audio[0].time_base == 2
+    slow(clip, target, 2)
+    with av.open(str(target)) as file:
+        stream = file.streams.audio[0]
+        length = sum(Fraction(frame.samples, frame.sample_rate) for frame in file.decode(stream))
+        if suffix == ".mp4":
+            length = stream.duration * stream.time_base
+    assert length == 4
+
+
+def test_stretched_sound_in_the_format_that_is_asked_for(tmp_path):
+    """--audio-codec names the encoder of stretched sound, too."""
+    clip, target = write_sounds(tmp_path / "in.mkv"), tmp_path / "out.mkv"
+    remarks = slow(clip, target, encoding=Encoding(preset="ultrafast", audio_codec="flac")).remarks
+    assert remarks[0].endswith("stretched to 2 times its length and encoded anew as flac.")
+    sound, rate = heard(target)
+    assert len(sound) == 4 * rate
