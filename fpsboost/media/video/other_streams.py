@@ -16,8 +16,10 @@ import av.container
 import av.error
 
 from fpsboost.media.excerpt import Window
+from fpsboost.media.video.damage import Damage
 from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding
 from fpsboost.media.video.fitting import codec_of, fits, is_wanted, keeps_data, kind_of, stretches
+from fpsboost.media.video.packets import read_packets
 from fpsboost.media.video.source import VideoSource, open_video
 from fpsboost.media.video.stream_choice import is_cover_art
 from fpsboost.media.video.stretched_sound import StretchedSound, remark_on
@@ -68,16 +70,13 @@ class OtherStreams:
         self._converters: dict[int, TextConverter] = {}
         self._sounds: dict[int, StretchedSound] = {}
         _copy_titles(self._input, output)
-        if window is None:
-            output.set_chapters(self._input.chapters())
-        else:
-            output.set_chapters(_chapters_within(self._input, window))
+        output.set_chapters(_chapters_within(self._input, window, source.start))
         _copy_labels(self._input.streams[source.stream_index], video)
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
                 self._add(stream, encoding)
-        self.clock = _clock_of_starts(self._input)
+        self.clock = _clock_of_starts(self._input, source.start)
         self._packets = self._read()
         self._ahead: av.Packet[av.stream.Stream] | None = None
 
@@ -168,11 +167,11 @@ class OtherStreams:
         timecode = find_timecode(source.metadata, self._input.metadata)
         if timecode is None:
             return False
-        old, new = source.average_rate, video.codec_context.framerate
+        old, new = self._source.coded_rate, video.codec_context.framerate
         again = None
-        if old and new:
-            skipped = 0 if self._window is None else self._window.frames_before(Fraction(old))
-            again = at_rate(frames_later(timecode, Fraction(old), skipped), Fraction(old), Fraction(new))
+        if new:
+            skipped = 0 if self._window is None else self._window.frames_before(old)
+            again = at_rate(frames_later(timecode, old, skipped), old, Fraction(new))
         if again is None:
             self.remarks.append(
                 f"{self._name} lost the timecode {timecode} of its source, which its rate cannot count."
@@ -201,17 +200,22 @@ class OtherStreams:
 
     def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
         covers = {stream.index for stream in self._covers}
-        wanted = [self._input.streams[index] for index in self._targets if index not in covers]
+        wanted = {index for index in self._targets if index not in covers}
         if not wanted:
             return
-        try:
-            for packet in self._input.demux(wanted):
-                if packet.size and packet.dts is not None:
-                    yield packet
-        except av.error.FFmpegError:
-            self.remarks.append(
-                f"{self._source.info.name} is damaged, so sound and subtitles end early in {self._name}; listen to it."
-            )
+        damage = Damage()
+        sentence = (
+            f"{self._source.info.name} is damaged where sound, subtitles or data lie, so some may be missing in "
+            f"{self._name}; listen to it."
+        )
+        for packet in read_packets(self._input, wanted, damage):
+            if damage.unreadable and sentence not in self.remarks:
+                self.remarks.append(sentence)
+            if packet.dts is not None:
+                later = round(self._source.start / Fraction(packet.time_base))
+                packet.dts -= later
+                packet.pts = None if packet.pts is None else packet.pts - later
+                yield packet
 
     def _due(self, time: Fraction) -> Fraction:
         """When something of the source happens in the output."""
@@ -273,12 +277,13 @@ def _copy_titles(file: av.container.InputContainer, output: av.container.OutputC
     output.metadata.update({key: value for key, value in file.metadata.items() if key.lower() not in skipped})
 
 
-def _chapters_within(file: av.container.InputContainer, window: Window) -> list[Any]:
-    """The chapters that overlap a window, as far as they do."""
+def _chapters_within(file: av.container.InputContainer, window: Window | None, start: Fraction) -> list[Any]:
+    """The chapters that overlap a window, as far as they do, counted from where the file starts."""
+    window = window or Window(Fraction(0), None, None)
     kept = []
     for chapter in file.chapters():
         tick = Fraction(chapter["time_base"] or 1)
-        begin, end = max(chapter["start"] * tick, window.begin), chapter["end"] * tick
+        begin, end = max(chapter["start"] * tick - start, window.begin), chapter["end"] * tick - start
         end = end if window.planned_end is None else min(end, window.planned_end)
         if begin < end:
             times = {
@@ -309,10 +314,10 @@ def _copy_labels(stream: av.stream.Stream, target: av.stream.Stream) -> None:
     target.disposition = stream.disposition
 
 
-def _clock_of_starts(file: av.container.InputContainer) -> int:
+def _clock_of_starts(file: av.container.InputContainer, start: Fraction) -> int:
     """Ticks per second that tell exactly when each stream starts, which mp4 otherwise rounds to milliseconds."""
     starts = [
-        stream.start_time * Fraction(stream.time_base)
+        stream.start_time * Fraction(stream.time_base) - start
         for stream in file.streams
         if stream.start_time is not None and stream.time_base
     ]
