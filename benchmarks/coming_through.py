@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -90,6 +91,7 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
         video.tags["pixel shape"] = str(stream.sample_aspect_ratio or 1).replace("0/1", "1")
         if stream.duration is not None and stream.start_time is not None and file.format.name.startswith("mov"):
             video.end = (stream.start_time + stream.duration) * base
+    video.times.sort()  # pictures come in order, but not always with their own times
     video.sound = [tracks[index] for index in sorted(tracks)]
     return video
 
@@ -103,13 +105,19 @@ def _payload(packet: Any) -> bytes:
 
 
 def _packets(file: av.container.InputContainer) -> Iterator[Any]:
-    """All packets, past damage."""
-    for _ in range(10):
-        try:
-            yield from file.demux()
-            return
-        except av.error.FFmpegError:
-            continue
+    """All packets of pictures, sound and subtitles, past damage and past samples that lie behind the file's end."""
+    for stream in file.streams:
+        if stream.type not in ("video", "audio", "subtitle"):
+            stream.discard = av.stream.Discard.all
+    for _ in range(1000 if file.format.name.startswith("mov") else 1):
+        for _ in range(10):
+            try:
+                yield from (packet for packet in file.demux() if packet.size)
+                break
+            except av.error.FFmpegError:
+                continue
+    with contextlib.suppress(av.error.FFmpegError):
+        yield from file.demux()  # the packets that flush
 
 
 def _decoded(packet: Any) -> list[Any]:
@@ -134,7 +142,9 @@ def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -
             }
     lasted = time - video.times[-1] if video.times else Fraction(0)
     video.times.append(time)
-    video.end = time + (frame.duration * Fraction(frame.time_base or base) if frame.duration else lasted)
+    video.end = max(video.end, time) + (
+        frame.duration * Fraction(frame.time_base or base) if frame.duration else lasted
+    )
     if keeps:
         if in_rgb or frame.format.is_rgb:
             image = frame.to_ndarray(format="rgb24", interpolation=EXACT_SCALER)

@@ -73,6 +73,8 @@ class ClipInfo:
         Frames that the source declares; None where it does not say.
     duration : Fraction or None
         Seconds that it declares; None where it does not say.
+    mean_rate : Fraction or None
+        Frames per second over everything whose times are known beforehand, pauses included; None where none are.
     """
 
     name: str
@@ -82,6 +84,7 @@ class ClipInfo:
     time_base: Fraction
     frame_count: int | None
     duration: Fraction | None = None
+    mean_rate: Fraction | None = None
 
 
 def check_pair(image0: Image, image1: Image) -> None:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal, get_args
 
-from fpsboost.errors import OptionError, check_choice
+from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.media import OutputTiming
+from fpsboost.media.video.nominal_rate import is_absurd
 from fpsboost.timing import LARGEST_RATE, LONGEST_FILLED, ByFactor, ByRate, Schedule, representable
 
 DOUBLE = Fraction(2)
@@ -92,10 +93,14 @@ class Pace:
         ------
         OptionError
             The rate of the output would be out of range.
+        InputError
+            Nobody has said a rate, and the source's own is absurd.
         """
         factor = self.multiple
         if self.fps is None and not self.fill_gaps and (self.keep_timing or not has_clock):
             return ByFactor(factor)
+        if self.fps is None:
+            _check_density(info)
         rate = info.rate * factor if self.fps is None else self.fps * self.stretch
         if rate > LARGEST_RATE:
             raise OptionError(
@@ -141,6 +146,18 @@ class Pace:
                 f"the picture was {filled}, as in all pauses of more than {float(schedule.longest or 0):g} s."
             )
         return remarks
+
+
+def _check_density(info: ClipInfo) -> None:
+    """Refuse a source's rate where nearly all frames would be made where nothing moves on."""
+    mean = info.mean_rate
+    if mean is None or not is_absurd(info.rate, mean):
+        return
+    raise InputError(
+        f"{info.name} plays at {float(info.rate):.6g} frames per second by its clock and holds {float(mean):.3g} of "
+        "them per second; say with --fps how fast the output plays, such as --fps 60, or multiply the frames of each "
+        "interval with --keep-timing."
+    )
 
 
 def stretched(frames: Iterable[Frame], stretch: Fraction) -> Iterator[Frame]:

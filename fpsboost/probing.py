@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from fpsboost.errors import FpsboostError
-from fpsboost.frame import Frame
+from fpsboost.frame import ClipInfo, Frame
 from fpsboost.held import Shown, by_moments
 from fpsboost.interpolator import Pair, with_neighbours
 from fpsboost.media import FrameSource, OutputTiming
@@ -216,9 +216,11 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     with open_source(path, input_fps, reading=reading) as source:
         video = source if isinstance(source, VideoSource) else None
         has_clock = isinstance(source, VideoSource | AnimationSource)
-        schedule = Pace().schedule(source.info, has_clock=has_clock)
+        schedule, refused = _plan(source.info, has_clock=has_clock)
         look = None if video is None else _look(video.traits)
-        refused, losses = (None, []) if video is None else _try_sink(video, schedule)
+        losses: list[str] = []
+        if video is not None and refused is None:
+            refused, losses = _try_sink(video, schedule)
         findings = _Findings()
         # `moments` runs ahead of the pair that is looked at: the pair's place says which of them it ends with
         cuts = [
@@ -256,6 +258,14 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
             remarks=list(source.remarks),
             conversion=Conversion(frames or 0, float(schedule.rate(info.rate)), refused, losses),
         )
+
+
+def _plan(info: ClipInfo, *, has_clock: bool) -> tuple[Schedule, str | None]:
+    """Where a conversion's frames would lie, and why there would be none; then the rate is kept out of it."""
+    try:
+        return Pace().schedule(info, has_clock=has_clock), None
+    except FpsboostError as error:
+        return Pace(keep_timing=True).schedule(info, has_clock=has_clock), str(error)
 
 
 class _EnoughError(Exception):

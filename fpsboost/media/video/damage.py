@@ -21,6 +21,8 @@ class Damage:
         Frames with a time far behind that of the next one, and put back before it.
     jumps : int
         Places where the clock jumps back, from which everything goes on.
+    joints : int
+        Places where the clock of the whole file jumps, from which everything goes on.
     untimed : int
         Frames without a time.
     """
@@ -32,6 +34,7 @@ class Damage:
     displaced: int = 0
     far_ahead: int = 0
     jumps: int = 0
+    joints: int = 0
     untimed: int = 0
 
     def remarks(self, name: str, frames: int) -> list[str]:
@@ -62,6 +65,11 @@ class Damage:
             said.append(
                 f"The times of {name} jump back at {counted(self.jumps, 'place')}; the pictures go on from there, but "
                 "sound and subtitles may not."
+            )
+        if self.joints:
+            said.append(
+                f"The clock of {name} jumps at {counted(self.joints, 'place')}, as where recordings were joined; "
+                "pictures, sound and subtitles go on from there."
             )
         if self.untimed:
             said.append(f"{name} gives no time for {counted(self.untimed, 'frame')}; the nominal rate was used.")

@@ -17,10 +17,12 @@ import av.container
 import av.error
 
 from fpsboost.media.excerpt import Window
+from fpsboost.media.video.damage import Damage
 from fpsboost.media.video.encoded_sound import EncodedSound, remark_on
 from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, containers
 from fpsboost.media.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
 from fpsboost.media.video.losses import not_held_remark
+from fpsboost.media.video.packets import read_packets
 from fpsboost.media.video.source import VideoSource, open_video
 from fpsboost.media.video.stream_choice import is_cover_art
 from fpsboost.media.video.subtitles import TextConverter, formats, is_text
@@ -78,7 +80,7 @@ class OtherStreams:
         if self.tags.lost:
             names = ", ".join(self.tags.lost)
             self.remarks.append(f"{name} lost tags of its source, which its container has no place for: {names}.")
-        chapters = self._input.chapters() if window is None else _chapters_within(self._input, window)
+        chapters = _chapters_within(self._input, window, source.start)
         output.set_chapters(chapters)
         if chapters and fitting.any_codec:
             self.remarks.append(f"{name} lost the chapters of its source, which its kind of sound rules out here.")
@@ -88,7 +90,7 @@ class OtherStreams:
             if stream.index != source.stream_index:
                 self._add(stream, encoding)
         self.clock = _clock_of_starts(
-            self._input, [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
+            self._input, source.start, [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
         )
         self._packets = self._read()
         self._ahead: av.Packet[av.stream.Stream] | None = None
@@ -192,11 +194,11 @@ class OtherStreams:
         timecode = find_timecode(source.metadata, self._input.metadata)
         if timecode is None:
             return False
-        old, new = source.average_rate, video.codec_context.framerate
+        old, new = self._source.coded_rate, video.codec_context.framerate
         again = None
-        if old and new:
-            skipped = 0 if self._window is None else self._window.frames_before(Fraction(old))
-            again = at_rate(frames_later(timecode, Fraction(old), skipped), Fraction(old), Fraction(new))
+        if new:
+            skipped = 0 if self._window is None else self._window.frames_before(old)
+            again = at_rate(frames_later(timecode, old, skipped), old, Fraction(new))
         if again is None:
             self.remarks.append(
                 f"{self._name} lost the timecode {timecode} of its source, which its rate cannot count."
@@ -226,17 +228,22 @@ class OtherStreams:
 
     def _read(self) -> Iterator[av.Packet[av.stream.Stream]]:
         covers = {stream.index for stream in self._covers}
-        wanted = [self._input.streams[index] for index in self._targets if index not in covers]
+        wanted = {index for index in self._targets if index not in covers}
         if not wanted:
             return
-        try:
-            for packet in self._input.demux(wanted):
-                if packet.size and packet.dts is not None:
-                    yield packet
-        except av.error.FFmpegError:
-            self.remarks.append(
-                f"{self._source.info.name} is damaged, so sound and subtitles end early in {self._name}; listen to it."
-            )
+        damage = Damage()
+        sentence = (
+            f"{self._source.info.name} is damaged where sound, subtitles or data lie, so some may be missing in "
+            f"{self._name}; listen to it."
+        )
+        for packet in read_packets(self._input, wanted, damage):
+            if damage.unreadable and sentence not in self.remarks:
+                self.remarks.append(sentence)
+            if packet.dts is not None:
+                later = round(self._source.start / Fraction(packet.time_base))
+                packet.dts -= later
+                packet.pts = None if packet.pts is None else packet.pts - later
+                yield packet
 
     def _due(self, time: Fraction) -> Fraction:
         """When something of the source happens in the output."""
@@ -300,12 +307,13 @@ def _keeps(container: str, stream: av.stream.Stream) -> bool:
     return stream.type == "data" and keeps_data(container, stream)
 
 
-def _chapters_within(file: av.container.InputContainer, window: Window) -> list[Any]:
-    """The chapters that overlap a window, as far as they do."""
+def _chapters_within(file: av.container.InputContainer, window: Window | None, start: Fraction) -> list[Any]:
+    """The chapters that overlap a window, as far as they do, counted from where the file starts."""
+    window = window or Window(Fraction(0), None, None)
     kept = []
     for chapter in file.chapters():
         tick = Fraction(chapter["time_base"] or 1)
-        begin, end = max(chapter["start"] * tick, window.begin), chapter["end"] * tick
+        begin, end = max(chapter["start"] * tick - start, window.begin), chapter["end"] * tick - start
         end = end if window.planned_end is None else min(end, window.planned_end)
         if begin < end:
             times = {
@@ -316,13 +324,13 @@ def _chapters_within(file: av.container.InputContainer, window: Window) -> list[
     return kept
 
 
-def _clock_of_starts(file: av.container.InputContainer, ticks_of_sounds: Sequence[Fraction]) -> int:
+def _clock_of_starts(file: av.container.InputContainer, start: Fraction, ticks_of_sounds: Sequence[Fraction]) -> int:
     """Ticks per second that tell exactly when each stream starts, which mp4 otherwise rounds to milliseconds.
 
     Of sound that is encoded anew, also when it ends, since its last packet holds more than the sound.
     """
     starts = [
-        stream.start_time * Fraction(stream.time_base)
+        stream.start_time * Fraction(stream.time_base) - start
         for stream in file.streams
         if stream.start_time is not None and stream.time_base
     ]

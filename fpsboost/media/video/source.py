@@ -11,6 +11,7 @@ import os
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from typing import Any, cast
 
@@ -31,11 +32,20 @@ from fpsboost.media.video.losses import (
     lost_companions_remark,
     lost_shape_remark,
 )
-from fpsboost.media.video.nominal_rate import as_fraction, assumed_rate_remark, declared_duration, nominal_rate
+from fpsboost.media.video.nominal_rate import (
+    as_fraction,
+    assumed_rate_remark,
+    declared_duration,
+    measured_cadence,
+    nominal_rate,
+)
 from fpsboost.media.video.orientation import is_on_its_side, turned_upright
+from fpsboost.media.video.packets import read_packets
 from fpsboost.media.video.reading import Reading
+from fpsboost.media.video.showing_order import ShowingOrder
 from fpsboost.media.video.size_change import Alike
 from fpsboost.media.video.stream_choice import choose_video, left_out_remarks
+from fpsboost.media.video.survey import survey
 from fpsboost.media.video.traits import VideoTraits, read_traits
 from fpsboost.media.video.ycc import has_alpha, to_bgr, to_bgra
 from fpsboost.memory_limit import MemoryLimit
@@ -44,7 +54,6 @@ DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 SEEKABLE = ("matroska", "mov")
 """Containers whose index says which frames decoding can begin at."""
 STEPS_BACK = (0, 1, 10)
-DEMUX_RETRIES = 10
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
@@ -64,6 +73,13 @@ class VideoSource(Closing):
         What may be taken; what is available without it.
     keeps_alpha : bool
         Yield BGRA where the file has alpha; it is left out otherwise, with a remark.
+
+    Attributes
+    ----------
+    start : Fraction
+        What lies at 0 by the file's own clock, seconds; all times count from there.
+    coded_rate : Fraction
+        Nominal rate of the file's own pictures, whatever becomes of their fields.
 
     Raises
     ------
@@ -92,7 +108,11 @@ class VideoSource(Closing):
         try:
             self._stream = choose_video(self._container, self._name, self._reading.stream)
             self._limit.check(self._name, self._stream.codec_context.width, self._stream.codec_context.height)
-            self._rate, rate_is_known = nominal_rate(self._stream)
+            with open_video(self.path, self._name) as file:
+                clocks = survey(file, self._stream.index)
+            tick = as_fraction(self._stream.time_base)
+            cadence = None if tick is None else measured_cadence(clocks.times, tick)
+            self._rate, rate_is_known = nominal_rate(self._stream, cadence)
         except BaseException:
             self._container.close()
             raise
@@ -102,9 +122,11 @@ class VideoSource(Closing):
         if not rate_is_known:
             self._remarks.append(assumed_rate_remark(self._name))
         self._alike: Alike | None = None
-        self._furthest = Fraction(0)
+        self._furthest = self._last_packet = Fraction(0)
         self._ahead: list[av.VideoFrame] = []
-        self._ticks = as_fraction(self._stream.time_base) or 1 / self._rate
+        self.start = clocks.start
+        self._ticks = tick or 1 / self._rate
+        self.coded_rate = self._rate
         fields = 2 if self._reading.deinterlace else 1
         self._rate *= fields
         self._begin()
@@ -119,6 +141,7 @@ class VideoSource(Closing):
             time_base=self._ticks / fields,
             frame_count=fields * self._stream.frames or None,
             duration=declared_duration(self._stream),
+            mean_rate=None if cadence is None else cadence.mean_rate * fields,
         )
         if for_images:
             self._prepare_for_images()
@@ -206,7 +229,7 @@ class VideoSource(Closing):
 
     def _picture_after_seek(self, time: Fraction) -> av.VideoFrame | None:
         try:
-            self._container.seek(math.floor(time / self._ticks), stream=self._stream, backward=True)
+            self._container.seek(math.floor((time + self.start) / self._ticks), stream=self._stream, backward=True)
         except av.error.FFmpegError:
             return None
         self._begin()
@@ -238,7 +261,6 @@ class VideoSource(Closing):
     def _frames(self) -> Iterator[Frame]:
         """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
         matrix = self.traits.display_matrix
-        first: Fraction | None = None
         last: Frame | None = None
         count = 0
         try:
@@ -251,13 +273,11 @@ class VideoSource(Closing):
                 if self._for_images:
                     image, original = turned_upright(image, matrix), None
                 last = Frame(image, time, self._duration_of(picture), original)
-                first = time if first is None else first
             assert last is not None  # `traits` has found a frame, and the first one is never left out
-            assert first is not None
             yield Frame(last.image, last.time, self._last_duration(last), last.original)
         finally:  # also where not all of the clip was asked for
             self._conclude(count)
-        self._compare_with_header(first, last.time + last.duration)
+        self._compare_with_header(last.time + last.duration, count)
 
     def _timed(self) -> Iterator[tuple[av.VideoFrame, Fraction]]:
         """Yield the pictures, all alike, with the times that the file gives them."""
@@ -284,22 +304,30 @@ class VideoSource(Closing):
 
     def _decode(self) -> Generator[av.VideoFrame, None, None]:
         seeing = self._decoder_of_hidden_alpha()
+        decoder = self._stream.codec_context if seeing is None else seeing
         lost_alpha = lost_alpha_remark(self._name)
-        for packet in self._packets():
-            if seeing is None and lost_alpha not in self._remarks and self._has_hidden_alpha(packet):
-                self._remarks.append(lost_alpha)
+        order = ShowingOrder[av.VideoFrame](float(1 / self._rate / self._ticks)) if decoder.codec.reorder else None
+        for packet in chain(self._packets(), [None]):
+            if packet is not None and seeing is None and lost_alpha not in self._remarks:
+                self._remarks += [lost_alpha] * self._has_hidden_alpha(packet)
+            if order is not None and packet is not None:
+                order.expect(packet.pts)
             try:
-                pictures = packet.decode() if seeing is None else seeing.decode(packet if packet.size else None)
-            except av.error.EOFError:
-                continue
+                pictures = decoder.decode(packet)
             except av.error.FFmpegError:
                 self._damage.undecodable += 1
+                if order is not None and packet is not None:
+                    order.lose(packet.pts)
                 continue
-            for picture in cast(list[av.VideoFrame], pictures):
+            for picture in pictures:
+                if picture.time_base is None:  # of the last ones, which no packet brought out
+                    picture.time_base = self._ticks
                 self._damage.corrupt += picture.is_corrupt
                 self._decoded += 1
                 self._flagged_interlaced += picture.interlaced_frame
-                yield picture
+                yield from [picture] if order is None else order.take(picture)
+        if order is not None:
+            yield from order.rest()
 
     def _decoder_of_hidden_alpha(self) -> av.VideoCodecContext | None:
         """VP8 and VP9 keep alpha beside the picture, where FFmpeg's own decoders do not look."""
@@ -312,23 +340,19 @@ class VideoSource(Closing):
         says_so = self._stream.metadata.get("alpha_mode") == "1"  # as every recording by a browser does
         return says_so and packet.has_sidedata("matroska_block_additional")
 
-    def _packets(self) -> Iterator[av.Packet[av.stream.Stream]]:
-        """Yield the stream's packets; read past damage, and note how far every stream reaches."""
-        failures = 0
-        while failures < DEMUX_RETRIES:
-            try:
-                for packet in self._container.demux():
-                    failures = 0
-                    start = packet.pts if packet.pts is not None else packet.dts
-                    if start is not None and packet.time_base:
-                        end = (start + (packet.duration or 0)) * Fraction(packet.time_base)
-                        self._furthest = max(end, self._furthest)
-                    if packet.stream.index == self._stream.index:  # the packets that flush have no stream_index
-                        yield packet
-                return
-            except av.error.FFmpegError:
-                failures += 1
-                self._damage.unreadable += failures == 1
+    def _packets(self) -> Iterator[av.Packet[Any]]:
+        """Yield the stream's packets; read past damage, and note how far the streams reach that are shown or heard."""
+        streams = self._container.streams
+        shown = {stream.index for stream in (*streams.audio, *streams.subtitles)}
+        for packet in read_packets(self._container, {self._stream.index, *shown}, self._damage):
+            start = packet.pts if packet.pts is not None else packet.dts
+            if start is not None and packet.time_base:
+                end = (start + (packet.duration or 0)) * Fraction(packet.time_base)
+                self._furthest = max(end, self._furthest)
+                if packet.stream.index == self._stream.index:
+                    self._last_packet = max(start * self._ticks - self.start, self._last_packet)
+            if packet.stream.index == self._stream.index:
+                yield packet
 
     def _convert(self, picture: av.VideoFrame) -> Image:
         try:
@@ -343,7 +367,7 @@ class VideoSource(Closing):
     def _time_of(self, picture: av.VideoFrame, end: Fraction | None = None) -> Fraction:
         """When a picture is shown; where it does not say, when the one before it ends."""
         if picture.pts is not None:
-            return picture.pts * (as_fraction(picture.time_base) or self._info.time_base)
+            return picture.pts * (as_fraction(picture.time_base) or self._info.time_base) - self.start
         self._damage.untimed += 1
         tick = self._info.time_base
         return Fraction(0) if end is None else round(end / tick) * tick
@@ -353,10 +377,14 @@ class VideoSource(Closing):
         return picture.duration * time_base if picture.duration > 0 else 1 / self._rate
 
     def _last_duration(self, last: Frame) -> Fraction:
-        """How long the last frame is shown so that the clip ends where the container says, if that is plausible."""
-        if self._stream.duration is not None and self._stream.start_time is not None:
-            end = (self._stream.start_time + self._stream.duration) * self._ticks
-            if 0 < end - last.time <= 4 / self._rate:
+        """How long the last frame is shown so that the clip ends where the container says, if that is plausible.
+
+        It is, too, where packets that became no picture reach that far: captures leave out what stands still.
+        """
+        is_said = self._container.format.name.startswith(DURATION_IN_HEADER)  # elsewhere it is FFmpeg's estimate
+        if is_said and self._stream.duration is not None and self._stream.start_time is not None:
+            end = (self._stream.start_time + self._stream.duration) * self._ticks - self.start
+            if 0 < end - last.time <= 4 / self._rate or last.time < end <= self._last_packet + 4 / self._rate:
                 return end - last.time
         return last.duration
 
@@ -390,13 +418,14 @@ class VideoSource(Closing):
             self._remarks += self._alike.remarks(self._name)
         self._remarks += self._damage.remarks(self._name, count)
 
-    def _compare_with_header(self, start: Fraction, end: Fraction) -> None:
+    def _compare_with_header(self, end: Fraction, count: int) -> None:
         """Say whether the file ends before its time."""
-        promised, got = self._promise(start, end)
+        promised, got = self._promise(end)
+        of_all = "" if self._info.frame_count is None else f" of {self._info.frame_count}"
         if promised - got > max(5 / self._rate, promised / 20):
             self._remarks.append(
-                f"{self._name} ends after {float(got):.1f} s of the {float(promised):.1f} s its header promises; what "
-                "decodes was converted."
+                f"{self._name} ends after {float(got):.1f} s of the {float(promised):.1f} s its header promises; "
+                f"{counted(count, 'frame')}{of_all} could be read."
             )
 
     def _interlacing_remarks(self) -> list[str]:
@@ -409,11 +438,12 @@ class VideoSource(Closing):
         which = "no frame" if not flagged else f"only {flagged} of {counted(decoded, 'frame')}"
         return [f"{self._name} flags {which} as interlaced; every frame was made into two all the same."]
 
-    def _promise(self, start: Fraction, end: Fraction) -> tuple[Fraction, Fraction]:
-        """Return the duration that the header declares and the one that was found, from the same clock."""
+    def _promise(self, end: Fraction) -> tuple[Fraction, Fraction]:
+        """Return when the video ends by the header and when it was found to end, from the same clock."""
         promised, got = Fraction(0), Fraction(0)
         if self._stream.duration is not None:
-            promised, got = self._stream.duration * self._ticks, end - min(start, Fraction(0))
+            begin = (self._stream.start_time or 0) * self._ticks
+            promised, got = begin + self._stream.duration * self._ticks - self.start, end
         # The whole file may outlast its video, so it is short only if no stream reaches its end.
         if self._container.duration and self._container.format.name.startswith(DURATION_IN_HEADER):
             whole = Fraction(self._container.duration, 1_000_000)

@@ -1,0 +1,336 @@
+"""Where files begin to count, which picture a time belongs to, and what a truncated file holds."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import accumulate
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_other_streams import tone
+from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
+
+from fpsboost import convert
+from fpsboost.media.video.continuous_clock import ContinuousClock
+from fpsboost.media.video.encoding import Encoding
+from fpsboost.media.video.showing_order import MOST_REORDERED, ShowingOrder
+from fpsboost.media.video.source import VideoSource
+from fpsboost.probing import probe
+
+MILLISECOND = Fraction(1, 1000)
+WRAP = Fraction(2**33, 90_000)
+"""Seconds after which the clock of a transport stream begins anew."""
+FAST = Encoding(encoder_options=(("preset", "ultrafast"),))
+
+
+def read(path: Path) -> tuple[list[Any], list[str]]:
+    with VideoSource(path) as source:
+        return list(source), source.remarks
+
+
+# ---------------------------------------------------------------------------------------------------- where files begin
+
+
+def write_at(path: Path, start: Fraction, video_later: Fraction = Fraction(0), codec: str = "mpeg2video") -> Path:
+    """Write ten pictures at 25 a second, B-frames among them, and sound that begins at `start`."""
+    with av.open(str(path), "w") as output:
+        video: Any = output.add_stream(codec, rate=25, width=64, height=48)
+        video.pix_fmt, video.codec_context.max_b_frames = "yuv420p", 2
+        sound: Any = output.add_stream("mp2", rate=48000)
+        sound.codec_context.format = "s16"
+        packets = []
+        for index in range(10):
+            frame = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
+            frame.pts = index
+            packets += video.encode(frame)
+        packets += [*video.encode(None), *tone(sound, 0)]
+        for packet in packets:
+            later = start + (video_later if packet.stream is video else 0)
+            packet.pts += round(later / packet.time_base)
+            packet.dts += round(later / packet.time_base)
+        output.mux(sorted(packets, key=lambda packet: packet.dts * packet.time_base))
+    return path
+
+
+def sound_to_picture(path: Path) -> Fraction:
+    """Seconds from the first sound to the first picture."""
+    picture = pictures_of(path)[0]
+    return picture.pts * Fraction(picture.time_base) - packets_of(path, "audio")[0][0]
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "video_later"),
+    [
+        ("in.ts", Fraction(36_000), Fraction(0)),
+        ("in.ts", Fraction(36_000), Fraction(1, 2)),
+        ("in.mpg", Fraction(36_000), Fraction(0)),
+        ("in.mkv", Fraction(500), Fraction(0)),
+        ("in.ts", WRAP - 2, Fraction(0)),
+        ("in.ts", WRAP - Fraction(8, 5), Fraction(0)),
+        ("in.ts", WRAP - Fraction(8, 5), Fraction(1, 2)),
+    ],
+    ids=["ten hours", "sound first", "program stream", "matroska", "wraps soon", "wraps within", "wraps between"],
+)
+def test_a_clip_begins_where_its_file_begins(tmp_path, name, start, video_later):
+    """Whatever a transmitter's clock says: at 0, sound and picture as far apart as they were, and no word about it."""
+    clip = write_at(tmp_path / name, start, video_later, "mpeg2video" if name != "in.mkv" else "libx264")
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+    assert (summary.frames_in, summary.frames_out, summary.remarks) == (10, 20, [])
+    out = pictures_of(tmp_path / "out.mp4")
+    first = min(out[0].pts * Fraction(out[0].time_base), packets_of(tmp_path / "out.mp4", "audio")[0][0])
+    assert abs(first) < Fraction(1, 10)
+    apart = sound_to_picture(clip)
+    if abs(apart) > WRAP / 2:
+        apart += WRAP if apart < 0 else -WRAP
+    assert abs(sound_to_picture(tmp_path / "out.mp4") - apart) <= Fraction(1, 500)
+    assert len(packets_of(tmp_path / "out.mp4", "audio")) == len(packets_of(clip, "audio"))
+
+
+def test_chapters_and_excerpts_count_from_there(tmp_path):
+    """With a late start, chapters move along, and --start counts from the first frame."""
+    clip = write_at(tmp_path / "in.mkv", Fraction(500), codec="libx264")
+    with av.open(str(clip)) as file, av.open(str(tmp_path / "chapters.mkv"), "w") as output:
+        targets = {each.index: output.add_stream_from_template(each) for each in file.streams}
+        chapter = {"id": 1, "start": 500_200, "end": 500_400, "time_base": MILLISECOND, "metadata": {}}
+        output.set_chapters([chapter])
+        for packet in file.demux():
+            if packet.size:
+                packet.stream = targets[packet.stream.index]
+                output.mux(packet)
+    with VideoSource(tmp_path / "chapters.mkv") as source:
+        first = source.first_time()
+        source.skip_to(first + Fraction(3, 25))
+        assert next(iter(source)).time <= first + Fraction(3, 25)
+    convert(str(tmp_path / "chapters.mkv"), str(tmp_path / "out.mkv"), method="nearest", encoding=FAST)
+    with av.open(str(tmp_path / "out.mkv")) as file:
+        (found,) = file.chapters()
+        assert abs(found["start"] * found["time_base"] - Fraction(1, 5)) < Fraction(1, 10)
+
+
+def test_what_cannot_be_shown_is_no_beginning(tmp_path):
+    """A recording that starts in the middle of a group of pictures begins at its first key frame."""
+    clip = write_clip(tmp_path / "whole.ts", times=range(40), options={"preset": "ultrafast", "g": "20", "bf": "0"})
+    with av.open(str(clip)) as file, av.open(str(tmp_path / "in.ts"), "w") as output:
+        target = output.add_stream_from_template(file.streams.video[0])
+        for number, packet in enumerate(file.demux()):
+            if packet.size and number >= 5:
+                packet.stream = target
+                output.mux(packet)
+    frames, remarks = read(tmp_path / "in.ts")
+    assert (len(frames), frames[0].time) == (20, 0)
+    assert not any("promises" in remark for remark in remarks)
+
+
+@pytest.mark.parametrize("second", [Fraction(0), Fraction(50_000), Fraction(5)], ids=["back", "far ahead", "behind"])
+def test_joined_recordings_go_on(tmp_path, second):
+    """Two transport streams, one behind the other: all pictures and all sound, as far apart as in each of them."""
+    parts = [write_at(tmp_path / f"{k}.ts", start) for k, start in enumerate((Fraction(36_000), second))]
+    clip = tmp_path / "in.ts"
+    clip.write_bytes(b"".join(part.read_bytes() for part in parts))
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+    assert summary.frames_in == 20
+    assert 40 <= summary.frames_out <= 42  # the sound of the first one lasts longer than its pictures
+    assert summary.remarks[0] == (
+        f"The clock of {clip} jumps at 1 place, as where recordings were joined; pictures, sound and subtitles go on "
+        "from there."
+    )
+    sound = packets_of(tmp_path / "out.mp4", "audio")
+    before = [packets_of(part, "audio") for part in parts]
+    assert [data for _, data in sound] == [data for part in before for _, data in part]
+    later = sound[len(before[0])][0] - sound[0][0]
+    assert abs(later - Fraction(2, 5)) <= Fraction(1, 20)
+    gaps = {one - other for (one, _), (other, _) in zip(sound[1:], sound, strict=False)}
+    assert max(gaps) - min(gaps) <= Fraction(1, 100)
+
+
+def packet_at(time: float, stream: Any) -> Any:
+    return SimpleNamespace(
+        pts=round(time * 1000), dts=round(time * 1000), duration=20, time_base="1/1000", stream=stream
+    )
+
+
+def test_streams_change_their_clock_at_different_places():
+    """Woven together at the joint, pictures and sound are moved alike; a pause of one stream alone is no joint."""
+    picture, sound = (SimpleNamespace(type=kind, index=index) for index, kind in enumerate(("video", "audio")))
+    order = [
+        (picture, 0),
+        (sound, 0),
+        (picture, 1),
+        (sound, 1),
+        (picture, 80),
+        (sound, 2),
+        (picture, 81),
+        (sound, 80.5),
+    ]
+    clock = ContinuousClock()
+    moved = []
+    for stream, time in order:
+        packet = packet_at(time, stream)
+        clock.move(packet)
+        moved.append(packet.dts)
+    assert moved == [0, 0, 1000, 1000, 1020, 2000, 2020, 1520 + 0]
+    assert clock.jumps == 1
+    clock = ContinuousClock()
+    for time in range(40):
+        clock.move(packet_at(time, sound))
+    clock.move(packet_at(0, picture))
+    late = packet_at(39, picture)
+    clock.move(late)
+    assert (late.dts, clock.jumps) == (39_000, 0)
+
+
+# -------------------------------------------------------------------------------------------- pictures and their times
+
+
+def with_decoding_times(source: Path, path: Path) -> Path:
+    """Copy a clip, saying of each picture when it is decoded, as if that were when it is shown."""
+    with av.open(str(source)) as file, av.open(str(path), "w") as output:
+        target = output.add_stream_from_template(file.streams.video[0])
+        number = 0
+        for packet in file.demux(video=0):
+            if packet.size:
+                packet.pts = packet.dts = round(Fraction(number, 25) / packet.time_base)
+                packet.stream = target
+                output.mux(packet)
+                number += 1
+    return path
+
+
+@pytest.mark.parametrize("name", ["in.avi", "in.mp4", "in.mkv", "in.asf"])
+def test_times_follow_the_order_of_showing(tmp_path, name):
+    """Where B-frames have the times of decoding, every picture is there, in order, evenly, and nothing is said."""
+    options = {"preset": "veryfast", "bf": "3", "b_strategy": "0", "b-pyramid": "strict"}
+    how = {"codec": "mpeg4", "options": {"bf": "2"}} if name == "in.avi" else {"options": options}
+    whole = write_clip(tmp_path / "whole.mp4", times=range(40), **how)
+    frames, remarks = read(with_decoding_times(whole, tmp_path / name))
+    assert [frame.time - frames[0].time for frame in frames] == [Fraction(number, 25) for number in range(40)]
+    assert remarks == []
+    for frame, picture in zip(frames, pictures_of(whole), strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(samples_of(frame.original), samples_of(picture), strict=True))
+
+
+def in_order(fed: list[int], shown: list[int], interval: float = 40) -> list[int | None]:
+    """The times that pictures get: `shown` are their own as they come out of the decoder, `fed` as they go in."""
+    order = ShowingOrder[Any](interval)
+    for pts in fed:
+        order.expect(pts)
+    ready = [each for pts in shown for each in order.take(SimpleNamespace(pts=pts, name=pts))] + order.rest()
+    assert [picture.name for picture in ready] == shown
+    return [picture.pts for picture in ready]
+
+
+def test_exchanged_times_change_places_and_damaged_ones_stay():
+    """Even once in order: put in order. Uneven even then: left to those who put damage right."""
+    assert in_order([0, 40, 80, 120, 160], [0, 120, 80, 160, 40]) == [0, 40, 80, 120, 160]
+    assert in_order([0, 40, 80, 70, 160], [0, 40, 80, 70, 160]) == [0, 40, 80, 70, 160]
+    assert in_order([], [0, 80, 40]) == [0, 80, 40]
+
+
+def test_lost_packets_hold_nothing_up():
+    """Pictures wait for one that never comes no longer than pictures can be reordered."""
+    order = ShowingOrder[Any](40)
+    for number in range(60):
+        order.expect(40 * number)
+    waiting = 0
+    for number in (each for each in range(60) if each != 7):
+        waiting += 1 - len(order.take(SimpleNamespace(pts=40 * number)))
+        assert waiting <= MOST_REORDERED
+    assert waiting == 0
+
+
+@given(st.lists(st.integers(-100, 3000) | st.none(), max_size=60), st.integers(1, 100))
+def test_no_picture_is_lost(times, interval):
+    """Whatever the times: every picture comes out once, in the order of the decoder."""
+    order = ShowingOrder[Any](interval)
+    for pts in reversed(times):
+        order.expect(pts)
+    pictures = [SimpleNamespace(pts=pts) for pts in times]
+    ready = [each for picture in pictures for each in order.take(picture)] + order.rest()
+    assert all(one is other for one, other in zip(ready, pictures, strict=True))
+
+
+# ------------------------------------------------------------------------------------------------------ files cut short
+
+
+def with_chunk_behind_the_end(path: Path, track: int, chunk: int = 0) -> None:
+    """Let the index of an mp4 or mov place some samples of a track behind the end of the file."""
+    data = bytearray(path.read_bytes())
+    place = -1
+    for _ in range(track + 1):
+        place = data.index(b"stco", place + 1)
+    place += 12 + 4 * chunk
+    data[place : place + 4] = (1 << 30).to_bytes(4)
+    path.write_bytes(bytes(data))
+
+
+def test_streams_that_nobody_reads_end_nothing(tmp_path):
+    """A timecode that lies behind the end of a truncated file costs no frame."""
+    with av.open(str(tmp_path / "in.mov"), "w") as output:
+        video: Any = output.add_stream("libx264", rate=25, width=64, height=48)
+        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        video.metadata["timecode"] = "01:00:00:00"
+        for index in range(60):
+            output.mux(video.encode(av.VideoFrame.from_ndarray(scene(index), format="bgr24")))
+        output.mux(video.encode(None))
+    with_chunk_behind_the_end(tmp_path / "in.mov", 1)
+    frames, remarks = read(tmp_path / "in.mov")
+    assert (len(frames), remarks) == (60, [])
+
+
+def test_sound_behind_the_end_ends_no_pictures(tmp_path):
+    """Where samples of one stream lie behind the end of a file, all others are read."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(60), sound="aac")
+    whole = len(packets_of(clip, "audio"))
+    with_chunk_behind_the_end(clip, 1, 20)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
+    assert (summary.frames_in, summary.frames_out) == (60, 120)
+    assert whole / 2 < len(packets_of(tmp_path / "out.mp4", "audio")) < whole
+
+
+def test_what_is_missing_is_counted(tmp_path):
+    """A truncated file is said to have so many frames of as many as its index lists, and nothing else is claimed."""
+    clip = write_clip(tmp_path / "whole.mp4", times=range(100), options={"preset": "ultrafast", "g": "5", "bf": "0"})
+    front = tmp_path / "front.mp4"
+    with av.open(str(clip)) as file, av.open(str(front), "w", container_options={"movflags": "faststart"}) as output:
+        target = output.add_stream_from_template(file.streams.video[0])
+        for packet in file.demux(video=0):
+            if packet.size:
+                packet.stream = target
+                output.mux(packet)
+    data = front.read_bytes()
+    front.write_bytes(data[: len(data) // 2])
+    frames, remarks = read(front)
+    assert 30 < len(frames) < 70
+    seconds = float(frames[-1].time + frames[-1].duration)
+    assert remarks[-1] == (
+        f"{front} ends after {seconds:.1f} s of the 4.0 s its header promises; {len(frames)} frames of 100 could be "
+        "read."
+    )
+
+
+# --------------------------------------------------------------------------------------------------------- absurd rates
+
+
+def test_an_absurd_rate_is_refused_with_the_ways_out(tmp_path, fpsboost_):
+    """24 frames, most of them a millisecond apart, never become 2000, but for someone who says the rate."""
+    pauses = (237, 411, 163, 307, 89, 223, 149)
+    times = [0, *accumulate(step for pause in pauses for step in (1, 1, pause)), 1594, 1595]
+    clip = write_clip(
+        tmp_path / "in.asf", times=times, time_base=MILLISECOND, rate=Fraction(1000), size=(16, 16), codec="wmv2"
+    )
+    refused = fpsboost_(clip, "out.mp4", "-m", "nearest")
+    assert refused.code == 1
+    (sentence,) = refused.lines
+    assert "plays at 1000 frames per second by its clock" in sentence
+    assert "--fps 60" in sentence
+    assert "--keep-timing" in sentence
+    assert probe(str(clip)).conversion.refused in sentence
+    for option in (["--fps", "60"], ["--keep-timing"]):
+        assert fpsboost_(clip, "out.mp4", "-m", "nearest", "--overwrite", *option).code == 0
+        assert len(pictures_of(tmp_path / "out.mp4")) <= 97
