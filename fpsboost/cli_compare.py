@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
-import re
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -15,9 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.table import Column, Table
 
 from fpsboost import cli_messages
+from fpsboost.cli_contestants import choose, name_others, split_methods
 from fpsboost.cli_messages import shown
 from fpsboost.cli_options import CutOptions, InputOptions
 from fpsboost.errors import OptionError, OutputError
@@ -28,9 +28,7 @@ if TYPE_CHECKING:
     from fpsboost.evaluation.making import Maker
     from fpsboost.motion.vectors import VectorFolder
 
-DEFAULT_METHODS = "nlm,nlm-fast,dis,minterpolate,blend"
-
-MINTERPOLATE = "minterpolate"
+DEFAULT_METHODS = ("nlm,nlm-fast,dis,minterpolate,blend",)
 
 BELOW = 3
 """Exit code where a comparison ends below ``--fail-under``."""
@@ -71,12 +69,19 @@ def compare(
     /,
     *,
     frames: FrameOptions = FrameOptions(),
-    methods: Annotated[str, Parameter(group=what, name=["--methods", "-m"], metavar="NAMES")] = DEFAULT_METHODS,
+    methods: Annotated[
+        tuple[str, ...], Parameter(group=what, name=["--methods", "-m"], metavar="NAMES", show_default=",".join)
+    ] = DEFAULT_METHODS,
+    frames_of: Annotated[
+        tuple[str, ...], Parameter(group=what, name="--frames", metavar="NAME=DIR", show_default=False)
+    ] = (),
+    peer: Annotated[tuple[str, ...], Parameter(group=what, metavar="NAME=COMMAND", show_default=False)] = (),
     vectors: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
     depth: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
     at_cuts: CutOptions = CutOptions(),
     report: Annotated[str | None, Parameter(group=results, metavar="DIR")] = None,
     json: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
+    csv: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
     fail_under: Annotated[float | None, Parameter(group=results, metavar="DB")] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
 ) -> None:
@@ -89,7 +94,17 @@ def compare(
     input
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
     methods
-        Names with commas between them, or all; minterpolate is FFmpeg's.
+        As in conversions, with commas between them and options
+        behind a colon: dis,nlm-exhaustive:patch-radius=9,v=0.05;
+        or all; minterpolate is FFmpeg's. Given repeatedly, all.
+    frames_of
+        Images that another tool made: all frames in order,
+        the hidden ones alone, or numbered like them, from 0.
+        May be given repeatedly.
+    peer
+        A command that makes them: 'tool {in} {out}', from
+        and into a folder of images; also {factor} and {fps}.
+        May be given repeatedly.
     vectors
         Folder of a renderer's vectors, for every frame of IN.
     depth
@@ -97,54 +112,63 @@ def compare(
     report
         A new folder for the page, index.html.
     json
-        A new file for all figures.
+        A new file for all figures, as docs/comparison.md says.
+    csv
+        A new file for a table: a row a method and frame.
     fail_under
         Exit with 3 if the first method's PSNR is lower.
     quiet
         Say nothing but errors.
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
+    from fpsboost.evaluation.exporting import write_csv, write_json  # noqa: PLC0415
     from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=quiet)
     hiding = frames.hiding()
+    others = name_others(frames_of, peer)
     if depth is not None and vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
     folder = None if vectors is None else open_vectors(input, vectors, depth)
     makers, skipped = choose(methods, folder)
     makers = with_cuts(makers, at_cuts)
     if fail_under is not None:
-        check_limit(fail_under, methods, list(makers))
-    for path, option in ((report, "--report"), (json, "--json")):
+        check_limit(fail_under, methods, list(makers), skipped)
+    for path, option in ((report, "--report"), (json, "--json"), (csv, "--csv")):
         check_new(path, option)
     rate = frames.image_rate()
-    with Progressing(quiet=quiet) as progress:
-        comparison = run(
-            input,
-            makers,
-            hiding,
-            progress,
-            skipped=skipped,
-            input_fps=rate,
-            rendered=words_of({"--vectors": vectors, "--depth": depth}),
-            vectors=folder,
-            cuts=at_cuts.applied_to(find_method("nlm")).cuts,
-            cut_options=words_of(at_cuts.given),
-        )
-    for each in tables(comparison):
-        console.print(each)
-    for line in remarks(comparison, makers):
-        console.print(shown(line))
-    console.print(shown(judge(comparison).text), style="bold", soft_wrap=True)
-    if json is not None:
-        write_json(Path(json), comparison)
-    if report is not None:
-        from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (what draws is slow to import)
+    with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # a report shows what a peer wrote there
+        with Progressing(quiet=quiet) as progress:
+            makers |= others.makers(lambda: hiding.intervals(input, rate), Path(scratch), progress.begun)
+            comparison = run(
+                input,
+                makers,
+                hiding,
+                progress,
+                skipped=skipped,
+                input_fps=rate,
+                rendered=words_of({"--vectors": vectors, "--depth": depth}),
+                others=others.words(),
+                vectors=folder,
+                cuts=at_cuts.applied_to(find_method("nlm")).cuts,
+                cut_options=words_of(at_cuts.given),
+            )
+        for each in tables(comparison):
+            console.print(each)
+        for line in remarks(comparison, makers):
+            console.print(shown(line))
+        console.print(shown(judge(comparison).text), style="bold", soft_wrap=True)
+        if json is not None:
+            write_json(Path(json), comparison)
+        if csv is not None:
+            write_csv(Path(csv), comparison)
+        if report is not None:
+            from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (what draws is slow to import)
 
-        with Console(stderr=True, quiet=quiet).status("writing the page"):
-            page = write_report(Path(report), comparison, makers, input_fps=rate)
-        console.print(f"Page: {shown(str(page))}", soft_wrap=True)
+            with Console(stderr=True, quiet=quiet).status("writing the page"):
+                page = write_report(Path(report), comparison, makers, input_fps=rate)
+            console.print(f"Page: {shown(str(page))}", soft_wrap=True)
     if fail_under is not None:
         check_is_reached(comparison, fail_under)
 
@@ -169,12 +193,12 @@ def with_cuts(makers: Mapping[str, Maker], at_cuts: CutOptions) -> dict[str, Mak
     }
 
 
-def check_limit(limit: float, names: str, compared: Sequence[str]) -> None:
+def check_limit(limit: float, methods: Sequence[str], compared: Sequence[str], skipped: Mapping[str, str]) -> None:
     """Raise `OptionError` if ``--fail-under`` is no number, or asks about a method that cannot be run."""
     if not math.isfinite(limit):
         raise OptionError(f"--fail-under must be a number of decibels, not {limit}.")
-    first = re.split("[,:]", names)[0].strip()
-    if compared and first != "all" and not compared[0].startswith(first):
+    first = split_methods(methods)[0].text
+    if compared and first in skipped:
         raise OptionError(f"--fail-under asks about {first}, which cannot be run here; name another method first.")
 
 
@@ -197,38 +221,6 @@ def open_vectors(clip: str, vectors: str, depth: str | None) -> VectorFolder:
     return folder if numbers is None else folder.matched(numbers, must_match=numbers.step > 1)
 
 
-def choose(names: str, vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:
-    """The methods of ``--methods``, and those that cannot be run, with the reason.
-
-    Raises
-    ------
-    OptionError
-        One is unknown; the message lists the known ones.
-    """
-    from fpsboost.evaluation.making import InterpolatorMaker, Minterpolate  # noqa: PLC0415
-    from fpsboost.method_table import find_method, methods, vector_methods  # noqa: PLC0415
-
-    every = [*methods, *vector_methods, MINTERPOLATE]
-    makers: dict[str, Maker] = {}
-    skipped: dict[str, str] = {}
-    for name in every if names == "all" else [name.strip() for name in names.split(",")]:
-        if name == MINTERPOLATE:
-            missing = Minterpolate.missing()
-            if missing is None:
-                makers[name] = Minterpolate()
-            else:
-                skipped[name] = missing
-        elif name in vector_methods and vectors is None:
-            skipped[name] = "it needs the renderer's motion vectors (--vectors)"
-        elif name in vector_methods:
-            makers[name] = InterpolatorMaker(find_method(name, vectors))
-        elif name in methods:
-            makers[name] = InterpolatorMaker(methods[name])
-        else:
-            raise OptionError(f"There is no method {name!r}; choose from {', '.join(every)}, or all.")
-    return makers, skipped
-
-
 def check_new(path: str | None, option: str) -> None:
     """Raise `OutputError` if a file or folder to be written exists, or has no folder to be in."""
     if path is None:
@@ -239,19 +231,16 @@ def check_new(path: str | None, option: str) -> None:
         raise OutputError(f"{path} is in no folder that exists; create {Path(path).parent} or change {option}.")
 
 
-def write_json(path: Path, comparison: Comparison) -> None:
-    """Write all figures; the file appears whole or not at all."""
-    from fpsboost.evaluation.writing import appearing  # noqa: PLC0415
-
-    with appearing(path) as unfinished:
-        unfinished.write_text(json.dumps(comparison.as_json(), indent=1) + "\n", encoding="utf-8")
-
-
 def tables(comparison: Comparison) -> list[Table]:
     """Overall figures, the best method first, and the error by areas, where any is large enough."""
+    from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
+
     ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
-    overall = Table("method", title=f"{shown(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}")
-    by_area = Table("MAE", title="where the errors are")
+    overall = Table(
+        Column("method", overflow="fold"),
+        title=f"{shown(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}",
+    )
+    by_area = Table(Column("MAE", overflow="fold"), title="where the errors are")
     for name in ("PSNR", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
         overall.add_column(name, justify="right")
     areas = [area for area, _ in comparison.areas]
@@ -260,9 +249,10 @@ def tables(comparison: Comparison) -> list[Table]:
         by_area.add_column(outside, justify="right")
     for place, method in enumerate(ranked):
         style = "bold green" if place == 0 and len(ranked) > 1 else ""
-        overall.add_row(method.name, *overall_cells(comparison, method), style=style)
+        name = "\n".join(map(shown, break_name(method.name)))
+        overall.add_row(name, *overall_cells(comparison, method), style=style)
         errors = [comparison.mean_error(method, *each) for each in product(areas, (True, False))]
-        by_area.add_row(method.name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
+        by_area.add_row(name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
     return [overall, by_area] if areas else [overall]
 
 
@@ -274,7 +264,7 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
         f"{scores.ssim:.4f}",
         f"{scores.mae:.2f}",
         f"{scores.mse:.1f}",
-        *(f"{each:.3f}" for each in seconds),
+        *("-" if math.isnan(each) else f"{each:.3f}" for each in seconds),
     ]
 
 

@@ -32,7 +32,7 @@ def tune(
     figure: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
 ) -> None:
-    """Try patch sizes, windows, v and search radii on a few hidden frames, and say which to use.
+    """Try search radii, patch sizes, windows and v on a few hidden frames, and say which to use.
 
     Parameters
     ----------
@@ -62,10 +62,14 @@ def tune(
         draw_tuning(tuning, Path(figure))
     if not quiet:
         numbers = ", ".join(map(str, tuning.frames))
-        console.print(shown(f"{input}, frames {numbers}: mean squared error, levels of 255; seconds a frame."))
+        console.print(shown(f"{input}, frames {numbers}: mean squared error, levels of 255; CPU seconds a frame."))
         for name, trials in tuning.sweeps.items():
             console.print(table(name, trials, tuning))
-    console.print(shown(options_line(tuning)), soft_wrap=True)
+        console.print(shown(beside_the_default(tuning)))
+        console.print("In a comparison:")
+        console.print(shown(f"-m {as_method(tuning)}"), soft_wrap=True)
+        console.print("In a conversion:")
+    console.print(shown(as_options(tuning)), soft_wrap=True)
 
 
 def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
@@ -76,24 +80,41 @@ def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
         shown.add_column("window")
     shown.add_column("MSE", justify="right")
     shown.add_column("")
-    shown.add_column("s", justify="right")
+    shown.add_column("CPU s", justify="right")
     largest = max(trial.mse for trial in trials)
+    best = tuning.best.options
     for trial in trials:
-        chosen = trial.options[name] == tuning.best[name] and (
-            not windowed or trial.options["window"] == tuning.best["window"]
-        )
+        chosen = trial.options[name] == best[name] and (not windowed or trial.options["window"] == best["window"])
         shown.add_row(
             str(trial.options[name]),
             *([trial.options["window"]] if windowed else []),
             f"{trial.mse:.2f}",
             "█" * max(1, round(BAR * trial.mse / largest)),
-            f"{trial.seconds:.2f}",
+            f"{trial.cpu_seconds:.2f}",
             style="bold green" if chosen else "",
         )
     return shown
 
 
-def options_line(tuning: Tuning) -> str:
-    """What to type."""
-    options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in tuning.best.items())
+def beside_the_default(tuning: Tuning) -> str:
+    """What the method gives with the options that were found, and the default method as it is, in one sentence."""
+    from fpsboost.evaluation.tune import DEFAULT  # noqa: PLC0415
+
+    best, default = tuning.best, tuning.default
+    other = "with its own values" if tuning.method == DEFAULT else f"the default, {DEFAULT},"
+    return (
+        f"With these, {tuning.method} has an MSE of {best.mse:.2f} at {best.cpu_seconds:.2f} CPU s a frame; "
+        f"{other} {default.mse:.2f} at {default.cpu_seconds:.2f}."
+    )
+
+
+def as_method(tuning: Tuning) -> str:
+    """The method with its options, for ``compare --methods``."""
+    options = ",".join(f"{name.replace('_', '-')}={value}" for name, value in tuning.best.options.items())
+    return f"{tuning.method}:{options}"
+
+
+def as_options(tuning: Tuning) -> str:
+    """The method with its options, for a conversion."""
+    options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in tuning.best.options.items())
     return f"--method {tuning.method} {options}"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from fractions import Fraction
 from functools import partial
-from types import MappingProxyType
-from typing import Any
+from types import MappingProxyType, NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -130,6 +131,78 @@ def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any
         else:
             raise OptionError(f"--{name.replace('_', '-')} does not apply to the method {method!r}; leave it out.")
     return replace(interpolator, estimator=estimator, synthesizer=synthesizer)
+
+
+def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, str]) -> dict[str, Any]:
+    """Turn options that a user wrote into what `configure` takes.
+
+    Parameters
+    ----------
+    interpolator : Interpolator
+    method : str
+        Its name, for messages.
+    texts : mapping of str to str
+        Values by option, named like the fields of the estimator or of the synthesizer; ``patch-radius`` is
+        ``patch_radius``.
+
+    Returns
+    -------
+    dict of str to value
+        By field, each of the field's type.
+
+    Raises
+    ------
+    OptionError
+        The method has no such option, which the message lists, or a value is of another type.
+
+    Examples
+    --------
+    >>> read_options(methods["nlm-exhaustive"], "nlm-exhaustive", {"patch-radius": "9", "v": "0.05"})
+    {'patch_radius': 9, 'v': 0.05}
+    """
+    types = {**_settable(interpolator.synthesizer), **_settable(interpolator.estimator)}
+    options = {}
+    for text, value in texts.items():
+        name = text.replace("-", "_")
+        if name not in types:
+            known = ", ".join(sorted(each.replace("_", "-") for each in types))
+            raise OptionError(
+                f"The method {method!r} has no option {text!r}; " + (f"it has {known}." if known else "it has none.")
+            )
+        options[name] = _read_value(text, value, types[name])
+    return options
+
+
+def _settable(part: object) -> dict[str, tuple[Any, ...]]:
+    """The fields of an estimator or synthesizer that a text can set, and the types that each may have."""
+    found = {}
+    for name, hint in get_type_hints(type(part)).items():
+        kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+        kinds = tuple(kind for kind in kinds if kind is not NoneType)
+        if all(kind in (int, float, str, bool) or get_origin(kind) is Literal for kind in kinds):
+            found[name] = kinds
+    return found
+
+
+def _read_value(option: str, text: str, kinds: tuple[Any, ...]) -> Any:
+    choices = [choice for kind in kinds for choice in get_args(kind)]
+    if choices:
+        if text not in choices:
+            raise OptionError(f"The option {option} must be one of {', '.join(choices)}, not {text!r}.")
+        return text
+    (kind,) = kinds
+    if kind is bool:
+        if text not in ("true", "false"):
+            raise OptionError(f"The option {option} must be true or false, not {text!r}.")
+        return text == "true"
+    try:
+        value = kind(text)
+    except ValueError:
+        value = math.nan
+    if kind is not str and not math.isfinite(value):
+        wanted = "a whole number" if kind is int else "a number"
+        raise OptionError(f"The option {option} must be {wanted}, not {text!r}.")
+    return value
 
 
 def interpolate(

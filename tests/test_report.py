@@ -23,8 +23,10 @@ from playwright.sync_api import Page, Request, sync_playwright
 from video_truth import scene
 
 from fpsboost.errors import OutputError
+from fpsboost.evaluation.charts import Dot, Series, draw_dots, draw_lines
 from fpsboost.evaluation.compare import Comparison, compare
 from fpsboost.evaluation.hiding import Hiding, Interval
+from fpsboost.evaluation.looks import colours_of, looks_of
 from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
 from fpsboost.evaluation.pictures import as_shown, find_spots, in_colour
 from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, write_report
@@ -122,6 +124,12 @@ def test_page_holds_every_method(text: str, comparison: Comparison) -> None:
         assert text.count(f'class="series line method-{index}" data-method="{index}"') == 8  # 4 figures, 2 forms
         assert method.options.replace("'", "&#39;") in text
     assert text.count("<b>minterpolate</b> was skipped: there is no &lt;ffmpeg&gt; here.") == 1
+
+
+def test_colours_hang_on_names(text: str, comparison: Comparison) -> None:
+    """Each method of the page has its own colours for light and dark, whatever its place."""
+    for index, method in enumerate(comparison.methods):
+        assert f".method-{index} {{ --method: light-dark({', '.join(colours_of(method.name))}); }}" in text
 
 
 def test_page_says_how_to_repeat_it(text: str, comparison: Comparison) -> None:
@@ -264,6 +272,32 @@ def test_motion_has_the_wheels_colours() -> None:
     assert in_colour(flow, 5).tolist() == [[[255, 255, 255], [0, 0, 255], [0, 0, 255]]]
 
 
+@pytest.mark.parametrize("form", [0, 1], ids=["wide", "narrow"])
+def test_names_lie_in_the_figure_or_in_a_legend(form: int) -> None:
+    """Far right they stand on the left, long ones in lines; what fits nowhere is left out and said."""
+    names = ["minterpolate", "nlm-exhaustive:patch-radius=9,v=0.05", "rife"]
+    looks = looks_of(names)
+    apart = [Dot(index, name, 10.0**index, 20.0 + index, looks[index]) for index, name in enumerate(names)]
+    chart = draw_dots("quality", "PSNR, dB", "seconds", apart)[form]
+    assert chart.is_labelled
+    for word in ("minterpolate", "nlm-exhaustive:", "v=0.05", "rife"):
+        assert f">{word}</text>" in chart.svg
+    crowd = [Dot(k, f"a-name-that-has-{k}-long-words-in-it", 1.0, 20.0, looks[0]) for k in range(20)]
+    chart = draw_dots("quality", "PSNR, dB", "seconds", crowd)[form]
+    assert not chart.is_labelled
+    assert chart.svg.count("-long-words-in-it</text>") < len(crowd)
+
+
+def test_long_lines_have_marks_too() -> None:
+    """So that no figure hangs on colour alone: some points of each line, and not the same ones of all."""
+    looks = looks_of(["nlm", "dis"])
+    series = [Series(k, list(np.linspace(1, 2 + k, 300)), looks[k]) for k in range(2)]
+    wide = draw_lines("mse", "MSE", range(300), series)[0].svg
+    marks = [re.findall(r'<use [^>]*x="([^"]+)"', line) for line in wide.split('class="series line')[1:]]
+    assert all(10 <= len(each) <= 16 for each in marks)
+    assert set(marks[0]).isdisjoint(marks[1])
+
+
 def test_numbers_have_digits_enough() -> None:
     """A column whose smallest number would read 0.000 gets up to two more digits, all of it."""
     assert [cell.text for cell in _cells([0.0004, 0.5], 3, False)] == ["0.0004", "0.5000"]
@@ -353,6 +387,10 @@ def wipe(page: Page) -> float:
     return float(found[1]) if found else 0.0
 
 
+def left(page: Page) -> str:
+    return page.locator(".viewer .tag.left").first.inner_text()
+
+
 def right(page: Page) -> str:
     return page.locator(".viewer .tag.right").first.inner_text()
 
@@ -384,10 +422,62 @@ def test_keyboard_flips_and_chooses(page: Page) -> None:
     page.keyboard.press("Space")
     assert wipe(page) == 100
     page.keyboard.press("3")
-    assert right(page) == "nearest"
+    assert wipe(page) == 0  # what was chosen is seen
+    assert left(page) == "nearest"
+    page.locator(".wipe").first.fill("50")
+    assert (left(page), right(page)) == ("truth", "nearest")
+    page.locator(".stage").first.focus()
     page.keyboard.press("d")
     blend = page.locator(".viewer .layer.is-right").first.evaluate("each => getComputedStyle(each).mixBlendMode")
     assert blend == "difference"
+
+
+def test_the_tag_of_a_flipped_picture_says_what_is_seen(page: Page) -> None:
+    """One picture fills the frame, and its name alone is there, in one place; a sliver has no name."""
+    stage = page.locator(".stage").first
+    stage.focus()
+    for name in (NAMES[0], "truth"):
+        page.keyboard.press("Space")
+        seen = page.locator(".viewer .layer.is-right" if wipe(page) == 0 else ".viewer .layer.is-left").first
+        assert seen.locator("img").get_attribute("alt").count(name) == 1
+        assert left(page) == name
+        assert not page.locator(".viewer .tag.right").first.is_visible()
+    page.locator(".wipe").first.fill("3")
+    assert not page.locator(".viewer .tag.left").first.is_visible()
+    assert right(page) == NAMES[0]
+
+
+def test_sorting_starts_with_the_best(page: Page) -> None:
+    """The first click on a heading, whatever is better there, more or less; the second turns it round."""
+    column = {"SSIM": 3, "MAE": 4}
+    for heading, better in (("SSIM", max), ("MAE", min)):
+        cells = page.locator(f"#overall tbody tr td:nth-child({column[heading]})")
+        button = page.locator("#overall .sort", has_text=heading)
+        button.click()
+        values = [float(each.get_attribute("data-value") or "nan") for each in cells.all()]
+        assert values[0] == better(values)
+        button.click()
+        assert [float(each.get_attribute("data-value") or "nan") for each in cells.all()] == values[::-1]
+    assert page.locator("#by-area th[aria-sort=ascending]").count() == 0
+    page.locator("#by-area .sort").first.click()
+    assert page.locator("#by-area th[aria-sort=ascending]").count() == 1
+
+
+def test_a_phone_may_zoom_and_sees_every_label(chromium: Any, path: Path) -> None:
+    """360 pixels wide: nothing is wider, no label is cut off, and two fingers zoom wherever they are."""
+    phone = chromium.new_page(viewport={"width": 360, "height": 740})
+    phone.goto(path.as_uri())
+    assert phone.evaluate("document.documentElement.scrollWidth") == 360
+    words = phone.locator("meta[name=viewport]").get_attribute("content")
+    assert not re.search("user-scalable|maximum-scale", words)
+    actions = "[...document.querySelectorAll('*')].map(each => getComputedStyle(each).touchAction)"
+    assert set(phone.evaluate(actions)) <= {"auto", "manipulation", "pan-y pinch-zoom"}
+    texts = """[...document.querySelectorAll('.chart.narrow svg text')].filter(each => each.getClientRects().length)
+        .map(each => [each.textContent, each.getBoundingClientRect().left, each.getBoundingClientRect().right])"""
+    shown = phone.evaluate(texts)
+    assert {"frame", *NAMES} <= {text for text, _, _ in shown}
+    assert [text for text, begin, end in shown if begin < 0 or end > 360] == []
+    phone.close()
 
 
 def test_choosing_the_other_sides_picture_swaps(page: Page) -> None:

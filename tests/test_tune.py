@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from pathlib import Path
 
 import cv2
@@ -12,8 +13,9 @@ from truth import noise
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.evaluation import tune as tuning_module
 from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.tune import AS_GOOD, Trial, Tuning, choose_frames, tune
+from fpsboost.evaluation.tune import AS_GOOD, Trial, Tuning, choose_frames, patches, sweep_around, tune
 from fpsboost.evaluation.tuning_chart import draw_tuning
+from fpsboost.method_table import configure, methods
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
@@ -34,10 +36,9 @@ def folder(tmp_path):
 
 @pytest.fixture
 def few(monkeypatch):
-    """Fewer settings: each patch size compiles a kernel of its own."""
-    monkeypatch.setattr(tuning_module, "RADII", (1, 3))
+    """Fewer settings, as each patch size compiles a kernel of its own; one of them is refused by every method."""
+    monkeypatch.setattr(tuning_module, "RADII", (1, 3, 30))
     monkeypatch.setattr(tuning_module, "WIDTHS", (0.1, 0.25))
-    monkeypatch.setattr(tuning_module, "SHARES", (0.25, 1.0))
 
 
 def test_frames_are_chosen_for_their_motion(folder):
@@ -59,16 +60,69 @@ def test_no_frame_is_tuned_on_where_nothing_moves(tmp_path):
 
 @pytest.mark.usefixtures("few")
 def test_every_option_is_swept_with_the_best_of_those_before(folder):
-    """Too small a search radius loses the motion, and is not chosen."""
+    """The search radius goes first: too small a one loses the motion and is not chosen."""
     tuning = tune(folder, "nlm-exhaustive", Hiding(), 1, Nobody())
-    assert list(tuning.sweeps) == ["patch_radius", "v", "search_radius"]
+    assert list(tuning.sweeps) == ["search_radius", "patch_radius", "v"]
     assert len(tuning.sweeps["patch_radius"]) == 4
+    options = {}
     for name, trials in tuning.sweeps.items():
-        chosen = [trial for trial in trials if trial.options[name] == tuning.best[name]]
-        assert min(trial.mse for trial in chosen) <= AS_GOOD * min(trial.mse for trial in trials)
-    small, usual = tuning.sweeps["search_radius"]
-    assert small.mse > 3 * usual.mse
-    assert tuning.best["search_radius"] == usual.options["search_radius"]
+        for trial in trials:
+            assert options.items() <= trial.options.items()
+        best = next(trial for trial in trials if trial.mse <= AS_GOOD * min(trial.mse for trial in trials))
+        options = best.options
+        assert {name: tuning.best.options[name]} == {name: options[name]}
+    assert tuning.best.options == options
+    radii = [trial.options["search_radius"] for trial in tuning.sweeps["search_radius"]]
+    assert radii == sorted(set(radii))
+    assert radii[0] < tuning.best.options["search_radius"] < radii[-1]
+    assert tuning.sweeps["search_radius"][0].mse > 1.5 * tuning.best.mse
+    assert tuning.default == replace(tuning.default, options={})
+    assert tuning.default.mse < tuning.sweeps["search_radius"][0].mse
+    assert all(trial.cpu_seconds > 0 for trials in tuning.sweeps.values() for trial in trials)
+
+
+@pytest.mark.parametrize(
+    ("errors", "usual", "tried", "best"),
+    [
+        pytest.param({}, 20, [10, 14, 20, 28, 40], 10, id="all the same"),
+        pytest.param({radius: 1 / radius for radius in range(1, 500)}, 20, None, None, id="the larger the better"),
+        pytest.param(
+            {radius: abs(radius - 7) + 1 for radius in range(500)}, 20, [4, 5, 7, 10, 14, 20, 28, 40], 7, id="smaller"
+        ),
+        pytest.param(
+            {radius: abs(radius - 40) + 1 for radius in range(500)}, 20, [10, 14, 20, 28, 40, 57, 81], 40, id="larger"
+        ),
+        pytest.param({1: 0.5}, 1, [1, 2, 3], 1, id="the smallest"),
+    ],
+)
+def test_search_radii_are_tried_around_the_usual_one(errors, usual, tried, best):
+    """Two below and two above, and farther where that pays; as far as the method takes them."""
+    largest = 100
+
+    def attempt(radius):
+        return Trial({"search_radius": radius}, errors.get(radius, 1.0), 1.0) if radius <= largest else None
+
+    radii = [trial.options["search_radius"] for trial in sweep_around(usual, attempt)]
+    if tried is None:
+        assert radii[-1] > 0.7 * largest
+    elif errors:
+        assert radii == tried
+        assert tuning_module._best(sweep_around(usual, attempt)).options == {"search_radius": best}
+    else:
+        assert radii[0] == 1  # as good, and cheaper
+        assert radii[-1] == 40
+
+
+@pytest.mark.parametrize("name", [name for name in methods if hasattr(methods[name].estimator, "patch_radius")])
+def test_no_value_is_offered_that_the_method_refuses(name):
+    """With the values that are really offered: each method's own checks decide, and leave most of them."""
+    known = {each.name for each in fields(methods[name].estimator)}
+    tuner = tuning_module._Tuner(methods[name], name, [], Nobody())
+    offered = tuner.accepted(patches(known))
+    assert len(offered) >= 6
+    for options in [*offered, *({"v": width} for width in tuning_module.WIDTHS)]:
+        configure(methods[name], name, options)
+    assert tuner.attempt({"patch_radius": 1000}) is None
 
 
 @pytest.mark.usefixtures("few")
@@ -76,14 +130,14 @@ def test_the_default_method_has_fewer_options(folder):
     """No window and no search radius."""
     tuning = tune(folder, "nlm", Hiding(), 1, Nobody())
     assert list(tuning.sweeps) == ["patch_radius", "v"]
-    assert set(tuning.best) == {"patch_radius", "v"}
+    assert set(tuning.best.options) == {"patch_radius", "v"}
 
 
 def test_of_settings_that_are_as_good_the_first_is_taken():
     """Half a percent does not pay for a larger patch."""
     trials = [Trial({"v": 1}, 10.04, 0), Trial({"v": 2}, 10.0, 0), Trial({"v": 3}, 10.2, 0)]
-    assert tuning_module._best(trials) == {"v": 1}
-    assert tuning_module._best(trials[1:]) == {"v": 2}
+    assert tuning_module._best(trials) is trials[0]
+    assert tuning_module._best(trials[1:]) is trials[1]
 
 
 def test_methods_without_a_patch_are_refused(folder):
@@ -98,7 +152,7 @@ def test_methods_without_a_patch_are_refused(folder):
 def test_the_curves_are_drawn(tmp_path, suffix):
     """Into a new file, which appears whole."""
     trials = [Trial({"patch_radius": r, "window": w}, 9.0 - r, 0.1) for w in ("box", "gaussian") for r in (1, 3)]
-    tuning = Tuning("clip", "nlm-exhaustive", [1], {"patch_radius": trials}, {"patch_radius": 3, "window": "box"})
+    tuning = Tuning("clip", "nlm-exhaustive", [1], {"patch_radius": trials}, trials[1], trials[0])
     draw_tuning(tuning, tmp_path / f"figure{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == [f"figure{suffix}"]
     with pytest.raises(OutputError, match="ends in"):
@@ -108,14 +162,18 @@ def test_the_curves_are_drawn(tmp_path, suffix):
 
 
 @pytest.mark.usefixtures("few")
-def test_the_command_prints_the_options_to_use(fpsboost_, folder):
-    """The last line can be pasted behind a conversion, and with --quiet is the only one."""
+def test_the_command_prints_what_can_be_pasted(fpsboost_, folder):
+    """The last line behind a conversion, which with --quiet is the only one, and another behind a comparison."""
     result = fpsboost_("tune", folder, "-m", "nlm", "--frames", 1, "--figure", "curves.svg")
-    assert result.code == 0
-    last = result.out.splitlines()[-1]
-    assert last.startswith("--method nlm --patch-radius ")
+    assert result.code == 0, result.err
+    lines = result.out.splitlines()
+    assert lines[-1].startswith("--method nlm --patch-radius ")
     assert Path("curves.svg").exists()
-    assert fpsboost_("tune", folder, "-m", "nlm", "--frames", 1, "-q").out.splitlines() == [last]
-    options = last.split()
-    assert fpsboost_(folder, "doubled", *options, "-q").code == 0
+    assert "with its own values" in result.out
+    assert "CPU s a frame" in result.out.replace("\n", " ")
+    compared = lines[lines.index("In a comparison:") + 1].split()
+    assert compared[0] == "-m"
+    assert fpsboost_("compare", folder, *compared, "-q").code == 0
+    assert fpsboost_("tune", folder, "-m", "nlm", "--frames", 1, "-q").out.splitlines() == [lines[-1]]
+    assert fpsboost_(folder, "doubled", *lines[-1].split(), "-q").code == 0
     assert len(list(Path("doubled").iterdir())) == 2 * len(STEPS) - 1

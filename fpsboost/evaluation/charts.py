@@ -20,14 +20,19 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-COLOURS = 9
-"""Colours and marks that the style sheet has; more methods begin again."""
-
-MARKS = ("o", "s", "^", "D", "v", "p", "h", "*", "X")
-"""One for each colour, so that no figure hangs on colour alone."""
+from fpsboost.evaluation.looks import MARKS, Look, break_name
 
 MARKED_FRAMES = 80
 """Up to so many frames, each point of a line is marked."""
+
+MARKS_OF_A_LINE = 12
+"""Marks of a longer line, so that no figure hangs on colour alone."""
+
+TITLE_WIDTH = 0.56
+"""Of a letter that is not bold, in sizes of the text."""
+
+WIDTH, LINE = 0.64, 1.3
+"""Of a letter and of a line, in sizes of the text: not less than in any font that a page may find."""
 
 MAGNITUDE = 8
 """Ratio of the largest to the smallest value above which a logarithmic scale shows more."""
@@ -71,8 +76,10 @@ class Series(NamedTuple):
     """What one method has at every frame."""
 
     method: int
-    """Its place among the methods: decides on its colour."""
+    """Its place among the methods: the page gives it its colour."""
     values: Sequence[float]
+    """No number where it has none."""
+    look: Look
 
 
 class Dot(NamedTuple):
@@ -82,6 +89,7 @@ class Dot(NamedTuple):
     name: str
     x: float
     y: float
+    look: Look
 
 
 class Chart(NamedTuple):
@@ -95,6 +103,8 @@ class Chart(NamedTuple):
     y_range: tuple[float, float]
     logarithmic: bool
     """Along y."""
+    is_labelled: bool = True
+    """Whether every name that belongs into the figure had room there."""
 
 
 def draw_lines(
@@ -127,14 +137,15 @@ def draw_lines(
     """
     counted = np.array([number not in cuts for number in numbers])
     values = [np.where(counted, np.asarray(each.values, float), np.nan) for each in series]
-    shown = np.concatenate([each[counted] for each in values])
-    logarithmic = may_be_logarithmic and float(shown.min()) > 0 and _differ_much(values)
+    known = [each for each in values if np.isfinite(each).any()]
+    shown = np.concatenate([each[np.isfinite(each)] for each in known])
+    logarithmic = may_be_logarithmic and float(shown.min()) > 0 and _differ_much(known)
     charts = []
     for form in FORMS:
         with _styled(form):
             figure, axes = _begin(form, f"{label}, logarithmic" if logarithmic else label)
             for each, line in zip(series, values, strict=True):
-                _draw_line(axes, each.method, numbers, line)
+                _draw_line(axes, each, numbers, line)
             for cut in cuts:
                 axes.axvline(cut, gid=f"cut-{cut}", linewidth=1, linestyle=(0, (2, 3)))
             _set_limits(axes, numbers, shown, from_zero=from_zero and not logarithmic, logarithmic=logarithmic)
@@ -162,11 +173,10 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
             axes.set_xscale("log")
             axes.grid(axis="x")
             for dot in dots:
-                mark = MARKS[dot.method % COLOURS]
                 axes.plot(
                     [dot.x],
                     [dot.y],
-                    mark,
+                    MARKS[dot.look.mark],
                     markersize=9,
                     markeredgewidth=0,
                     gid=f"series-{dot.method}-dot",
@@ -178,8 +188,8 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
             axes.set_xlabel(across)
             _number_logarithmic(axes.xaxis, right / left)
             figure.draw_without_rendering()
-            _label(axes, dots, form.text)
-            charts.append(_finish(figure, axes, name, form))
+            is_labelled = _label(axes, dots, form.text)
+            charts.append(_finish(figure, axes, name, form)._replace(is_labelled=is_labelled))
     return charts
 
 
@@ -198,16 +208,23 @@ def _begin(form: Form, label: str) -> tuple[Figure, Axes]:
     figure.patch.set_visible(False)
     axes = figure.add_subplot()
     axes.patch.set_visible(False)
-    axes.set_title(label, fontsize=form.text)
+    axes.set_title(_fitted(label, form), fontsize=form.text)
     return figure, axes
 
 
-def _draw_line(axes: Axes, method: int, numbers: Sequence[int], values: NDArray[Any]) -> None:
-    (line,) = axes.plot(numbers, values, linewidth=1.6, gid=f"series-{method}-line")
-    if len(numbers) <= MARKED_FRAMES:
-        line.set(marker=MARKS[method % COLOURS], markersize=5.5, markeredgewidth=0)
-    if method >= COLOURS:  # its colour is taken
-        line.set_linestyle((0, (4, 2)))
+def _fitted(title: str, form: Form) -> str:
+    """A title in two lines where one would be cut off; it begins where the axes do."""
+    room = 0.86 * 72 * form.size[0] / (TITLE_WIDTH * form.text)
+    before, comma, behind = title.rpartition(", ")
+    return f"{before},\n{behind}" if comma and len(title) > room else title
+
+
+def _draw_line(axes: Axes, series: Series, numbers: Sequence[int], values: NDArray[Any]) -> None:
+    (line,) = axes.plot(numbers, values, linewidth=1.6, linestyle=series.look.line, gid=f"series-{series.method}-line")
+    line.set(marker=MARKS[series.look.mark], markersize=5.5, markeredgewidth=0)
+    if len(numbers) > MARKED_FRAMES:
+        step = len(numbers) // MARKS_OF_A_LINE
+        line.set_markevery((series.method * step // len(MARKS) % step, step))  # not all at the same frames
 
 
 def _set_limits(axes: Axes, numbers: Sequence[int], shown: NDArray[Any], *, from_zero: bool, logarithmic: bool) -> None:
@@ -231,25 +248,33 @@ def _number_logarithmic(axis: Axis, ratio: float) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def _label(axes: Axes, dots: Sequence[Dot], text: float) -> None:
-    """Write each name beside its dot, where it covers neither another name nor a dot."""
+def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
+    """Write each name beside its dot, where it covers neither another name nor a dot and is not cut off.
+
+    A name that has no such place is left to a legend, and False is returned.
+    """
+    is_labelled = True
     pixels = axes.transData.transform([(dot.x, dot.y) for dot in dots])
     scale = axes.figure.dpi / 72
-    room = axes.figure.bbox.width
+    room = axes.figure.bbox.width, axes.figure.bbox.height
     taken = [_Rectangle(x, y, 15 * scale, 15 * scale) for x, y in pixels]
     for dot, (x, y) in sorted(zip(dots, pixels.tolist(), strict=True), key=lambda each: -each[1][1]):
-        width, height = 0.62 * text * len(dot.name) * scale, 1.3 * text * scale
+        lines = break_name(dot.name)
+        width, height = WIDTH * text * max(map(len, lines)) * scale, LINE * len(lines) * text * scale
         aside = width / 2 + 10 * scale
         above = height / 2 + 8 * scale
         places = [(aside, 0.0), (aside, above), (aside, -above), (0.0, above), (0.0, -above), (-aside, 0.0)]
         places += [(aside, 2 * above), (aside, -2 * above), (-aside, above), (-aside, -above)]
         rectangles = [_Rectangle(x + dx, y + dy, width, height) for dx, dy in places]
-        free = [each for each in rectangles if each.lies_in(room) and not any(each.meets(other) for other in taken)]
-        chosen = (free or rectangles)[0]
+        free = [each for each in rectangles if each.lies_in(*room) and not any(each.meets(other) for other in taken)]
+        if not free:
+            is_labelled = False
+            continue
+        chosen = free[0]
         taken.append(chosen)
         offset = (chosen.x - x) / scale, (chosen.y - y) / scale
         axes.annotate(
-            dot.name,
+            "\n".join(lines),
             (dot.x, dot.y),
             xytext=offset,
             textcoords="offset points",
@@ -258,6 +283,7 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> None:
             gid=f"series-{dot.method}-name",
             annotation_clip=False,
         ).set_in_layout(False)
+    return is_labelled
 
 
 class _Rectangle(NamedTuple):
@@ -268,8 +294,13 @@ class _Rectangle(NamedTuple):
     width: float
     height: float
 
-    def lies_in(self, width: float) -> bool:
-        return self.x - self.width / 2 > 0 and self.x + self.width / 2 < width
+    def lies_in(self, width: float, height: float) -> bool:
+        return (
+            self.x - self.width / 2 > 0
+            and self.x + self.width / 2 < width
+            and self.y - self.height / 2 > 0
+            and self.y + self.height / 2 < height
+        )
 
     def meets(self, other: _Rectangle) -> bool:
         return (
@@ -306,4 +337,4 @@ def _for_page(svg: str, prefix: str) -> str:
 
 def _as_series(match: re.Match[str]) -> str:
     method = int(match[1])
-    return f'class="series {match[2]} method-{method % COLOURS}" data-method="{method}"'
+    return f'class="series {match[2]} method-{method}" data-method="{method}"'

@@ -38,6 +38,9 @@ SMALLEST_SHARE = 0.02
 """An area that takes less of the picture is not shown: its few pixels say more about chance than about a method."""
 
 
+DATA_VERSION = 1
+"""Of `Comparison.as_json`: higher where a name has gone or means something else, the same where names were added."""
+
 MOST_NAMED = 8
 """Frames that a note names; the data have all of them."""
 
@@ -106,6 +109,8 @@ class Comparison:
         Versions and machine.
     rendered : tuple of str
         The options that named a renderer's vectors, as words of the command line.
+    others : tuple of str
+        Those that named other tools' frames.
     cut_options : tuple of str
         Those that said where scenes end.
     times : list of float
@@ -129,6 +134,7 @@ class Comparison:
     skipped: dict[str, str]
     made_with: dict[str, str] = field(default_factory=dict)
     rendered: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
     cut_options: tuple[str, ...] = ()
     times: list[float] = field(default_factory=list)
     repeats: list[int] = field(default_factory=list)
@@ -195,7 +201,12 @@ class Comparison:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data for machines: the frames of every method, and their means."""
-        plain = {**asdict(self), "hiding": self.hiding.as_json(), "verdict": asdict(judge(self))}
+        plain = {
+            "version": DATA_VERSION,
+            **asdict(self),
+            "hiding": self.hiding.as_json(),
+            "verdict": asdict(judge(self)),
+        }
         for row, method in zip(plain["methods"], self.methods, strict=True):
             seconds, cpu_seconds = self.mean_seconds(method)
             row["mean"] = {
@@ -266,6 +277,7 @@ def compare(
     skipped: Mapping[str, str] | None = None,
     input_fps: Fraction | None = None,
     rendered: tuple[str, ...] = (),
+    others: tuple[str, ...] = (),
     vectors: VectorFolder | None = None,
     cuts: CutPolicy | None = CutDetector(),
     cut_options: tuple[str, ...] = (),
@@ -285,7 +297,7 @@ def compare(
         Methods that were asked for and cannot be run, and why.
     input_fps : Fraction, optional
         Frames per second of images.
-    rendered, cut_options : tuple of str
+    rendered, others, cut_options : tuple of str
         See `Comparison`.
     vectors : VectorFolder, optional
         A renderer's: the areas come from them, and repeats are not looked for.
@@ -335,6 +347,7 @@ def compare(
         dict(skipped or {}),
         _made_with(),
         rendered,
+        others,
         cut_options,
         overview.times,
         overview.repeats,

@@ -1,27 +1,39 @@
-"""Hidden frames made again: by an interpolator of this package, or by FFmpeg's `minterpolate`."""
+"""Hidden frames made again: by an interpolator of this package, or by FFmpeg's `minterpolate`.
+
+Frames of other tools are in `fpsboost.evaluation.peers`.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import IO, Any, ClassVar, NamedTuple, Protocol
+from typing import IO, Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError
+from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hiding import Hidden, Interval
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
+from fpsboost.method_table import methods, vector_methods
 from fpsboost.motion.colour import normalised
 from fpsboost.prepared import PreparedImage
+
+MINTERPOLATE = "minterpolate"
+
+
+def known_methods() -> list[str]:
+    """The names of all methods that can be compared; those of other tools differ from them."""
+    return [*methods, *vector_methods, MINTERPOLATE]
 
 
 class Made(NamedTuple):
@@ -31,6 +43,7 @@ class Made(NamedTuple):
     """In the clip, counted from 0."""
     image: Image
     seconds: float
+    """That it took; no number where nobody knows."""
     cpu_seconds: float
 
 
@@ -123,6 +136,34 @@ class Minterpolate:
     """
 
     options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
+
+    @classmethod
+    def with_options(cls, texts: Mapping[str, str]) -> Self:
+        """The filter with some of its options changed.
+
+        Parameters
+        ----------
+        texts : mapping of str to str
+            FFmpeg's names, ``mi_mode``, and values.
+
+        Raises
+        ------
+        OptionError
+            A name or a value is none that a filter takes, or the rate, which the comparison sets.
+
+        Examples
+        --------
+        >>> Minterpolate.with_options({"mi_mode": "blend"}).options
+        'mi_mode=blend:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none'
+        """
+        options = dict(pair.split("=") for pair in cls.options.split(":"))
+        for text, value in texts.items():
+            name = text.replace("-", "_")
+            if not re.fullmatch(r"\w+", name) or not re.fullmatch(r"[\w.+-]+", value) or name == "fps":
+                raise OptionError(f"minterpolate takes no {text}={value} here; see ffmpeg -h filter=minterpolate.")
+            options[name] = value
+        return cls(":".join(f"{name}={value}" for name, value in options.items()))
+
     looks_far: ClassVar[bool] = True  # its search begins where the search for the frame before ended
     any_time: ClassVar[bool] = False  # it is fed frames without times
 
@@ -149,7 +190,7 @@ class Minterpolate:
             return
         shown, factor = first.shown0.image, len(first.hidden) + 1
         places: list[tuple[int, int]] = []
-        begin, begin_cpu = time.perf_counter(), _seconds_of_children()
+        begin, begin_cpu = time.perf_counter(), seconds_of_children()
         with tempfile.TemporaryFile() as made, tempfile.TemporaryFile() as complaints:
             with self._start(shown, factor, made, complaints) as process:  # ends its input and waits, whatever happens
                 _feed(process, shown)
@@ -157,7 +198,7 @@ class Minterpolate:
                     places += [(hidden.number, index * factor + k) for k, hidden in enumerate(interval.hidden, start=1)]
                     _feed(process, interval.shown1.image)
                 process.communicate()
-            seconds, cpu_seconds = time.perf_counter() - begin, _seconds_of_children() - begin_cpu
+            seconds, cpu_seconds = time.perf_counter() - begin, seconds_of_children() - begin_cpu
             if process.returncode:
                 complaints.seek(0)
                 reason = complaints.read().decode(errors="replace").strip().splitlines()
@@ -200,6 +241,7 @@ def _like(image: NDArray[Any], shown: Image) -> Image:
     return made
 
 
-def _seconds_of_children() -> float:
+def seconds_of_children() -> float:
+    """CPU seconds of all programs that this one ran and waited for."""
     times = os.times()
     return times.children_user + times.children_system

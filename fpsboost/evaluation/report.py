@@ -6,6 +6,7 @@ The page says what a `Comparison` holds and scores nothing anew; frames are made
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -18,9 +19,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from fpsboost.errors import OutputError
-from fpsboost.evaluation.charts import COLOURS, Chart, Dot, Series, draw_dots, draw_lines
+from fpsboost.evaluation.charts import Chart, Dot, Series, draw_dots, draw_lines
 from fpsboost.evaluation.compare import Comparison, MethodResult, make_some, pick
-from fpsboost.evaluation.making import Maker
+from fpsboost.evaluation.looks import looks_of
+from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
 from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
 from fpsboost.evaluation.verdict import judge
 from fpsboost.evaluation.writing import appearing
@@ -148,6 +150,7 @@ def make_page(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["breakable"] = breakable
     return environment.get_template("page.html.j2").render(
         comparison=comparison,
         name=Path(comparison.clip).name or comparison.clip,
@@ -162,13 +165,14 @@ def make_page(
         timing=time_plot(comparison),
         quality=quality_charts(comparison),
         values=frame_values(comparison),
+        shared_out=shared_out(comparison),
         tabled=len(comparison.hidden) <= TABLED_FRAMES,
         shown=shown,
         motion=motion,
         command=command(comparison, input_fps),
         date=(date or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M"),
         is_float=comparison.kind.endswith("float"),
-        colours=COLOURS,
+        looks=looks_of([method.name for method in comparison.methods]),
         brightest=BRIGHTEST,
         text_of=lambda file: _text_of(environment, file),
     )
@@ -297,23 +301,38 @@ def frame_plots(comparison: Comparison) -> list[Plot]:
     ]
 
 
-def time_plot(comparison: Comparison) -> Plot:
-    """The time that every frame took."""
+def time_plot(comparison: Comparison) -> Plot | None:
+    """The time that every frame took; None where nobody knows it."""
+    if not any(math.isfinite(comparison.mean_seconds(method)[0]) for method in comparison.methods):
+        return None
     charts = _frame_charts(comparison, "seconds", "Time, seconds a frame", may_be_logarithmic=True)
     return Plot("seconds", "Time", "s", charts)
 
 
 def _frame_charts(comparison: Comparison, key: str, label: str, **how: bool) -> list[Chart]:
     values = frame_values(comparison)
-    series = [Series(index, each[key]) for index, each in enumerate(values["methods"])]
+    looks = looks_of([method.name for method in comparison.methods])
+    series = [Series(index, each[key], looks[index]) for index, each in enumerate(values["methods"])]
     return draw_lines(key, label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
+
+
+def shared_out(comparison: Comparison) -> list[str]:
+    """The methods whose time is that of another program's whole run, which nobody can tell frame by frame."""
+    ours = {*known_methods()} - {MINTERPOLATE}
+    return [
+        method.name
+        for method in comparison.methods
+        if method.name.partition(":")[0] not in ours and math.isfinite(comparison.mean_seconds(method)[0])
+    ]
 
 
 def quality_charts(comparison: Comparison) -> list[Chart]:
     """One dot a method: what it costs and what it is worth."""
+    looks = looks_of([method.name for method in comparison.methods])
     dots = [
-        Dot(index, method.name, comparison.mean_seconds(method)[0], comparison.means(method).psnr)
+        Dot(index, method.name, comparison.mean_seconds(method)[0], comparison.means(method).psnr, looks[index])
         for index, method in enumerate(comparison.methods)
+        if math.isfinite(comparison.mean_seconds(method)[0])
     ]
     return draw_dots("quality", "PSNR, dB (higher is better)", "seconds a frame (farther left is faster)", dots)
 
@@ -330,7 +349,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
                 "mse": [frame.scores.mse for frame in method.frames],
                 "mae": [frame.scores.mae for frame in method.frames],
                 "psnr": [frame.scores.psnr for frame in method.frames],
-                "seconds": [frame.seconds for frame in method.frames],
+                "seconds": [frame.seconds if math.isfinite(frame.seconds) else None for frame in method.frames],
             }
             for method in comparison.methods
         ],
@@ -339,12 +358,25 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
 
 def command(comparison: Comparison, input_fps: Fraction | None) -> str:
     """What to type to do it again."""
+    known = known_methods()
     names = [*(method.name for method in comparison.methods), *comparison.skipped]
+    names = [name for name in names if name.partition(":")[0] in known]
     words = ["fpsboost", "compare", comparison.clip, "-m", ",".join(names)]
     words += comparison.hiding.as_options()
     if input_fps is not None:
         words += ["--input-fps", str(input_fps)]
-    return shlex.join([*words, *comparison.rendered, *comparison.cut_options, "--report", "DIR"])
+    return shlex.join([*words, *comparison.others, *comparison.rendered, *comparison.cut_options, "--report", "DIR"])
+
+
+def breakable(name: str) -> Markup:
+    """A name that a browser may break behind its punctuation.
+
+    Examples
+    --------
+    >>> breakable("nlm:v=0.1,reach=<1>")
+    Markup('nlm:<wbr>v=0.1,<wbr>reach=&lt;1&gt;')
+    """
+    return Markup("<wbr>").join(re.findall(r"[^:,]*[:,]+|[^:,]+", name))
 
 
 def _text_of(environment: Environment, file: str) -> Markup:

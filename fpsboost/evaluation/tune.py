@@ -1,13 +1,15 @@
-"""The report's section 4 as a tool: patch radius, window, v and search radius by trial on a few frames.
+"""The report's section 4 as a tool: search radius, patch radius with window, and v by trial on a few frames.
 
-One after the other, each with the best of those before: the size of the patch with and without the Gaussian (the
-report's Figure 7), then v, then the search radius. The frames are chosen for their motion.
+One after the other, each with the best of those before: the search radius, around the one that is chosen without
+being told; the size of the patch with and without the Gaussian (the report's Figure 7); then v. The radius comes first
+because a wrong one hides what the others do: too small, and the motion is not among the candidates; too large, and
+wrong matches decide. The frames are chosen for their motion. What a method refuses is not tried.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any
@@ -24,11 +26,17 @@ from fpsboost.method_table import configure, find_method, methods
 from fpsboost.motion.search_radius import choose_search_radius, expected_motion
 from fpsboost.scenes import CutDetector
 
+DEFAULT = "nlm"
+"""The method that every other one is measured by."""
+
 RADII = (1, 2, 3, 5, 7, 10, 14)
 WINDOWS = ("box", "gaussian")
 WIDTHS = (0.05, 0.09, 0.15, 0.25, 0.4)
-SHARES = (0.25, 0.5, 0.75, 1.0, 1.5)
-"""Of the search radius that the report's heuristic gives."""
+STEP = math.sqrt(2)
+"""From one search radius to the next: its cost doubles."""
+
+IN_VAIN = 2
+"""So many search radii in a row, each no better than those before, and none farther in their direction is tried."""
 
 AS_GOOD = 1.005
 """An error at most so many times the least is as good, and then the smaller value, which costs less, is taken."""
@@ -43,13 +51,13 @@ class Trial:
     options : dict of str to value
     mse : float
         Mean over the frames, levels of 255 squared.
-    seconds : float
+    cpu_seconds : float
         A frame.
     """
 
     options: dict[str, Any]
     mse: float
-    seconds: float
+    cpu_seconds: float
 
 
 @dataclass(frozen=True)
@@ -62,16 +70,20 @@ class Tuning:
     frames : list of int
         Numbers of the frames that were made, counted from 0.
     sweeps : dict of str to list of Trial
-        By what was swept: ``patch_radius`` (with each window, where the method has one), ``v``, ``search_radius``.
-    best : dict of str to value
-        The options to use.
+        By what was swept: ``search_radius``, where the method has one; ``patch_radius``, with each window where it has
+        several; ``v``.
+    best : Trial
+        The options to use, and what they give.
+    default : Trial
+        What the default method, untuned, gives on the same frames.
     """
 
     clip: str
     method: str
     frames: list[int]
     sweeps: dict[str, list[Trial]]
-    best: dict[str, Any]
+    best: Trial
+    default: Trial
 
 
 def tune(
@@ -117,14 +129,23 @@ def tune(
         raise OptionError(f"The method {method!r} has no patch to tune; take nlm or nlm-exhaustive.")
     observer.begun("reading", None)
     picked = choose_frames(path, hiding, count, observer, input_fps)
+    tuner = _Tuner(interpolator, method, picked, observer)
     best: dict[str, Any] = {}
     sweeps: dict[str, list[Trial]] = {}
-    for name, settings in _sweeps(known, picked):
-        observer.begun(name.replace("_", " "), len(settings) * len(picked))
-        trials = [_try(interpolator, method, {**best, **each}, picked, observer) for each in settings]
-        sweeps[name] = trials
-        best = _best(trials)
-    return Tuning(path, method, [each.hidden.number for each in picked], sweeps, best)
+    if "search_radius" in known:
+        usual = max(_usual_search_radius(each) for each in picked)
+        observer.begun("search radius", None)
+        sweeps["search_radius"] = sweep_around(usual, lambda radius: tuner.attempt({"search_radius": radius}))
+        best = _best(sweeps["search_radius"]).options
+    for name, settings in (("patch_radius", patches(known)), ("v", [{"v": width} for width in WIDTHS])):
+        accepted = tuner.accepted([{**best, **each} for each in settings])
+        observer.begun(name.replace("_", " "), len(accepted) * len(picked))
+        sweeps[name] = [trial for trial in map(tuner.attempt, accepted) if trial is not None]
+        best = _best(sweeps[name]).options
+    observer.begun(DEFAULT, len(picked))
+    default = _Tuner(methods[DEFAULT], DEFAULT, picked, observer).attempt({})
+    assert default is not None
+    return Tuning(path, method, [each.hidden.number for each in picked], sweeps, _best(sweeps["v"]), default)
 
 
 def choose_frames(
@@ -159,15 +180,50 @@ def choose_frames(
     return pick(path, hiding, sorted({ranked[round(place)] for place in places.tolist()}), input_fps)
 
 
-def _sweeps(known: set[str], picked: Sequence[Picked]) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """What is swept, and every setting of it, for a method with these options."""
+def patches(known: Container[str]) -> list[dict[str, Any]]:
+    """Every patch radius, with every window where the method with these options has one, the cheap ones first."""
     windows: Sequence[Mapping[str, Any]] = [{"window": name} for name in WINDOWS] if "window" in known else [{}]
-    yield "patch_radius", [{"patch_radius": radius, **window} for window in windows for radius in RADII]
-    yield "v", [{"v": width} for width in WIDTHS]
-    if "search_radius" in known:
-        usual = max(_usual_search_radius(each) for each in picked)
-        radii = sorted({max(1, round(share * usual)) for share in SHARES})
-        yield "search_radius", [{"search_radius": radius} for radius in radii]
+    return [{"patch_radius": radius, **window} for window in windows for radius in RADII]
+
+
+def sweep_around(usual: int, attempt: Callable[[int], Trial | None]) -> list[Trial]:
+    """Try search radii below and above one, in either direction as far as it pays.
+
+    Parameters
+    ----------
+    usual : int
+        Where to begin, pixels.
+    attempt : callable
+        Tries a radius; None where the method refuses it.
+
+    Returns
+    -------
+    list of Trial
+        In the order of the radii.
+    """
+    trials: dict[int, Trial] = {}
+
+    def tries(radius: int) -> bool:
+        trial = attempt(radius) if radius >= 1 else None
+        if trial is not None:
+            trials[radius] = trial
+        return trial is not None
+
+    tries(usual)
+    for towards in (_smaller, _larger):
+        radius, in_vain = towards(usual), 0
+        while in_vain < IN_VAIN and tries(radius):
+            is_best = _best([trials[each] for each in sorted(trials)]) is trials[radius]
+            radius, in_vain = towards(radius), 0 if is_best else in_vain + 1
+    return [trials[each] for each in sorted(trials)]
+
+
+def _smaller(radius: int) -> int:
+    return min(radius - 1, round(radius / STEP))
+
+
+def _larger(radius: int) -> int:
+    return max(radius + 1, round(radius * STEP))
 
 
 def _usual_search_radius(picked: Picked) -> int:
@@ -175,20 +231,41 @@ def _usual_search_radius(picked: Picked) -> int:
     return choose_search_radius(*interval.prepared())
 
 
-def _try(
-    interpolator: Interpolator, method: str, options: dict[str, Any], picked: Sequence[Picked], observer: Observer
-) -> Trial:
-    maker = InterpolatorMaker(configure(interpolator, method, options))
-    maker.interpolator.compile_for(picked[0].hidden.truth)
-    errors = []
-    begin = time.perf_counter()
-    for each in picked:
-        errors.append(score(each.hidden.truth, each.make(maker)).mse)
-        observer.made()
-    return Trial(options, mean(errors), (time.perf_counter() - begin) / len(picked))
+@dataclass(frozen=True)
+class _Tuner:
+    """A method and the frames that it is tried on."""
+
+    interpolator: Interpolator
+    method: str
+    picked: Sequence[Picked]
+    observer: Observer
+
+    def accepted(self, settings: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Those that the method does not refuse: its own checks know its bounds."""
+        return [each for each in settings if self._configured(each) is not None]
+
+    def attempt(self, options: dict[str, Any]) -> Trial | None:
+        """Make all frames with some options; None where the method refuses them."""
+        interpolator = self._configured(options)
+        if interpolator is None:
+            return None
+        interpolator.compile_for(self.picked[0].hidden.truth)
+        errors, cpu_seconds = [], []
+        for each in self.picked:
+            (made,) = InterpolatorMaker(interpolator).make(each.window, {each.hidden.number})
+            errors.append(score(each.hidden.truth, made.image).mse)
+            cpu_seconds.append(made.cpu_seconds)
+            self.observer.made()
+        return Trial(options, mean(errors), mean(cpu_seconds))
+
+    def _configured(self, options: dict[str, Any]) -> Interpolator | None:
+        try:
+            return configure(self.interpolator, self.method, options)
+        except OptionError:
+            return None
 
 
-def _best(trials: Sequence[Trial]) -> dict[str, Any]:
+def _best(trials: Sequence[Trial]) -> Trial:
     """The first of those that are about as good as the best: sweeps go from what is cheap to what is dear."""
     least = min(trial.mse for trial in trials)
-    return next(trial.options for trial in trials if trial.mse <= least * AS_GOOD)
+    return next(trial for trial in trials if trial.mse <= least * AS_GOOD)

@@ -39,7 +39,7 @@ def draw_tuning(tuning: Tuning, path: Path) -> None:
         for window, curve in _curves(name, trials).items():
             x, y = zip(*curve, strict=True)
             axes.plot(x, y, "o-", color=COLOURS[window], label=LABELS[window], markersize=4)
-        chosen = tuning.best[name]
+        chosen = tuning.best.options[name]
         axes.axvline(chosen, color="0.6", linewidth=0.8, linestyle="--")
         axes.set_xlabel(f"{name.replace('_', ' ')}{'' if name == 'v' else ', pixels'}")
         axes.set_ylim(0, 1.08 * max(trial.mse for trial in trials))

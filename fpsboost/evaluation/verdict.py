@@ -66,7 +66,7 @@ class Verdict:
     cheapest : str
         The method that takes the least CPU time of those within `ABOUT_AS_GOOD` of the best, itself included.
     cpu_seconds : dict of str to float
-        What multiplying the frames of the whole range by `factor` takes, by method.
+        What multiplying the frames of the whole range by `factor` takes, by method; no number where nobody knows.
     clip_frames, factor : int
         Frames of the range, and how many are made of each: one more than were hidden at once.
     sentences : list of str
@@ -102,7 +102,8 @@ def judge(comparison: Comparison) -> Verdict:
     means = {name: float(np.mean(values)) for name, values in psnr.items()}
     made = (comparison.clip_frames - 1) * comparison.hiding.skip
     seconds = {each.name: comparison.mean_seconds(each)[1] * made for each in comparison.methods}
-    best, *others = sorted(means, key=lambda name: (-means[name], seconds[name]))
+    prices = {name: math.inf if math.isnan(each) else each for name, each in seconds.items()}
+    best, *others = sorted(means, key=lambda name: (-means[name], prices[name]))
     ahead = [difference(name, psnr[best], psnr[name]) for name in others]
     near = [name for name in means if means[best] - means[name] <= ABOUT_AS_GOOD]
     verdict = Verdict(
@@ -111,7 +112,7 @@ def judge(comparison: Comparison) -> Verdict:
         frames=len(psnr[best]),
         ahead=ahead,
         level=[each.method for each in ahead if each.is_level],
-        cheapest=min(near, key=lambda name: seconds[name]),
+        cheapest=min(near, key=lambda name: (prices[name], -means[name])),
         cpu_seconds=seconds,
         clip_frames=comparison.clip_frames,
         factor=comparison.hiding.skip + 1,
@@ -155,7 +156,10 @@ def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Di
 def _say(verdict: Verdict, means: dict[str, float]) -> list[str]:
     work = f"{'Doubling' if verdict.factor == 2 else f'Making {verdict.factor} of each of'} these "
     work += f"{verdict.clip_frames} frames takes"
-    price = f"{work} {verdict.best} {say_seconds(verdict.cpu_seconds[verdict.best])} of CPU time"
+    seconds = verdict.cpu_seconds[verdict.best]
+    price = f"{work} {verdict.best} {say_seconds(seconds)} of CPU time"
+    if math.isnan(seconds):
+        price = f"What {verdict.best} costs is not known"
     if not verdict.ahead:
         return [f"{verdict.best} reaches {verdict.psnr:.1f} dB over {_count(verdict.frames)}.", f"{price}."]
     nearest = verdict.ahead[0]
@@ -177,10 +181,17 @@ def _say(verdict: Verdict, means: dict[str, float]) -> list[str]:
             f"{_apart(nearest)}."
         )
     if verdict.cheapest == verdict.best:
-        sentences += [f"{price}.", f"Take {verdict.best}: nothing cheaper comes within {ABOUT_AS_GOOD} dB."]
+        sentences.append(f"{price}.")
+        if not math.isnan(seconds):
+            sentences.append(f"Take {verdict.best}: nothing cheaper comes within {ABOUT_AS_GOOD} dB.")
     else:
         less = means[verdict.best] - means[verdict.cheapest]
-        sentences.append(f"{price}, and {verdict.cheapest} {say_seconds(verdict.cpu_seconds[verdict.cheapest])}.")
+        cheap = say_seconds(verdict.cpu_seconds[verdict.cheapest])
+        sentences.append(
+            f"{price}; {work[0].lower()}{work[1:]} {verdict.cheapest} {cheap}."
+            if math.isnan(seconds)
+            else f"{price}, and {verdict.cheapest} {cheap}."
+        )
         sentences.append(
             f"Take {verdict.best} for the best picture, or {verdict.cheapest}, the cheapest within {ABOUT_AS_GOOD} dB "
             f"({less:.2f} dB less)."

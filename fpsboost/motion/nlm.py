@@ -115,6 +115,12 @@ class CoarseToFine:
             raise OptionError(f"reach must be above 0 and at most 1 of the frame, not {self.reach}.")
         if not 1 <= self.patch_radius <= 10:
             raise OptionError(f"--patch-radius must be 1 to 10 pixels for this method, not {self.patch_radius}.")
+        if not self.penalty >= 0:
+            raise OptionError(f"penalty must be at least 0, not {self.penalty}.")
+        if self.coarsest_side < 1:
+            raise OptionError(f"coarsest_side must be at least 1 pixel, not {self.coarsest_side}.")
+        if self.finest_level < 0:
+            raise OptionError(f"finest_level must be at least 0, not {self.finest_level}.")
         if self.step not in {1, 2, 4, 8, 16, 32}:
             raise OptionError(f"step must be 1, 2, 4, 8, 16 or 32 pixels, not {self.step}.")
         if not self.v > 0:

@@ -60,11 +60,21 @@ class Farneback:
         Side of the averaging window, pixels.
     iterations : int
         Iterations a level.
+
+    Raises
+    ------
+    OptionError
+        A value is below 1.
     """
 
     levels: int = 5
     window_size: int = 15
     iterations: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ("levels", "window_size", "iterations"):
+            if getattr(self, name) < 1:
+                raise OptionError(f"{name} must be at least 1, not {getattr(self, name)}.")
 
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
@@ -97,7 +107,8 @@ class TvL1:
     levels : int
         Levels of the pyramid, at least 1.
     scale_step : float
-        Size of each level in that of the one before, above 0 and below 1. OpenCV's own 0.8 misses larger motion.
+        Size of each level in that of the one before, at least 0.1, or nothing may be left, and below 1. OpenCV's own
+        0.8 misses larger motion.
     warps : int
         Times that each level is warped by what is known so far, at least 1.
     epsilon : float
@@ -123,8 +134,8 @@ class TvL1:
         for name in ("levels", "warps", "inner_iterations", "outer_iterations"):
             if getattr(self, name) < 1:
                 raise OptionError(f"{name} must be at least 1, not {getattr(self, name)}.")
-        if not 0 < self.scale_step < 1:
-            raise OptionError(f"scale_step must be above 0 and below 1, not {self.scale_step}.")
+        if not 0.1 <= self.scale_step < 1:
+            raise OptionError(f"scale_step must be at least 0.1 and below 1, not {self.scale_step}.")
         if not self.epsilon > 0:
             raise OptionError(f"epsilon must be above 0, not {self.epsilon}.")
 

@@ -66,6 +66,10 @@ class Fuse:
     def __post_init__(self) -> None:
         if self.step < 1:
             raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
+        if not self.tolerance >= 0:
+            raise OptionError(f"tolerance must be at least 0 pixels, not {self.tolerance}.")
+        if not self.width > 0:
+            raise OptionError(f"width must be above 0, not {self.width}.")
         if self.around <= CELL / 2:
             raise OptionError(f"around must be more than {CELL // 2} pixels, or motions are lost, not {self.around}.")
 

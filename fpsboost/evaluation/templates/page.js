@@ -22,7 +22,8 @@ function toggleTheme() {
 function sortTable(heading) {
   const table = heading.closest("table");
   const column = [...heading.parentElement.children].indexOf(heading);
-  const order = heading.ariaSort === "ascending" ? "descending" : "ascending";
+  const best = heading.dataset.best;
+  const order = heading.ariaSort === best ? { ascending: "descending", descending: "ascending" }[best] : best;
   for (const other of all("[aria-sort]", table)) other.ariaSort = "none";
   heading.ariaSort = order;
   const sign = order === "ascending" ? 1 : -1;
@@ -95,14 +96,14 @@ class Reader {
     const key = this.chart.dataset.key;
     const rows = values.methods
       .map((method, index) => ({ name: method.name, index, value: method[key][place] }))
-      .filter((row) => !hiddenMethods.has(row.index))
+      .filter((row) => row.value !== null && !hiddenMethods.has(row.index))
       .sort((one, other) => other.value - one.value);
     const x = this.across(values.frames[place]);
     this.add("pointer", `left:${100 * x}%;top:${100 * this.top}%;height:${100 * this.height}%`);
     for (const row of rows) {
       const y = this.down(row.value);
       if (y < this.top - 0.01 || y > this.top + this.height + 0.01) continue;
-      this.add(`point method-${row.index % 9}`, `left:${100 * x}%;top:${100 * y}%`);
+      this.add(`point method-${row.index}`, `left:${100 * x}%;top:${100 * y}%`);
     }
     this.tell(x, rows);
   }
@@ -170,6 +171,7 @@ class Viewer {
     element.querySelector(".spots").addEventListener("click", (event) => this.toggleSpots(event.currentTarget));
     this.stage.addEventListener("pointerdown", (event) => this.drag(event));
     this.stage.addEventListener("pointermove", (event) => event.buttons && this.drag(event));
+    new ResizeObserver(() => this.show()).observe(this.stage);
     this.stage.addEventListener("keydown", (event) => this.press(event));
     this.show();
   }
@@ -179,6 +181,8 @@ class Viewer {
     const other = side === "left" ? "right" : "left";
     if (this.sides[other] === picture) this.sides[other] = this.sides[side];
     this.sides[side] = picture;
+    // what was chosen is seen: where the other side fills the frame, the edge jumps
+    if (this.wipe.value === (side === "left" ? "0" : "100")) this.wipe.value = side === "left" ? 100 : 0;
     this.show();
   }
 
@@ -195,8 +199,20 @@ class Viewer {
     this.stage.style.setProperty("--gain", this.gain.value);
     this.element.querySelector("output").textContent = `${this.gain.value}×`;
     const [left, right] = [this.names[this.sides.left], this.names[this.sides.right]];
-    this.element.querySelector(".tag.left").textContent = differing ? `difference of ${left} and ${right}, ${this.gain.value}×` : left;
-    this.element.querySelector(".tag.right").textContent = right;
+    if (differing) this.tag(`difference of ${left} and ${right}, ${this.gain.value}×`, 1, "", 0);
+    else this.tag(left, this.wipe.value / 100, right, 1 - this.wipe.value / 100);
+  }
+
+  /** Names of the two pictures, each as long as it lies on its own picture; a picture that fills the frame has its name on the left. */
+  tag(left, leftShare, right, rightShare) {
+    const tags = ["left", "right"].map((side) => this.element.querySelector(`.tag.${side}`));
+    const whole = leftShare === 0 || rightShare === 0;
+    const [texts, shares] = whole ? [[leftShare ? left : right, ""], [1, 0]] : [[left, right], [leftShare, rightShare]];
+    tags.forEach((tag, index) => {
+      tag.textContent = texts[index];
+      tag.hidden = texts[index] === "";
+      tag.style.visibility = whole || tag.offsetWidth + 20 <= shares[index] * this.stage.clientWidth ? "" : "hidden";
+    });
   }
 
   moveTo(per_cent) {
@@ -205,7 +221,7 @@ class Viewer {
   }
 
   drag(event) {
-    if (this.element.classList.contains("differing")) return;
+    if (this.element.classList.contains("differing") || !event.isPrimary) return; // two fingers zoom
     const bounds = this.stage.getBoundingClientRect();
     this.stage.setPointerCapture(event.pointerId);
     this.moveTo((100 * (event.clientX - bounds.left)) / bounds.width);

@@ -1,0 +1,325 @@
+"""Frames that other tools made: a folder of them, or a command that makes one.
+
+Such a folder holds one of three things, which are told from each other in this order:
+
+the whole sequence
+    An image for every frame from the first that is shown to the last, and at most as many more behind them as are
+    hidden between two: tools that double N frames write 2N - 1 or 2N. Or a sequence without gaps whose numbers begin
+    at 0 or at 1, which is that of the whole clip. Numbers rise in equal steps. Images are matched by position.
+the hidden frames alone
+    As many images as there are hidden frames, in their order; their numbers rise in equal steps or as those do.
+images with numbers
+    Matched by the number of the frame in the clip, counted from 0.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import tempfile
+import time
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import IO, ClassVar, NamedTuple
+
+import cv2
+import numpy as np
+
+from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.evaluation.hiding import Interval
+from fpsboost.evaluation.making import Made, seconds_of_children
+from fpsboost.frame import Image, has_alpha
+from fpsboost.media.images.files import IMAGE_SUFFIXES, encode_image, extension_of, read_image
+from fpsboost.motion.colour import normalised
+from fpsboost.sequence import list_files
+
+UNKNOWN = float("nan")
+
+READ_AT_MOST = 4096
+"""Of what a command printed, bytes from the end: its last line is shown where it fails."""
+
+
+@dataclass(frozen=True)
+class PeerFrames:
+    """Frames that another tool made, one image for each that is hidden.
+
+    Parameters
+    ----------
+    files : mapping of int to Path
+        By the number of the frame in the clip, counted from 0.
+    description : str
+        Where they come from.
+    seconds, cpu_seconds : float
+        That a frame took; no number where nobody knows.
+    """
+
+    files: Mapping[int, Path]
+    description: str
+    seconds: float = UNKNOWN
+    cpu_seconds: float = UNKNOWN
+    looks_far: ClassVar[bool] = False  # whatever the tool looked at: its images stay the same
+    any_time: ClassVar[bool] = False  # it was given frames without times
+
+    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
+        """See `Maker.make`.
+
+        Raises
+        ------
+        InputError
+            An image cannot be read, or is of another size than the clip.
+        """
+        for interval in intervals:
+            for hidden in interval.hidden:
+                if wanted is None or hidden.number in wanted:
+                    image = read_like(self.files[hidden.number], hidden.truth)
+                    yield Made(hidden.number, image, self.seconds, self.cpu_seconds)
+
+    def describe(self) -> str:
+        """See `Maker.describe`."""
+        return self.description
+
+
+def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerFrames:
+    """Match the images of a folder to the hidden frames, as this module's text says.
+
+    Parameters
+    ----------
+    name : str
+        Of the tool, for messages.
+    folder : Path
+    intervals : iterable of Interval
+        Of the clip, all of them.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be read, or it is not clear which of its images is which frame.
+    """
+    images = list_images(folder)
+    if not images:
+        raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}); name the folder of {name}'s frames.")
+    hidden, first, last, most = [], None, 0, 0
+    for interval in intervals:
+        first = interval.number if first is None else first
+        hidden += [each.number for each in interval.hidden]
+        most = max(most, len(interval.hidden))
+        last = interval.last
+    assert first is not None
+    steps = _steps([image.number for image in images])
+    if 0 <= len(images) - (last - first + 1) <= most and len(set(steps)) <= 1:
+        begin = first
+    elif images[0].number in (0, 1) and set(steps) == {1} and len(images) > last:
+        begin = 0
+    elif len(images) == len(hidden) and (len(set(steps)) <= 1 or steps == _steps(hidden)):
+        return PeerFrames(dict(zip(hidden, (each.path for each in images), strict=True)), f"images of {folder}")
+    else:
+        by_number = {each.number: each.path for each in images}
+        missing = [number for number in hidden if number not in by_number]
+        if missing:
+            raise InputError(
+                f"{folder} has {len(images)} images, but none for frame {missing[0]}; {name} must give the whole "
+                f"sequence ({last - first + 1} images), the hidden frames alone ({len(hidden)}), or images numbered "
+                "like the frames of the clip, counted from 0."
+            )
+        return PeerFrames({number: by_number[number] for number in hidden}, f"images of {folder}")
+    return PeerFrames({number: images[number - begin].path for number in hidden}, f"images of {folder}")
+
+
+def _steps(numbers: Sequence[int | None]) -> list[int]:
+    """From each number to the next; none where images have no numbers."""
+    known = [number for number in numbers if number is not None]
+    return [after - before for before, after in pairwise(known)]
+
+
+def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:
+    """Let another program make the hidden frames.
+
+    The shown frames are written without loss into a folder, 0000.png and so on (OpenEXR where they are float), and the
+    command, run without a shell, makes a folder of all frames from them, matched by position.
+
+    Parameters
+    ----------
+    name : str
+        Of the tool, for messages.
+    command : str
+        Words as in a shell, with ``{in}`` and ``{out}`` for the two folders; ``{out}`` is there and empty. Also
+        ``{factor}``, how many times as many frames are wanted, and ``{fps}``, the rate of the shown ones.
+    intervals : iterable of Interval
+        Of the clip, all of them.
+    scratch : Path
+        An empty folder, which must stay as long as the frames are needed.
+
+    Raises
+    ------
+    OptionError
+        The command is none, or lacks a folder.
+    InputError
+        It fails, or makes another number of images.
+    """
+    words = split_command(name, command)
+    folders = scratch / "in", scratch / "out"
+    for folder in folders:
+        folder.mkdir()
+    places, count, factor, rate = _write_shown(intervals, folders[0])
+    values = {"in": str(folders[0]), "out": str(folders[1]), "factor": str(factor), "fps": f"{rate:.10g}"}
+    begin, begin_cpu = time.perf_counter(), seconds_of_children()
+    last_line = _run(name, [_filled(word, values) for word in words], scratch)
+    seconds, cpu_seconds = time.perf_counter() - begin, seconds_of_children() - begin_cpu
+    images = list_images(folders[1])
+    least = (count - 1) * factor + 1
+    if not least <= len(images) <= count * factor:
+        raise InputError(
+            f"The peer {name} made {len(images)} images of {count}, not {least} to {count * factor}; its command must "
+            f"write all frames, the shown ones too, as images into {{out}}{last_line and f' (it said: {last_line})'}."
+        )
+    files = {number: images[place].path for number, place in places}
+    return PeerFrames(files, command, seconds / len(files), cpu_seconds / len(files))
+
+
+def split_command(name: str, command: str) -> list[str]:
+    """The words of a peer's command.
+
+    Raises
+    ------
+    OptionError
+        They cannot be told, or name no folder to read or none to write.
+
+    Examples
+    --------
+    >>> split_command("rife", "'my rife' -i {in} -o {out}")
+    ['my rife', '-i', '{in}', '-o', '{out}']
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise OptionError(f"The command of the peer {name} cannot be read ({error}); check its quotes.") from None
+    missing = [each for each in ("{in}", "{out}") if each not in command]
+    if missing:
+        raise OptionError(
+            f"The command of the peer {name} lacks {' and '.join(missing)}; write it like 'tool {{in}} {{out}}'."
+        )
+    return words
+
+
+def _filled(word: str, values: Mapping[str, str]) -> str:
+    return re.sub(r"\{(\w+)\}", lambda match: values.get(match[1], match[0]), word)
+
+
+def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tuple[int, int]], int, int, float]:
+    """Write the shown frames.
+
+    Returns
+    -------
+    places : list of (int, int)
+        Numbers of the hidden frames in the clip, and where they are in what is made.
+    count, factor : int
+        Of shown frames; of made ones for each of them.
+    rate : float
+        Shown frames per second.
+    """
+    rows: list[tuple[int, int, float]] = []
+    factor, count, duration = 1, 0, 0.0
+    for index, interval in enumerate(intervals):
+        if index == 0:
+            _write(folder, 0, interval.shown0.image)
+        _write(folder, index + 1, interval.shown1.image)
+        rows += [(hidden.number, index, float(hidden.t)) for hidden in interval.hidden]
+        factor = max(factor, len(interval.hidden) + 1)
+        count, duration = index + 2, duration + float(interval.shown1.time - interval.shown0.time)
+    places = [(number, index * factor + min(max(1, round(t * factor)), factor - 1)) for number, index, t in rows]
+    return places, count, factor, (count - 1) / duration
+
+
+def _write(folder: Path, number: int, image: Image) -> None:
+    path = folder / f"{number:04d}{'.exr' if image.dtype == np.float32 else '.png'}"
+    if image.shape[2] == 2 and image.dtype != np.float32:  # PNG by OpenCV has no gray with alpha
+        image = image[..., [0, 0, 0, 1]]
+    with explained(InputError, "write to", folder, "free some space there, or name another folder with TMPDIR"):
+        path.write_bytes(encode_image(path, np.ascontiguousarray(image), half=False))
+
+
+def _run(name: str, words: Sequence[str], folder: Path) -> str:
+    """Run a command to its end; return the last line that it printed."""
+    with tempfile.TemporaryFile(dir=folder) as said:
+        try:
+            done = subprocess.run(words, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, check=False)
+        except OSError as error:
+            raise InputError(f"The peer {name} cannot be run ({error.strerror}: {words[0]}); check --peer.") from None
+        last_line = _last_line(said)
+    if done.returncode:
+        how = f"exit code {done.returncode}" if done.returncode > 0 else f"signal {-done.returncode}"
+        raise InputError(f"The peer {name} failed with {how}: {last_line or 'it said nothing'}")
+    return last_line
+
+
+def _last_line(file: IO[bytes]) -> str:
+    file.seek(max(0, file.seek(0, 2) - READ_AT_MOST))
+    lines = [line.strip() for line in file.read().decode(errors="replace").splitlines()]
+    return next((line for line in reversed(lines) if line), "")
+
+
+class NumberedImage(NamedTuple):
+    """A file, and the number in its name; None where it has none."""
+
+    number: int | None
+    path: Path
+
+
+def list_images(folder: Path) -> list[NumberedImage]:
+    """The images of a folder in the order of their names, numbers in them by their value.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be read.
+    """
+    with explained(InputError, "read", folder, "name a folder of images"):
+        names = [each for each in list_files(folder) if extension_of(each) in IMAGE_SUFFIXES and each[0] != "."]
+    parts = {name: re.split(r"(\d+)", Path(name).stem) for name in names}
+    values = [[int(each) for each in split[1::2]] for split in parts.values()]
+    # of several numbers the frame's is the one that changes, else the last
+    alike = len({len(each) for each in values}) == 1
+    changing = [place for place, column in enumerate(zip(*values, strict=False)) if len(set(column)) > 1]
+    place = changing[0] if alike and len(changing) == 1 else -1
+    images = [
+        NumberedImage(each[place] if each else None, folder / name) for name, each in zip(names, values, strict=True)
+    ]
+    order = sorted(range(len(names)), key=lambda index: (parts[names[index]][::2], values[index]))
+    return [images[index] for index in order]
+
+
+def read_like(path: Path, like: Image) -> Image:
+    """An image in the type and with the channels of the clip's frames.
+
+    Depths are scaled; missing alpha is opaque and alpha that the clip lacks is left out; gray becomes colour, and
+    colour the gray of its luma.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is of another size.
+    """
+    image = read_image(path)
+    if image.shape[:2] != like.shape[:2]:
+        (height, width), (clip_height, clip_width) = image.shape[:2], like.shape[:2]
+        raise InputError(
+            f"{path} has {width}x{height} pixels, and the clip has {clip_width}x{clip_height}; they must be one size."
+        )
+    if image.dtype == like.dtype and image.shape == like.shape:
+        return image
+    values = normalised(image)
+    colours = values[..., :-1] if has_alpha(image) else values
+    if like.shape[2] <= 2 and colours.shape[2] == 3:
+        colours = cv2.cvtColor(np.ascontiguousarray(colours), cv2.COLOR_BGR2GRAY)[..., np.newaxis]
+    elif like.shape[2] >= 3 and colours.shape[2] == 1:
+        colours = colours.repeat(3, axis=2)
+    if has_alpha(like):
+        alpha = values[..., -1:] if has_alpha(image) else np.ones_like(values[..., :1])
+        colours = np.concatenate([colours, alpha], axis=2)
+    if like.dtype == np.float32:
+        return np.ascontiguousarray(colours, np.float32)
+    white = np.iinfo(like.dtype).max
+    return np.ascontiguousarray(np.rint(colours.clip(0, 1) * white), like.dtype)

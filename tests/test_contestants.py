@@ -1,0 +1,163 @@
+"""Who takes part in a comparison: methods with options, by text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import pytest
+from truth import noise
+
+from fpsboost.cli_contestants import choose, name_others, split_methods
+from fpsboost.errors import OptionError
+from fpsboost.evaluation.making import InterpolatorMaker, Minterpolate, known_methods
+from fpsboost.method_table import configure, methods, read_options
+from fpsboost.motion.vectors import VectorFolder
+
+# said only under pytest
+pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Five frames of a texture that moves by two pixels."""
+    texture = cv2.GaussianBlur(noise(32, 64), (0, 0), 0.8)
+    (tmp_path / "clip").mkdir()
+    for number in range(5):
+        cv2.imwrite(str(tmp_path / "clip" / f"{number}.png"), texture[:, 2 * number : 48 + 2 * number])
+    return str(tmp_path / "clip")
+
+
+@pytest.mark.parametrize(
+    ("texts", "found"),
+    [
+        (["nlm,dis"], [("nlm", {}), ("dis", {})]),
+        (["nlm", "dis,blend"], [("nlm", {}), ("dis", {}), ("blend", {})]),
+        (["nlm:v=0.1,dis"], [("nlm:v=0.1", {"v": "0.1"}), ("dis", {})]),
+        (
+            [" nlm:v=0.1 , patch-radius=4 ,dis"],
+            [("nlm:v=0.1,patch-radius=4", {"v": "0.1", "patch-radius": "4"}), ("dis", {})],
+        ),
+        (["nlm:v=0.1,nlm:v=0.2"], [("nlm:v=0.1", {"v": "0.1"}), ("nlm:v=0.2", {"v": "0.2"})]),
+    ],
+)
+def test_commas_part_methods_and_options(texts, found):
+    """What has an equals sign is an option of the method before, anything else is a method."""
+    assert [(each.text, each.options) for each in split_methods(texts)] == found
+    assert [each.name for each in split_methods(texts)] == [text.partition(":")[0] for text, _ in found]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("v=0.1,nlm", "'v=0.1' belongs to no method; write METHOD:v=0.1"),
+        ("nlm,v=0.1", "'v=0.1' belongs to no method"),
+        ("nlm,,dis", "lacks a name"),
+        ("nlm:", "has an option without a value"),
+        ("nlm:v", "has an option without a value"),
+        ("nlm:v=", "has an option without a value"),
+        ("nlm:v=1,v=2", "gives v twice"),
+        ("magic:v=1", "There is no method 'magic'; choose from nlm"),
+        ("nlm:window=box", "The method 'nlm' has no option 'window'; it has .*patch-radius"),
+        ("blend:v=1", "The method 'blend' has no option 'v'; it has none"),
+        ("nlm:others=dis", "has no option 'others'"),
+        ("nlm:v=nan", "The option v must be a number, not 'nan'"),
+        ("nlm:patch-radius=2.5", "The option patch-radius must be a whole number, not '2.5'"),
+        ("nlm:patch-radius=14", "In nlm:patch-radius=14: --patch-radius must be 1 to 10 pixels"),
+        ("nlm-exhaustive:window=hat", "The option window must be one of box, gaussian, not 'hat'"),
+        ("minterpolate:fps=9", "minterpolate takes no fps=9"),
+        ("minterpolate:mi_mode=dup:scd=none", "minterpolate takes no mi_mode=dup:scd=none"),
+    ],
+)
+def test_what_is_no_method_is_one_sentence(text, sentence):
+    """It names the option, and says what there is."""
+    with pytest.raises(OptionError, match=sentence):
+        choose([text], None)
+
+
+def test_options_have_the_types_of_the_fields():
+    """Numbers, choices, and a field that may be None; the estimator goes before the synthesizer."""
+    makers, skipped = choose(["nlm-exhaustive:search-radius=6,window=gaussian,v=0.05,search=brute-force"], None)
+    (maker,) = makers.values()
+    assert isinstance(maker, InterpolatorMaker)
+    estimator = maker.interpolator.estimator
+    assert (estimator.search_radius, estimator.window, estimator.v) == (6, "gaussian", 0.05)
+    assert maker.interpolator.synthesizer.search == "brute-force"
+    assert skipped == {}
+
+
+@pytest.mark.parametrize("name", methods)
+def test_every_default_can_be_written_as_an_option(name):
+    """What a method has is read back from its text as it is."""
+    parts = methods[name].estimator, methods[name].synthesizer
+    fields = {field: value for part in reversed(parts) for field, value in vars(part).items()}
+    texts = {field.replace("_", "-"): str(value) for field, value in fields.items() if type(value) in (int, float, str)}
+    options = read_options(methods[name], name, texts)
+    assert options == {field: value for field, value in fields.items() if field.replace("_", "-") in texts}
+    assert configure(methods[name], name, options) == methods[name]
+
+
+def test_values_out_of_range_are_refused():
+    """Nothing that a method cannot work with gets past its own checks: 0 and -1 run or are refused."""
+    image = cv2.GaussianBlur(noise(32, 40), (0, 0), 1)
+    texts = ("penalty=-1", "coarsest-side=0", "finest-level=-1", "width=0", "tolerance=-1")
+    for text in texts:
+        with pytest.raises(OptionError, match=text.partition("=")[0].replace("-", "_")):
+            choose([f"nlm:{text}"], None)
+    for text in ("levels=0", "window-size=0", "iterations=0"):
+        with pytest.raises(OptionError, match="must be at least 1"):
+            choose([f"farneback:{text}"], None)
+    (maker,) = choose(["nlm:penalty=0,finest-level=99,tolerance=0"], None)[0].values()
+    assert isinstance(maker, InterpolatorMaker)
+    assert len(maker.interpolator.interpolate(image, image, [0.5])) == 1
+
+
+def test_all_stands_for_every_method_beside_others():
+    """Also beside one with options; those that need vectors are named with the reason."""
+    makers, skipped = choose(["all", "dis:preset=fast"], None)
+    assert {*makers, *skipped} == {*known_methods(), "dis:preset=fast"}
+    assert {"reproject-image", "reproject-scene"} <= set(skipped)
+
+
+def test_the_filter_takes_its_own_options():
+    """FFmpeg's names, also with dashes, over the defaults."""
+    assert Minterpolate.with_options({"me-mode": "bilat", "mb_size": "8"}).options == (
+        "mi_mode=mci:mc_mode=aobmc:me_mode=bilat:vsbmc=1:scd=none:mb_size=8"
+    )
+
+
+@pytest.mark.parametrize(
+    ("frames", "peers", "sentence"),
+    [
+        (["x"], [], "--frames 'x' lacks a name"),
+        (["=x"], [], "--frames '=x' lacks a name"),
+        ([], ["x="], "--peer 'x=' lacks a name"),
+        (["nlm=x"], [], "'nlm' is the name of another method"),
+        (["a=x"], ["a=cp {in} {out}"], "'a' is the name of another method"),
+        ([], ["a=cp {in}"], "The command of the peer a lacks {out}"),
+        ([], ["a=cp '{in} {out}"], "cannot be read"),
+    ],
+)
+def test_other_tools_need_names_and_folders(frames, peers, sentence):
+    """A sentence says which, before anything is read."""
+    with pytest.raises(OptionError, match=sentence):
+        name_others(frames, peers)
+
+
+def test_the_command_compares_one_method_with_several_options(fpsboost_, folder):
+    """Each under the name that was given; options may stand behind several ``-m``."""
+    result = fpsboost_("compare", folder, "-m", "dis:preset=fast,dis,blend", "-m", "dis:preset=ultrafast")
+    assert result.code == 0, result.err
+    for word in ("preset=fast", "preset=ultrafast", "│ dis ", "│ blend "):
+        assert word in result.out
+
+
+def test_vectors_go_to_all_that_take_them():
+    """The report's search chooses its radius by them, as in a conversion; the default method never sees them."""
+    folder = VectorFolder(Path(__file__).parents[1] / "samples" / "scenes" / "glass" / "vectors")
+    makers, skipped = choose(["nlm-exhaustive:v=0.1,nlm,reproject-image"], folder)
+    assert skipped == {}
+    searching, default, reprojecting = (maker.interpolator.estimator for maker in makers.values())
+    assert (searching.vectors, searching.v) == (folder, 0.1)
+    assert reprojecting.vectors is folder
+    assert not hasattr(default, "vectors")

@@ -1,0 +1,230 @@
+"""Other tools' frames: which image of a folder is which frame, and commands that make them."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fpsboost.errors import InputError
+from fpsboost.evaluation.compare import pick
+from fpsboost.evaluation.hiding import Hiding
+from fpsboost.evaluation.peers import find_frames, list_images, read_like, run_peer
+
+# said only under pytest
+pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
+
+HEIGHT, WIDTH = 20, 24
+
+REPEATS = """
+import os, shutil, sys
+source, target, factor = sys.argv[1], sys.argv[2], int(sys.argv[3])
+names = sorted(os.listdir(source))
+for place in range((len(names) - 1) * factor + 1):
+    name = names[place // factor]
+    shutil.copy(os.path.join(source, name), os.path.join(target, f"{place:05d}" + os.path.splitext(name)[1]))
+print("some words")
+"""
+"""A tool that repeats the frame before."""
+
+
+def gray(number: int, dtype: type = np.uint8, channels: int = 3) -> np.ndarray:
+    """A frame of a level that tells its number, with a dot that moves, so that none repeats another."""
+    image = np.full((HEIGHT, WIDTH, channels), 10 * number, dtype)
+    image[2 : 2 + 8, number : number + 8] += dtype(100)
+    return image
+
+
+def save(folder: Path, numbers: dict[str, int]) -> Path:
+    """Images of these names, each showing the frame of a number."""
+    folder.mkdir()
+    for name, number in numbers.items():
+        cv2.imwrite(str(folder / name), gray(number))
+    return folder
+
+
+@pytest.fixture
+def clip(tmp_path):
+    """Nine frames."""
+    return str(save(tmp_path / "clip", {f"{number:04d}.png": number for number in range(9)}))
+
+
+def command(program: str, *words: str) -> str:
+    return shlex.join([sys.executable, "-S", "-c", program]) + f" {' '.join(words)}"
+
+
+@pytest.mark.parametrize(
+    ("names", "hiding"),
+    [
+        pytest.param({f"out{k:03d}.png": k for k in range(9)}, Hiding(), id="whole"),
+        pytest.param({f"{k + 1:03d}.png": k for k in range(9)}, Hiding(), id="whole, from 1"),
+        pytest.param({f"{k:03d}.png": min(k, 8) for k in range(10)}, Hiding(), id="whole, and the last twice"),
+        pytest.param({f"{k}.png": k for k in range(2, 7)}, Hiding(1, 2, 7), id="the range"),
+        pytest.param({f"{k:02d}.png": k + 2 for k in range(5)}, Hiding(1, 2, 7), id="the range, from 0"),
+        pytest.param({f"{k + 1:02d}.png": k for k in range(9)}, Hiding(1, 2, 7), id="the whole clip for a range"),
+        pytest.param({"a.png": 1, "b.png": 3, "c.png": 5, "d.png": 7}, Hiding(), id="hidden alone"),
+        pytest.param({f"{k}.png": k for k in (3, 5, 7, 8, 12)}, Hiding(1, 2, 7), id="numbers"),
+        pytest.param({f"x{k}_v2.png": k for k in (1, 2, 4, 5, 11)}, Hiding(2, 0, 7), id="numbers, two hidden at once"),
+        pytest.param({f"{k}.png": k for k in range(11)}, Hiding(2, 0, 9), id="whole, two hidden at once"),
+    ],
+)
+def test_images_are_matched(tmp_path, clip, names, hiding):
+    """By position in a whole sequence, in order if they are the hidden ones, else by number; numbers by their value."""
+    folder = save(tmp_path / "made", names)
+    maker = find_frames("tool", folder, hiding.intervals(clip))
+    made = list(maker.make(hiding.intervals(clip)))
+    wanted = [hidden.number for interval in hiding.intervals(clip) for hidden in interval.hidden]
+    assert [each.number for each in made] == wanted
+    for each in made:
+        np.testing.assert_array_equal(each.image, gray(each.number))
+        assert np.isnan(each.seconds)
+    (picked,) = pick(clip, hiding, [wanted[-1]])
+    np.testing.assert_array_equal(picked.make(maker), gray(wanted[-1]))
+
+
+def test_numbers_count_and_not_letters(tmp_path):
+    """Frame 10 comes after frame 9; of several numbers in a name the one that changes is the frame's."""
+    folder = save(tmp_path / "made", {f"shot2_{k}_v3.png": 0 for k in (8, 9, 10)})
+    assert [image.number for image in list_images(folder)] == [8, 9, 10]
+
+
+def test_a_folder_that_does_not_fit_is_one_sentence(tmp_path, clip):
+    """It names a frame that has no image, and says what would fit; so does an empty folder, and a missing one."""
+    folder = save(tmp_path / "made", {f"{k}.png": k for k in (1, 3, 6)})
+    with pytest.raises(InputError, match=r"made has 3 images, but none for frame 5; .*\(9 images\).*\(4\)"):
+        find_frames("tool", folder, Hiding().intervals(clip))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="empty holds no images"):
+        find_frames("tool", tmp_path / "empty", Hiding().intervals(clip))
+    with pytest.raises(InputError, match="Cannot read"):
+        find_frames("tool", tmp_path / "nowhere", Hiding().intervals(clip))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_a_peer_gets_the_frames_without_loss(tmp_path, dtype, channels):
+    """It repeats what it was given, bit by bit, 8 or 16 bits or float, gray, colour or with alpha."""
+    rng = np.random.default_rng(1)
+    (tmp_path / "clip").mkdir()
+    suffix = "tif" if dtype == np.float32 else "png"
+    frames = [
+        (rng.random((HEIGHT, WIDTH, channels)) * (1 if dtype == np.float32 else 250)).astype(dtype) for _ in range(3)
+    ]
+    for number, image in enumerate(frames):
+        cv2.imwrite(str(tmp_path / "clip" / f"{number}.{suffix}"), image)
+    hiding = Hiding(duplicates="keep")
+    (tmp_path / "scratch").mkdir()
+    maker = run_peer(
+        "repeats",
+        command(REPEATS, "{in}", "{out}", "{factor}"),
+        hiding.intervals(str(tmp_path / "clip")),
+        tmp_path / "scratch",
+    )
+    (made,) = maker.make(hiding.intervals(str(tmp_path / "clip")))
+    assert made.number == 1
+    np.testing.assert_array_equal(made.image, frames[0])
+    assert made.seconds > 0
+    assert made.cpu_seconds >= 0
+
+
+def test_a_peer_is_told_how_many_and_how_fast(tmp_path, clip):
+    """Two of three frames are hidden: a third of the rate, three times as many; a folder may have a space in it."""
+    program = "import sys; open(sys.argv[1], 'w').write(' '.join(sys.argv[4:]))\n" + REPEATS.replace(
+        "sys.argv[1], sys.argv[2], int(sys.argv[3])", "sys.argv[2], sys.argv[3], int(sys.argv[4])"
+    )
+    (tmp_path / "a scratch").mkdir()
+    words = shlex.quote(str(tmp_path / "told")), "{in}", "{out}", "{factor}", "{fps}", "{other}"
+    intervals = Hiding(skip=2).intervals(clip, 24)
+    maker = run_peer("tool", command(program, *words), intervals, tmp_path / "a scratch")
+    assert (tmp_path / "told").read_text() == "3 8 {other}"
+    made = list(maker.make(Hiding(skip=2).intervals(clip, 24)))
+    assert [(each.number, int(each.image[-1, -1, 0])) for each in made] == [(1, 0), (2, 0), (4, 30), (5, 30)]
+
+
+@pytest.mark.parametrize(
+    ("program", "sentence"),
+    [
+        (
+            "print('so far so good'); raise SystemExit('no model\\nfor this\\n\\n')",
+            "peer tool failed with exit code 1: for this",
+        ),
+        ("raise SystemExit(3)", "peer tool failed with exit code 3: it said nothing"),
+        ("print('done')", r"peer tool made 0 images of 5, not 9 to 10; .* \(it said: done\)"),
+        ("import os; os.kill(os.getpid(), 9)", "peer tool failed with signal 9"),
+    ],
+)
+def test_a_peer_that_fails_is_named_with_its_last_line(tmp_path, clip, program, sentence):
+    """A code, a signal, or another number of images."""
+    (tmp_path / "scratch").mkdir()
+    with pytest.raises(InputError, match=sentence):
+        run_peer("tool", command(program, "{in}", "{out}"), Hiding().intervals(clip), tmp_path / "scratch")
+
+
+def test_a_peer_that_is_not_there_is_named(tmp_path, clip):
+    """With the word that names no program."""
+    with pytest.raises(InputError, match=r"peer tool cannot be run .*no-such-program"):
+        run_peer("tool", "no-such-program {in} {out}", Hiding().intervals(clip), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("made", "like", "wanted"),
+    [
+        (np.full((4, 5, 3), 255, np.uint8), np.zeros((4, 5, 3), np.uint16), 65535),
+        (np.full((4, 5, 3), 65535, np.uint16), np.zeros((4, 5, 1), np.uint8), 255),
+        (np.full((4, 5, 1), 51, np.uint8), np.zeros((4, 5, 3), np.float32), 0.2),
+        (np.full((4, 5, 3), 255, np.uint8), np.zeros((4, 5, 4), np.uint8), 255),
+    ],
+)
+def test_images_become_like_the_clip(tmp_path, made, like, wanted):
+    """Depths are scaled, gray and colour turned into each other, missing alpha is opaque."""
+    cv2.imwrite(str(tmp_path / "made.png"), made)
+    image = read_like(tmp_path / "made.png", like)
+    assert (image.shape, image.dtype) == (like.shape, like.dtype)
+    np.testing.assert_allclose(image, wanted, rtol=1e-3)
+    with pytest.raises(InputError, match="5x4 pixels, and the clip has 6x4"):
+        read_like(tmp_path / "made.png", np.zeros((4, 6, 3), np.uint8))
+
+
+def test_the_command_scores_other_tools(fpsboost_, clip, tmp_path):
+    """A folder and a command beside a method: both in the table, the page and its command, and nothing stays behind."""
+    folder = save(tmp_path / "made", {f"{k}.png": k for k in (1, 3, 5, 7)})
+    (tmp_path / "repeats.py").write_text(REPEATS)
+    peer = shlex.join([sys.executable, "-S", str(tmp_path / "repeats.py")]) + " {in} {out} {factor}"
+    arguments = (
+        "-m",
+        "blend",
+        "--frames",
+        f"known={folder}",
+        "--peer",
+        f"last={peer}",
+        "--report",
+        "page",
+        "--json",
+        "x.json",
+    )
+    result = fpsboost_("compare", clip, *arguments)
+    assert result.code == 0, result.err
+    table = result.out.partition("where the errors are")[0]
+    rows = {line.split()[1]: line for line in table.splitlines() if line.startswith("│")}
+    assert "│ 120.00 │" in rows["known"]
+    assert rows["known"].endswith("- │     - │")
+    assert not rows["last"].endswith("- │")
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert "--frames known=" in page
+    assert "compare" in page.partition("-m blend --frames")[0]
+
+
+def test_the_command_ends_where_a_peer_fails(fpsboost_, clip, tmp_path, snapshot):
+    """One sentence, exit code 1, nothing written, and no method was run before."""
+    before = snapshot(tmp_path)
+    result = fpsboost_(
+        "compare", clip, "-m", "nlm", "--peer", f"bad={sys.executable} -c 1/0 {{in}} {{out}}", "--json", "x.json"
+    )
+    assert result.code == 1
+    assert len(result.lines) == 1
+    assert "The peer bad failed with exit code 1: ZeroDivisionError" in result.err
+    assert snapshot(tmp_path) == before
