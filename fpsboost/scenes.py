@@ -22,7 +22,7 @@ from fpsboost.prepared import PreparedImage
 NOTHING_ALIKE = 0.3
 """Share of the threshold below which a pair is a cut whatever its neighbours are like, or if it has none."""
 
-MUCH_ALIKE = 1.3
+MUCH_ALIKE = 1.5
 """Multiple of the threshold below which a pair is a cut if it is far more unlike than both its neighbours."""
 
 REACH = 1 / 3
@@ -75,9 +75,7 @@ class CutDetector:
     Parameters
     ----------
     threshold : float
-        Pairs whose likeness lies below it are cuts if they stand out, 0 (none) to 1 (all). Of constructed clips and of
-        26 rendered and filmed ones, with up to three frames left out between two, 98 of 100 pairs within a scene lie
-        above 0.5, and 97 of 100 cuts below.
+        Pairs whose likeness lies below it are cuts if they stand out, 0 (none) to 1 (all).
     drop : float
         A cut has at most this share of the likeness of the better neighbour: where all pairs are hard to follow, behind
         turning glass or among trees that rush past, no scene ends.
@@ -95,8 +93,8 @@ class CutDetector:
     """
 
     threshold: float = 0.5
-    drop: float = 0.5
-    times: float = 3.0
+    drop: float = 0.6
+    times: float = 8.0
     thumbnail_side: int = 40
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ from fractions import Fraction
 import cv2
 import numpy as np
 import pytest
-from truth import waves
+from truth import noise, waves
 from vector_truth import save_object
 from video_truth import write_clip
 
@@ -120,6 +120,15 @@ def test_a_comparison_knows_who_is_better(folder):
     assert plain["skipped"] == {"other": "it is not there"}
     assert plain["methods"][0]["mean"]["psnr"] == pytest.approx(comparison.means(dis).psnr)
     assert len(plain["methods"][1]["frames"]) == 3
+
+
+def test_a_comparison_knows_the_radius_that_was_searched(folder):
+    """Of each frame of a method that has one; it is a number in the data, and null where there is none."""
+    makers = {name: InterpolatorMaker(find_method(name)) for name in ("nlm-exhaustive", "blend")}
+    searched, blended = compare(folder, makers, Hiding(last=3), Nobody()).as_json()["methods"]
+    (radius,) = (frame["search_radius"] for frame in searched["frames"])
+    assert 2 * STEP <= radius <= 2 * (2 * STEP)
+    assert [frame["search_radius"] for frame in blended["frames"]] == [None]
 
 
 def expected_calls():
@@ -346,7 +355,7 @@ def test_no_frame_left_is_an_error(fpsboost_, tmp_path):
             cv2.imwrite(str(tmp_path / name / f"{number}.png"), pan(0))
     (tmp_path / "cut").mkdir()
     for number in range(3):
-        cv2.imwrite(str(tmp_path / "cut" / f"{number}.png"), pan(5 * number) if number < 2 else 255 - pan(9)[::-1])
+        cv2.imwrite(str(tmp_path / "cut" / f"{number}.png"), pan(5 * number) if number < 2 else noise(HEIGHT, WIDTH))
     for name, words in (
         ("still", "4 beside repeated frames, in stills or pauses (--duplicates keep takes repeats too)"),
         ("one", "has too few frames"),

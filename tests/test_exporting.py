@@ -34,6 +34,7 @@ def comparison():
             seconds,
             dict.fromkeys(NAMES, 2.0),
             dict.fromkeys(NAMES, np.nan),
+            None if np.isnan(seconds) else 15,
         )
 
     methods = [
@@ -84,6 +85,7 @@ def test_the_table_has_a_row_for_each_method_and_frame(comparison, tmp_path):
     assert [row["counted"] for row in rows[:3]] == ["1", "1", "0"]
     assert (rows[1]["t"], rows[1]["psnr"], rows[1]["seconds"]) == ("0.25", "42.1", "0.5")
     assert (rows[3]["seconds"], rows[3]["mae_still"]) == ("", "")
+    assert (rows[1]["search_radius"], rows[3]["search_radius"]) == ("15", "")
     assert set(rows[0]) >= {f"mae_{name}" for name in (*NAMES, *OUTSIDES)}
     for name in rows[0]:
         assert f"`{name}`" in DESCRIPTION

@@ -141,7 +141,7 @@ def test_a_cut_stands_out_from_its_neighbours():
     assert not detector.is_cut(0.3, 0.45, 0.42)
     assert detector.is_cut(0.2, 0.45, 0.42)
     assert detector.is_cut(0.3, 0.9, 0.2)
-    assert detector.is_cut(0.6, 0.95, 0.95)
+    assert detector.is_cut(0.6, 0.97, 0.97)
     assert not detector.is_cut(0.7, 0.95, 0.7)
     assert not detector.is_cut(0.8, 1, 1)
     assert not CutDetector(threshold=0).is_cut(0.0, 1, 1)

@@ -59,6 +59,8 @@ class FrameResult:
     inside, outside : dict of str to float
         Mean absolute error in and out of each area of `fpsboost.evaluation.regions.NAMES`, levels of 255; no number
         where an area is empty.
+    search_radius : int or None
+        That the motion was searched in, pixels; None where the method has none.
     """
 
     number: int
@@ -67,6 +69,7 @@ class FrameResult:
     cpu_seconds: float
     inside: dict[str, float]
     outside: dict[str, float]
+    search_radius: int | None = None
 
 
 @dataclass(frozen=True)
@@ -503,6 +506,7 @@ def _scored(
             frame.cpu_seconds,
             {name: _mean_where(error, area) for name, area in areas.items()},
             {name: _mean_where(error, ~area) for name, area in areas.items()},
+            frame.search_radius,
         )
         observer.made()
 

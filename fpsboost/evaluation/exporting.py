@@ -61,6 +61,7 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
                 "mse": scores.mse,
                 "seconds": frame.seconds,
                 "cpu_seconds": frame.cpu_seconds,
+                "search_radius": "" if frame.search_radius is None else frame.search_radius,
                 **{f"mae_{area}": error for area, error in frame.inside.items()},
                 **{f"mae_{OUTSIDES[NAMES.index(area)]}": error for area, error in frame.outside.items()},
             }

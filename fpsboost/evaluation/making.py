@@ -45,6 +45,8 @@ class Made(NamedTuple):
     seconds: float
     """That it took; no number where nobody knows."""
     cpu_seconds: float
+    search_radius: int | None = None
+    """That its motion was searched in, pixels; None where a method has none."""
 
 
 class Maker(Protocol):
@@ -107,7 +109,7 @@ class InterpolatorMaker:
         for hidden in chosen:
             image = next(images)
             seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
-            yield Made(hidden.number, image, seconds, cpu)
+            yield Made(hidden.number, image, seconds, cpu, pair.search_radius)
             begin, begin_cpu = time.perf_counter(), time.process_time()
 
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
