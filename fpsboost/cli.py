@@ -161,7 +161,7 @@ app.command(
 app.command(
     "fpsboost.cli_compare:compare",
     help="Hide frames, make them again, and say which method does best.",
-    help_epilogue="Exit codes: 0 compared, 1 failed, 2 wrong usage or nothing to compare, 3 below --fail-under.",
+    help_epilogue="Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.",
 )
 app.command("fpsboost.cli_tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
 

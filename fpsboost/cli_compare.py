@@ -87,7 +87,7 @@ def compare(
 ) -> None:
     """Hide frames, make them again with each method, and say which comes nearest to the truth.
 
-    Exit codes: 0 compared, 1 failed, 2 wrong usage or nothing to compare, 3 below --fail-under.
+    Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.
 
     Parameters
     ----------

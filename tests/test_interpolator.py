@@ -365,6 +365,9 @@ class CutsTo:
     def is_cut(self, likeness, *neighbours) -> bool:
         return likeness == 0
 
+    def is_gradual(self, likeness, *across) -> bool:
+        return False
+
     def is_flash(self, likeness, across, *neighbours) -> bool:
         return False
 

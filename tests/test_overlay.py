@@ -302,6 +302,9 @@ def test_neighbours_in_another_scene_tell_nothing():
         def is_cut(self, likeness, *neighbours):
             return not likeness
 
+        def is_gradual(self, likeness, *across):
+            return False
+
         def is_flash(self, likeness, across, *neighbours):
             return False
 

@@ -291,6 +291,9 @@ class CutsBefore:
     def is_cut(self, likeness: float, *neighbours: float) -> bool:
         return likeness == 0
 
+    def is_gradual(self, likeness: float, *across: float) -> bool:
+        return False
+
     def is_flash(self, likeness: float, across: float, *neighbours: float) -> bool:
         return False
 

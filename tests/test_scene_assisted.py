@@ -14,7 +14,7 @@ import pytest
 from truth import Clip, affine, as_type, frozen, moving_object, noise, translation, waves
 from vector_truth import constant, save_object, save_translation, save_vectors
 
-from fpsboost import cli, cli_progress
+from fpsboost import cli
 from fpsboost.errors import InputError, OptionError
 from fpsboost.exr import write_exr
 from fpsboost.interpolator import Interpolator
@@ -260,7 +260,6 @@ def test_folders_from_end_to_end(renders, method):
 
 def run(monkeypatch, capsys, folder: Path, line: str) -> tuple[int, str]:
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(cli_progress, "COMPILE_HINT_AFTER", 3600)
     monkeypatch.setattr(sys, "argv", ["fpsboost", *line.split()])
     code = 0
     try:

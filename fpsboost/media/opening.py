@@ -133,7 +133,7 @@ def open_source(
 
 def stands_for_images(path: str) -> bool:
     """Whether a path names a folder, or a pattern of images."""
-    return path not in PIPES and (os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)))
+    return path not in {"", *PIPES} and (Path(path).is_dir() or (is_pattern(path) and not Path(path).is_file()))
 
 
 def check_images(path: str, option: str) -> None:
@@ -148,7 +148,7 @@ def check_images(path: str, option: str) -> None:
     """
     if stands_for_images(path):
         return
-    if path not in PIPES and not os.path.exists(path):
+    if path not in PIPES and not Path(path).exists():
         raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
     name = "standard input" if path in PIPES else path
     raise OptionError(f"{option} is for a folder or a pattern of images, which {name} is not; leave it out.")
