@@ -6,6 +6,7 @@ manifest says which job it belongs to, so that `--resume` goes on with the same 
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import hashlib
 import json
@@ -213,11 +214,17 @@ class Unfinished:
 
     def _acquire(self) -> None:
         while True:
-            self.folder.mkdir(exist_ok=True)
             try:
+                self.folder.mkdir(exist_ok=True)
                 lock = (self.folder / LOCK).open("a+b")
             except FileNotFoundError:  # the run that was here has just finished
+                if not self.folder.parent.is_dir():
+                    raise
                 continue
+            except KeyboardInterrupt:
+                with contextlib.suppress(OSError):  # another run's is not empty
+                    self.folder.rmdir()
+                raise
             try:
                 _lock(lock)
                 self._lock = lock
