@@ -37,7 +37,7 @@ def folder(tmp_path):
 @pytest.fixture
 def few(monkeypatch):
     """Fewer settings, as each patch size compiles a kernel of its own; one of them is refused by every method."""
-    monkeypatch.setattr(tuning_module, "RADII", (1, 3, 30))
+    monkeypatch.setattr(tuning_module, "RADII", (2, 5, 30))
     monkeypatch.setattr(tuning_module, "WIDTHS", (0.1, 0.25))
 
 
