@@ -24,7 +24,7 @@ from fpsboost.media import OutputTiming
 from fpsboost.media.images.numbered import ImageSink, ImageSource
 from fpsboost.media.unfinished import Job, Unfinished, facts_of
 from fpsboost.media.video.assembly import decoding_times_of
-from fpsboost.media.video.chunks import find_chunks
+from fpsboost.media.video.chunks import Times, find_chunks
 from fpsboost.media.video.encoding import Encoding
 from fpsboost.media.video.sink import VideoSink
 from fpsboost.media.video.source import VideoSource
@@ -386,6 +386,16 @@ def test_without_a_job_nothing_stays(tmp_path, clip):
         with pytest.raises(StoppedError):
             write_and_stop()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_no_picture_is_decoded_after_it_is_shown():
+    """As mp4 cannot hold it: x265 may say so of two pictures, which then all go before."""
+
+    class TwoPictures:
+        def times(self):
+            return iter([Times(0, 0, 1), Times(1, 2, 1)])
+
+    assert list(decoding_times_of([TwoPictures()])) == [-1, 1]
 
 
 def test_decoding_times_of_uneven_frames(tmp_path):

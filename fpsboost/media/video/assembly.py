@@ -178,10 +178,13 @@ def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int | None]:
 
     An encoder that changes the order begins to decode before it shows, so every chunk's decoding times reach back into
     the chunk before. Over the seams they go on as if one encoder had made everything: each packet is decoded when the
-    picture is shown that lies a fixed number of places before it in the order of showing.
+    picture is shown that lies a fixed number of places before it in the order of showing. Of fewer pictures than x265
+    looks ahead, it may give times after those of showing, by the chance of its threads; all go before them then.
     """
     if len(chunks) == 1:
-        yield from (times.dts for times in chunks[0].times())
+        times = list(chunks[0].times())
+        late = max((each.dts - each.pts for each in times if each.dts is not None), default=0)
+        yield from (None if each.dts is None else each.dts - max(late, 0) for each in times)
         return
     delay = max(_delay_of(chunk) for chunk in chunks)
     shown: deque[int] = deque()
