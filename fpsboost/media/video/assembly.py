@@ -6,6 +6,7 @@ import contextlib
 from collections import deque
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -178,14 +179,17 @@ def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int | None]:
 
     An encoder that changes the order begins to decode before it shows, so every chunk's decoding times reach back into
     the chunk before. Over the seams they go on as if one encoder had made everything: each packet is decoded when the
-    picture is shown that lies a fixed number of places before it in the order of showing. Of fewer pictures than x265
-    looks ahead, it may give times after those of showing, by the chance of its threads; all go before them then.
+    picture is shown that lies a fixed number of places before it in the order of showing. So they do, too, where x265
+    gives few pictures times that do not rise, or are after those of showing, by chance of its threads.
     """
     if len(chunks) == 1:
         times = list(chunks[0].times())
-        late = max((each.dts - each.pts for each in times if each.dts is not None), default=0)
-        yield from (None if each.dts is None else each.dts - max(late, 0) for each in times)
-        return
+        given = [each.dts for each in times if each.dts is not None]
+        rises = all(before < after for before, after in pairwise(given))
+        is_whole = rises and len(given) == len(times)
+        if not given or (is_whole and all(dts <= each.pts for dts, each in zip(given, times, strict=True))):
+            yield from (each.dts for each in times)
+            return
     delay = max(_delay_of(chunk) for chunk in chunks)
     shown: deque[int] = deque()
     for number, chunk in enumerate(chunks):
