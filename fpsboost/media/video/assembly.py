@@ -6,7 +6,6 @@ import contextlib
 from collections import deque
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -174,22 +173,14 @@ class Assembly:
         self._output.mux(packet)
 
 
-def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int | None]:
+def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
     """When each packet is decoded, in ticks.
 
     An encoder that changes the order begins to decode before it shows, so every chunk's decoding times reach back into
     the chunk before. Over the seams they go on as if one encoder had made everything: each packet is decoded when the
-    picture is shown that lies a fixed number of places before it in the order of showing. So they do, too, where x265
-    gives few pictures times that do not rise, or are after those of showing, by chance of its threads.
+    picture is shown that lies a fixed number of places before it in the order of showing. The encoder's own
+    times are not taken: of fewer pictures than x265 holds back, they are ages before those of showing.
     """
-    if len(chunks) == 1:
-        times = list(chunks[0].times())
-        given = [each.dts for each in times if each.dts is not None]
-        rises = all(before < after for before, after in pairwise(given))
-        is_whole = rises and len(given) == len(times)
-        if not given or (is_whole and all(dts <= each.pts for dts, each in zip(given, times, strict=True))):
-            yield from (each.dts for each in times)
-            return
     delay = max(_delay_of(chunk) for chunk in chunks)
     shown: deque[int] = deque()
     for number, chunk in enumerate(chunks):
