@@ -119,7 +119,7 @@ def make_hair(random: Random, raster: Raster) -> Show:
         bend, length = random.normal(0, 0.9), random.uniform(110, 250)
         angle = 0.35 * random.normal() + bend * along
         path = root + np.cumsum(np.stack([np.sin(angle), np.cos(angle)], axis=1) * length / 24, axis=0)
-        strands.append((path, random.uniform(6, 22), random.uniform(4, 7), random.random()))
+        strands.append((path, random.uniform(6, 20), random.uniform(7, 14), random.random()))
         colours.append(colour(random.random(1), ["1a110b", "4a2f1b", "8a6238", "c9a468"])[0])
 
     def show(time: float) -> Array:

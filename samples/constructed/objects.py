@@ -225,7 +225,7 @@ def make_crowd(random: Random, raster: Raster) -> Show:
             "y": -75 + 165 * depth,
             "speed": random.choice([-1, 1]) * random.uniform(0.12, 0.3) * tall,
             "phase": random.random(),
-            "period": random.uniform(2.6, 4.2),
+            "period": random.uniform(4.5, 8),
         }
         people.append((tall, make_person(random, raster.density, tall), walk))
 

@@ -86,7 +86,7 @@ def make_face(random: Random, raster: Raster) -> Show:
     def show(time: float) -> Array:
         dx, dy = 2.2 * wave(time, 7), 1.5 * wave(time, 5, 0.2)
         turned_x, turned_y = x - dx, y - dy
-        mouth, cheek = 5 * wave(time, 3.3, 0.1), 2.5 * wave(time, 4.1)
+        mouth, cheek = 5 * wave(time, 6.3, 0.1), 2.5 * wave(time, 5.1)
         bumps = [
             (0, 96, 34, 0, mouth),
             (0, 62, 26, 0, -0.3 * mouth),
@@ -95,7 +95,7 @@ def make_face(random: Random, raster: Raster) -> Show:
         ]
         bent_x, bent_y = bulge(turned_x, turned_y, [*bumps, (0, -75, 70, 0, 2 * wave(time, 6))])
         canvas = raster.look_up(head, turned_x - bent_x, turned_y - bent_y)
-        closed = max(pulse(time, 1.2, 0.35), pulse(time, 3.1, 0.3), pulse(time, 7.3, 0.35))
+        closed = max(pulse(time, 1.2, 0.5), pulse(time, 3.1, 0.4), pulse(time, 7.3, 0.5))
         for side in (-1, 1):
             ex, ey = turned_x - side * 62, turned_y + 30
             # the lid comes down from the upper rim of the eye
@@ -154,7 +154,7 @@ def make_handheld(random: Random, raster: Raster, *, reach: float) -> Show:
 
     def shake(time: float, index: int) -> float:
         phases = random_phases[2 * index : 2 * index + 2]
-        return 0.7 * wave(time, 5.1 + 0.7 * index, phases[0]) + 0.3 * wave(time, 2.3 + 0.3 * index, phases[1])
+        return 0.9 * wave(time, 7 + 0.7 * index, phases[0]) + 0.1 * wave(time, 2.5 + 0.3 * index, phases[1])
 
     def move(time: float) -> Array:
         zoom = 1.02 + 0.004 * reach * shake(time, 2)
