@@ -241,7 +241,7 @@ def tables(comparison: Comparison) -> list[Table]:
         title=f"{shown(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}",
     )
     by_area = Table(Column("MAE", overflow="fold"), title="where the errors are")
-    for name in ("PSNR", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
+    for name in ("PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
         overall.add_column(name, justify="right")
     areas = [area for area, _ in comparison.areas]
     for area, outside in comparison.areas:
@@ -261,6 +261,7 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
     scores, seconds = comparison.means(method), comparison.mean_seconds(method)
     return [
         f"{scores.psnr:.2f}",
+        f"{comparison.low_psnr(method):.2f}",
         f"{scores.ssim:.4f}",
         f"{scores.mae:.2f}",
         f"{scores.mse:.1f}",
@@ -271,7 +272,7 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
 def remarks(comparison: Comparison, makers: Mapping[str, Maker]) -> list[str]:
     """What a reader of the table must know."""
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
-    lines = [f"PSNR in dB; MAE and MSE in levels of 255. Of the picture: {shares}."]
+    lines = [f"PSNR in dB, P5 its 5th percentile; MAE and MSE in levels of 255. Of the picture: {shares}."]
     if comparison.cuts:
         are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
         lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")

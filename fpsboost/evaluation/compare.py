@@ -23,7 +23,7 @@ from fpsboost.cut_list import CutList
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.hiding import Hidden, Hiding, Interval
 from fpsboost.evaluation.making import Made, Maker
-from fpsboost.evaluation.metrics import Scores, absolute_error, mean, mean_scores, score
+from fpsboost.evaluation.metrics import Scores, absolute_error, low_percentile, mean, mean_scores, score
 from fpsboost.evaluation.regions import NAMES, OUTSIDES, Regions, find_regions
 from fpsboost.evaluation.verdict import judge
 from fpsboost.frame import Image, describe
@@ -192,6 +192,10 @@ class Comparison:
         """Mean scores of a method."""
         return mean_scores([frame.scores for frame in self.counted(method)])
 
+    def low_psnr(self, method: MethodResult) -> float:
+        """The 5th percentile of a method's PSNR over the frames that count, dB."""
+        return low_percentile([frame.scores.psnr for frame in self.counted(method)])
+
     def mean_seconds(self, method: MethodResult) -> tuple[float, float]:
         """Seconds and CPU seconds a frame of a method."""
         frames = self.counted(method)
@@ -214,6 +218,7 @@ class Comparison:
             seconds, cpu_seconds = self.mean_seconds(method)
             row["mean"] = {
                 **asdict(self.means(method)),
+                "psnr_p5": self.low_psnr(method),
                 "seconds": seconds,
                 "cpu_seconds": cpu_seconds,
                 "inside": {area: self.mean_error(method, area) for area in NAMES},

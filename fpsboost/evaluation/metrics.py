@@ -24,6 +24,9 @@ SMALLEST_MSE = 1e-12
 
 SSIM_WINDOW = 7
 
+LOW_PERCENT = 5
+"""Of the frames: how bad the worst of them are says more about a clip than their mean."""
+
 
 @dataclass(frozen=True)
 class Scores:
@@ -112,6 +115,22 @@ def mean(values: Sequence[float]) -> float:
     """The mean of those that are numbers; no number where none is."""
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
+
+
+def low_percentile(values: Sequence[float]) -> float:
+    """The 5th percentile, interpolated linearly between the two values around it (NumPy's default).
+
+    Parameters
+    ----------
+    values : sequence of float
+        Of frames, where more is better: PSNR, dB. With fewer than 20 of them it lies between the two lowest.
+
+    Examples
+    --------
+    >>> low_percentile([float(value) for value in range(101)])
+    5.0
+    """
+    return float(np.percentile(values, LOW_PERCENT))
 
 
 def means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -46,6 +46,7 @@ class Column(NamedTuple):
 
 COLUMNS = (
     Column("PSNR", "dB", 2, True),
+    Column("PSNR P5", "dB", 2, True),
     Column("SSIM", "", 4, True),
     Column("MAE", "levels", 2, False),
     Column("MSE", "levels²", 1, False),
@@ -246,7 +247,8 @@ def overall_rows(comparison: Comparison) -> list[Row]:
     figures = []
     for method in comparison.methods:
         scores = comparison.means(method)
-        figures.append([scores.psnr, scores.ssim, scores.mae, scores.mse, *comparison.mean_seconds(method)])
+        low = comparison.low_psnr(method)
+        figures.append([scores.psnr, low, scores.ssim, scores.mae, scores.mse, *comparison.mean_seconds(method)])
     rows = _rows(comparison.methods, figures, [(each.digits, each.high_is_good) for each in COLUMNS])
     return [rows[index] for index in sorted(range(len(rows)), key=lambda index: -figures[index][0])]
 
