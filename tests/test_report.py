@@ -28,7 +28,8 @@ from fpsboost.evaluation.compare import Comparison, compare
 from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.looks import colours_of, looks_of
 from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
-from fpsboost.evaluation.pictures import as_shown, find_spots, in_colour
+from fpsboost.evaluation.metrics import as_shown
+from fpsboost.evaluation.pictures import find_spots, in_colour
 from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, write_report
 from fpsboost.method_table import methods
 
