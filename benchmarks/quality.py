@@ -4,7 +4,8 @@ A clip is a video, a folder or a pattern of images, or a folder that holds sever
 are made as a sequence, as in a conversion. Pairs across a scene cut are left out, since no method can know what lies
 there. Figures are means over the hidden frames, then over the clips: PSNR of the mean squared error and SSIM as
 scikit-image has them, MAE in levels of 255 (what the Middlebury tables call interpolation error), and CPU milliseconds
-a frame; those of a peer's command include its start and its files.
+a frame; those of a peer's command include its start and its files. ``--metrics`` adds those of `fpsboost compare`; the
+ratios of ``grid`` are of a clip's sums, then means over the clips.
 
 ``--peer NAME='COMMAND {in} {out}'`` scores any tool that doubles the frames of a folder: the even frames lie in {in} as
 PNG, and {out}, which does not exist yet, gets all frames as images whose names sort.
@@ -19,7 +20,7 @@ import resource
 import shlex
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,8 @@ from scoring import (
 )
 
 from fpsboost.errors import FpsboostError, InputError, OptionError
+from fpsboost.evaluation.further_metrics import choose_metrics, figures_of
+from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.metrics import absolute_error, means
 from fpsboost.frame import Image
 from fpsboost.media.images.files import IMAGE_SUFFIXES, read_image
@@ -148,11 +151,12 @@ def _labelled(name: str, image: Image) -> NDArray[Any]:
     return framed
 
 
-def score_table(title: str, scores: Scores) -> Table:
-    """PSNR, SSIM, MAE and CPU time by method."""
-    table = Table("method", "PSNR, dB", "SSIM", "MAE", "CPU, ms", title=title)
+def score_table(title: str, scores: Scores, metrics: Sequence[str]) -> Table:
+    """PSNR, SSIM, MAE, CPU time and further metrics by method."""
+    further = [figure.title for figure in figures_of(metrics)]
+    table = Table("method", "PSNR, dB", "SSIM", "MAE", "CPU, ms", *further, title=title)
     for name, row in scores.items():
-        table.add_row(name, *cells(row))
+        table.add_row(name, *cells(row, metrics))
     return table
 
 
@@ -180,6 +184,7 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
     """Score every method and peer on every clip; print as it goes."""
     chosen = {name: find_method(name) for name in arguments.methods.split(",") if name}
     peers = parse_peers(arguments.peer)
+    metrics = choose_metrics(arguments.metrics)
     scores: dict[str, Scores] = {}
     trust: dict[str, Scores] = {}
     for name, path in find_clips(arguments.clip).items():
@@ -193,15 +198,15 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
                 made[each] = run_peer(command, clip)
             except InputError as error:
                 console.print(f"{name}: {error}", style="red", markup=False)
-        scores[name] = {each: score_clip(clip, result) for each, result in made.items()}
-        console.print(score_table(f"{name}, {len(clip.scored)} frames", scores[name]))
+        scores[name] = {each: score_clip(clip, result, metrics) for each, result in made.items()}
+        console.print(score_table(f"{name}, {len(clip.scored)} frames", scores[name], metrics))
         judged = {each: judge_confidence(clip, result) for each, result in made.items() if result.confidences}
         if judged:
             trust[name] = judged
             console.print(confidence_table(f"{name}, confidence", judged))
         if arguments.crops and made:
             write_crops(arguments.crops, clip, made)
-    return {"clips": scores, "confidence": trust}
+    return {"clips": scores, "confidence": trust, "metrics": metrics}
 
 
 def summarise(figures: dict[str, Any], console: Console) -> None:
@@ -210,7 +215,7 @@ def summarise(figures: dict[str, Any], console: Console) -> None:
     figures["mean"] = mean_scores(scores)
     if figures["mean"]:
         complete = sum(len(rows) == len(figures["mean"]) for rows in scores.values())
-        console.print(score_table(f"Mean of {complete} clips", figures["mean"]))
+        console.print(score_table(f"Mean of {complete} clips", figures["mean"], figures["metrics"]))
     else:
         console.print("There is no clip that every method could do, hence no mean.")
     figures["leads"] = {measure: count_leads(scores, measure) for measure in ("psnr", "ssim", "mae")}
@@ -228,6 +233,9 @@ def main() -> None:
     parser.add_argument("clip", nargs="*", default=[str(SAMPLE)])
     parser.add_argument("--methods", default=",".join(methods), help="names, separated by commas")
     parser.add_argument("--frames", type=int, default=40, help="hidden frames at most, per clip")
+    parser.add_argument(
+        "--metrics", action="append", default=[], metavar="NAMES", help=f"besides: {', '.join(further_metrics)}"
+    )
     parser.add_argument("--peer", action="append", default=[], metavar="NAME='COMMAND {in} {out}'")
     parser.add_argument("--crops", type=Path, metavar="FOLDER", help="pictures of the worst frames of each clip")
     parser.add_argument("--confidence", action="store_true", help="how well the confidence ranks the errors")

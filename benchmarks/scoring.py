@@ -6,6 +6,7 @@ import argparse
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from fractions import Fraction
 from itertools import islice, pairwise, starmap
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from fpsboost.errors import InputError
-from fpsboost.evaluation.metrics import means, score
+from fpsboost.evaluation.further_metrics import Meters, figures_of, summarise
+from fpsboost.evaluation.metrics import low_percentile, means, score
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.media.images.files import IMAGE_SUFFIXES
@@ -50,12 +52,15 @@ class Clip:
         The odd ones: one between every two that are shown.
     scored : list of int
         Which of the hidden frames count: no method can know what lies across a scene cut.
+    rate : Fraction
+        Frames per second.
     """
 
     name: str
     shown: list[Image]
     hidden: list[Image]
     scored: list[int]
+    rate: Fraction
 
 
 class Made(NamedTuple):
@@ -124,8 +129,10 @@ def read_clip(name: str, path: str, largest: int) -> Clip:
     shown, hidden = frames[::2], frames[1::2]
     if not hidden:
         raise InputError(f"{path} holds fewer than three frames; one between two others is needed.")
+    with open_source(path) as source:
+        rate = source.info.rate
     cuts = CutDetector().find_cuts([CutDetector().likeness(*pair) for pair in pairwise(map(PreparedImage, shown))])
-    return Clip(name, shown, hidden, [index for index, cut in enumerate(cuts) if not cut])
+    return Clip(name, shown, hidden, [index for index, cut in enumerate(cuts) if not cut], rate)
 
 
 @dataclass(frozen=True)
@@ -171,12 +178,29 @@ def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False
     return Made(images, spent * 1e3 / len(images), kept if len(kept) == len(images) else [])
 
 
-def score_clip(clip: Clip, made: Made) -> Figures:
-    """Mean scores over the frames that count, and CPU milliseconds a frame."""
+def score_clip(clip: Clip, made: Made, metrics: Sequence[str] = ()) -> Figures:
+    """Mean scores over the frames that count, further metrics, and CPU milliseconds a frame."""
     rows = [asdict(score(clip.hidden[index], made.images[index])) for index in clip.scored]
-    return {**means(rows), "cpu_ms": made.cpu_ms}
+    return {
+        **means(rows),
+        "psnr_p5": low_percentile([row["psnr"] for row in rows]),
+        **measure_further(clip, made, metrics),
+        "cpu_ms": made.cpu_ms,
+    }
 
 
-def cells(row: Mapping[str, float]) -> list[str]:
-    """PSNR, SSIM, MAE and CPU milliseconds as a table shows them."""
-    return [f"{row['psnr']:.2f}", f"{row['ssim']:.4f}", f"{row['mae']:.3f}", f"{row['cpu_ms']:.0f}"]
+def measure_further(clip: Clip, made: Made, metrics: Sequence[str]) -> Figures:
+    """Figures of further metrics over the frames that count, by name."""
+    meters = Meters(metrics, clip.rate)
+    for shown, truth, image in zip(clip.shown, clip.hidden, made.images, strict=False):
+        meters.shown(shown)
+        meters.made(truth, image)
+    meters.shown(clip.shown[-1])
+    measured = meters.values(len(clip.hidden))
+    return summarise(metrics, [measured[index] for index in clip.scored])
+
+
+def cells(row: Mapping[str, float], metrics: Sequence[str] = ()) -> list[str]:
+    """PSNR, SSIM, MAE, CPU milliseconds and further metrics as a table shows them."""
+    further = [f"{row[figure.name]:.{figure.digits}f}" for figure in figures_of(metrics)]
+    return [f"{row['psnr']:.2f}", f"{row['ssim']:.4f}", f"{row['mae']:.3f}", f"{row['cpu_ms']:.0f}", *further]

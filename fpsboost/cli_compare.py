@@ -79,6 +79,7 @@ def compare(
     vectors: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
     depth: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
     at_cuts: CutOptions = CutOptions(),
+    metrics: Annotated[tuple[str, ...], Parameter(group=results, metavar="NAMES", show_default=False)] = (),
     report: Annotated[str | None, Parameter(group=results, metavar="DIR")] = None,
     json: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
     csv: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
@@ -109,6 +110,10 @@ def compare(
         Folder of a renderer's vectors, for every frame of IN.
     depth
         Folder of its depth, for reproject-scene.
+    metrics
+        Measured beside PSNR (and P5, its 5th percentile), SSIM,
+        MAE and MSE, with commas between: dtssd, tof, flip,
+        xpsnr, vmaf, grid; see docs/comparison.md.
     report
         A new folder for the page, index.html.
     json
@@ -122,6 +127,7 @@ def compare(
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
     from fpsboost.evaluation.exporting import write_csv, write_json  # noqa: PLC0415
+    from fpsboost.evaluation.further_metrics import choose_metrics  # noqa: PLC0415
     from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
@@ -135,6 +141,7 @@ def compare(
     makers = with_cuts(makers, at_cuts)
     if fail_under is not None:
         check_limit(fail_under, methods, list(makers), skipped)
+    chosen = choose_metrics(metrics)
     for path, option in ((report, "--report"), (json, "--json"), (csv, "--csv")):
         check_new(path, option)
     rate = frames.image_rate()
@@ -153,6 +160,7 @@ def compare(
                 vectors=folder,
                 cuts=at_cuts.applied_to(find_method("nlm")).cuts,
                 cut_options=words_of(at_cuts.given),
+                metrics=chosen,
             )
         for each in tables(comparison):
             console.print(each)
@@ -241,7 +249,7 @@ def tables(comparison: Comparison) -> list[Table]:
         title=f"{shown(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}",
     )
     by_area = Table(Column("MAE", overflow="fold"), title="where the errors are")
-    for name in ("PSNR", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
+    for name in ("PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
         overall.add_column(name, justify="right")
     areas = [area for area, _ in comparison.areas]
     for area, outside in comparison.areas:
@@ -253,7 +261,29 @@ def tables(comparison: Comparison) -> list[Table]:
         overall.add_row(name, *overall_cells(comparison, method), style=style)
         errors = [comparison.mean_error(method, *each) for each in product(areas, (True, False))]
         by_area.add_row(name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
-    return [overall, by_area] if areas else [overall]
+    found = [overall]
+    if areas:
+        found.append(by_area)
+    if comparison.metrics:
+        found.append(further_table(comparison, ranked))
+    return found
+
+
+def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Table:
+    """What was measured beside, methods in the order of the overall figures."""
+    from fpsboost.evaluation.further_metrics import figures_of  # noqa: PLC0415
+    from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
+
+    figures = figures_of(comparison.metrics)
+    table = Table(Column("method", overflow="fold"), title="further metrics")
+    for figure in figures:
+        table.add_column(figure.title, justify="right")
+    for method in ranked:
+        values = comparison.further(method)
+        pairs = [(figure.digits, values[figure.name]) for figure in figures]
+        cells = ["-" if math.isnan(value) else f"{value:.{digits}f}" for digits, value in pairs]
+        table.add_row("\n".join(map(shown, break_name(method.name))), *cells)
+    return table
 
 
 def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
@@ -261,6 +291,7 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
     scores, seconds = comparison.means(method), comparison.mean_seconds(method)
     return [
         f"{scores.psnr:.2f}",
+        f"{comparison.low_psnr(method):.2f}",
         f"{scores.ssim:.4f}",
         f"{scores.mae:.2f}",
         f"{scores.mse:.1f}",
@@ -270,8 +301,11 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
 
 def remarks(comparison: Comparison, makers: Mapping[str, Maker]) -> list[str]:
     """What a reader of the table must know."""
+    from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
+
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
-    lines = [f"PSNR in dB; MAE and MSE in levels of 255. Of the picture: {shares}."]
+    lines = [f"PSNR in dB, P5 its 5th percentile; MAE and MSE in levels of 255. Of the picture: {shares}."]
+    lines += [metrics[name].meaning for name in comparison.metrics]
     if comparison.cuts:
         are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
         lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")

@@ -15,6 +15,8 @@ import pytest
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.compare import DATA_VERSION, Comparison, FrameResult, MethodResult
 from fpsboost.evaluation.exporting import write_csv, write_json
+from fpsboost.evaluation.further_metrics import metrics
+from fpsboost.evaluation.grid_metric import count_steps
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.metrics import Scores
 from fpsboost.evaluation.regions import NAMES, OUTSIDES
@@ -35,7 +37,11 @@ def comparison():
             dict.fromkeys(NAMES, 2.0),
             dict.fromkeys(NAMES, np.nan),
             None if np.isnan(seconds) else 15,
+            measured,
         )
+
+    image = np.zeros((8, 8, 3), np.uint8)
+    measured = {**count_steps(image, image), **{name: 1.0 for name in metrics if name != "grid"}}
 
     methods = [
         MethodResult("nlm:v=0.1,patch-radius=4", "options", [frame(number, 0.5) for number in (1, 3, 5)]),
@@ -43,7 +49,17 @@ def comparison():
     ]
     shares = dict.fromkeys(NAMES, 0.3)
     return Comparison(
-        "clip", "8x8", Hiding(), [1, 3, 5], [5], shares, methods, {}, times=[0.5, 0.25, 0.5], clip_frames=7
+        "clip",
+        "8x8",
+        Hiding(),
+        [1, 3, 5],
+        [5],
+        shares,
+        methods,
+        {},
+        times=[0.5, 0.25, 0.5],
+        clip_frames=7,
+        metrics=tuple(metrics),
     )
 
 
@@ -87,6 +103,7 @@ def test_the_table_has_a_row_for_each_method_and_frame(comparison, tmp_path):
     assert (rows[3]["seconds"], rows[3]["mae_still"]) == ("", "")
     assert (rows[1]["search_radius"], rows[3]["search_radius"]) == ("15", "")
     assert set(rows[0]) >= {f"mae_{name}" for name in (*NAMES, *OUTSIDES)}
+    assert rows[0]["tof"] == "1.0"
     for name in rows[0]:
         assert f"`{name}`" in DESCRIPTION
 

@@ -9,7 +9,7 @@ import pytest
 from truth import noise
 
 from fpsboost.errors import InputError
-from fpsboost.evaluation.metrics import Scores, absolute_error, as_seen, mean, mean_scores, means, score
+from fpsboost.evaluation.metrics import Scores, absolute_error, as_seen, low_percentile, mean, mean_scores, means, score
 
 
 def test_equal_images_have_the_best_scores():
@@ -61,3 +61,10 @@ def test_means_leave_out_what_is_no_number():
     assert math.isnan(mean([math.nan]))
     assert means([{"a": 1.0, "b": math.nan}, {"a": 2.0, "b": 4.0}]) == {"a": 1.5, "b": 4.0}
     assert mean_scores([Scores(1, 2, 3, 4), Scores(3, 4, 5, 6)]) == Scores(2, 3, 4, 5)
+
+
+def test_the_low_percentile_lies_below_95_of_100_frames():
+    """One bad frame in twenty is what it shows, interpolated to the next, and a lone frame is its own."""
+    assert low_percentile([20.0] + [30.0] * 20) == pytest.approx(30)
+    assert low_percentile([20.0] + [30.0] * 10) == pytest.approx(25)
+    assert low_percentile([31.0]) == 31

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from fpsboost.cut_list import CutList
 from fpsboost.errors import InputError, OptionError, OutputError, explained
+from fpsboost.evaluation.further_metrics import Meters, summarise
 from fpsboost.evaluation.hiding import Hidden, Hiding, Interval
 from fpsboost.evaluation.making import Made, Maker
-from fpsboost.evaluation.metrics import Scores, absolute_error, mean, mean_scores, score
+from fpsboost.evaluation.metrics import Scores, absolute_error, low_percentile, mean, mean_scores, score
 from fpsboost.evaluation.regions import NAMES, OUTSIDES, Regions, find_regions
 from fpsboost.evaluation.verdict import judge
 from fpsboost.frame import Image, describe
@@ -61,6 +62,8 @@ class FrameResult:
         where an area is empty.
     search_radius : int or None
         That the motion was searched in, pixels; None where the method has none.
+    metrics : dict of str to float
+        What was measured beside, by name; see `fpsboost.evaluation.further_metrics`.
     """
 
     number: int
@@ -70,6 +73,7 @@ class FrameResult:
     inside: dict[str, float]
     outside: dict[str, float]
     search_radius: int | None = None
+    metrics: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -125,6 +129,8 @@ class Comparison:
         `fpsboost.evaluation.hiding.Hiding`. No mean counts them.
     clip_frames : int
         Frames from the first shown one to the last, all counted.
+    metrics : tuple of str
+        What was measured beside the scores: names of `fpsboost.evaluation.further_metrics.metrics`.
     """
 
     clip: str
@@ -143,6 +149,7 @@ class Comparison:
     repeats: list[int] = field(default_factory=list)
     doubtful: list[int] = field(default_factory=list)
     clip_frames: int = 0
+    metrics: tuple[str, ...] = ()
 
     @property
     def areas(self) -> list[tuple[str, str]]:
@@ -192,6 +199,14 @@ class Comparison:
         """Mean scores of a method."""
         return mean_scores([frame.scores for frame in self.counted(method)])
 
+    def low_psnr(self, method: MethodResult) -> float:
+        """The 5th percentile of a method's PSNR over the frames that count, dB."""
+        return low_percentile([frame.scores.psnr for frame in self.counted(method)])
+
+    def further(self, method: MethodResult) -> dict[str, float]:
+        """The figures of a method in the further metrics, by name, over the frames that count."""
+        return summarise(self.metrics, [frame.metrics for frame in self.counted(method)])
+
     def mean_seconds(self, method: MethodResult) -> tuple[float, float]:
         """Seconds and CPU seconds a frame of a method."""
         frames = self.counted(method)
@@ -214,6 +229,8 @@ class Comparison:
             seconds, cpu_seconds = self.mean_seconds(method)
             row["mean"] = {
                 **asdict(self.means(method)),
+                "psnr_p5": self.low_psnr(method),
+                "metrics": self.further(method),
                 "seconds": seconds,
                 "cpu_seconds": cpu_seconds,
                 "inside": {area: self.mean_error(method, area) for area in NAMES},
@@ -248,6 +265,8 @@ class _Overview:
     clip_frames: int
     shares: dict[str, float]
     areas: _Areas
+    rate: Fraction
+    """Frames per second, over all intervals."""
 
 
 class _Areas:
@@ -284,6 +303,7 @@ def compare(
     vectors: VectorFolder | None = None,
     cuts: CutPolicy | None = CutDetector(),
     cut_options: tuple[str, ...] = (),
+    metrics: Sequence[str] = (),
 ) -> Comparison:
     """Score methods on the hidden frames of a clip.
 
@@ -306,6 +326,8 @@ def compare(
         A renderer's: the areas come from them, and repeats are not looked for.
     cuts : CutPolicy or None
         Finds the scene cuts between the true frames, or knows them; None takes everything for one scene.
+    metrics : sequence of str
+        What to measure beside the scores: of `fpsboost.evaluation.further_metrics.choose_metrics`.
 
     Returns
     -------
@@ -335,9 +357,11 @@ def compare(
         for name, maker in makers.items():
             observer.begun(name, len(overview.hidden))
             # the true frames are read beside: a method may read far ahead
-            truths = (each for interval in hiding.intervals(path, input_fps) for each in interval.hidden)
+            truths = hiding.intervals(path, input_fps)
             made = maker.make(hiding.intervals(path, input_fps))
-            frames = list(_scored(made, truths, overview, observer))
+            frames = list(_scored(made, truths, overview, observer, meters := Meters(metrics, overview.rate)))
+            measured = meters.values(len(frames))
+            frames = [replace(frame, metrics=row) for frame, row in zip(frames, measured, strict=True)]
             results.append(MethodResult(name, maker.describe(), frames))
     return Comparison(
         path,
@@ -356,6 +380,7 @@ def compare(
         overview.repeats,
         overview.doubtful,
         overview.clip_frames,
+        tuple(metrics),
     )
 
 
@@ -418,6 +443,7 @@ def _look(
         passed[-1].last - passed[0].first + 1,
         dict(zip(NAMES, np.mean(shares, axis=0).tolist(), strict=True)),
         areas,
+        sum(len(each.hidden) + 1 for each in passed) / sum((each.seconds for each in passed), Fraction(0)),
     )
 
 
@@ -432,6 +458,7 @@ class _Passed(NamedTuple):
     repeats: tuple[int, ...]
     is_known: bool
     shares: list[list[float]]
+    seconds: Fraction
 
 
 def _passing(
@@ -458,6 +485,7 @@ def _passing(
                 interval.repeats,
                 interval.is_known,
                 shares,
+                interval.shown1.time - interval.shown0.time,
             )
         )
         yield interval
@@ -494,9 +522,10 @@ def _check_some_count(path: str, hidden: int, cuts: int, doubtful: int) -> None:
 
 
 def _scored(
-    made: Iterator[Made], truths: Iterator[Hidden], overview: _Overview, observer: Observer
+    made: Iterator[Made], truths: Iterator[Interval], overview: _Overview, observer: Observer, meters: Meters
 ) -> Iterator[FrameResult]:
-    for index, (frame, truth) in enumerate(zip(made, truths, strict=True)):
+    for index, (frame, truth) in enumerate(zip(made, meters.passing(truths), strict=True)):
+        meters.made(truth.truth, frame.image)
         error = absolute_error(truth.truth, frame.image)
         areas = dict(zip(NAMES, overview.areas.of(index), strict=True))
         yield FrameResult(

@@ -64,5 +64,6 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
                 "search_radius": "" if frame.search_radius is None else frame.search_radius,
                 **{f"mae_{area}": error for area, error in frame.inside.items()},
                 **{f"mae_{OUTSIDES[NAMES.index(area)]}": error for area, error in frame.outside.items()},
+                **frame.metrics,
             }
             yield {name: "" if isinstance(each, float) and math.isnan(each) else each for name, each in row.items()}

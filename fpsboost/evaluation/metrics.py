@@ -24,6 +24,9 @@ SMALLEST_MSE = 1e-12
 
 SSIM_WINDOW = 7
 
+LOW_PERCENT = 5
+"""Of the frames: how bad the worst of them are says more about a clip than their mean."""
+
 
 @dataclass(frozen=True)
 class Scores:
@@ -102,6 +105,31 @@ def as_seen(image: Image) -> NDArray[Any]:
     return values
 
 
+def as_shown(image: Image) -> NDArray[Any]:
+    """An image as a screen shows it: 8-bit colours, clipped; transparency over mid gray; float values as linear light.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> as_shown(np.full((1, 1, 1), 2.0, np.float32)).tolist()
+    [[[255, 255, 255]]]
+    """
+    linear = image.dtype == np.float32
+    values = as_seen(image)
+    if has_alpha(image):
+        gray = 0.5**2.2 if linear else 0.5
+        values = values[..., :-1] + gray * (1 - values[..., -1:].clip(0, 1))
+    values = values.clip(0, 1)
+    if linear:
+        values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
+    levels = np.rint(values * 255).astype(np.uint8)
+    return np.ascontiguousarray(levels if levels.shape[2] == 3 else levels.repeat(3, axis=2))
+
+
 def mean_scores(scores: Sequence[Scores]) -> Scores:
     """The mean of every figure; PSNR as the mean of decibels, as benchmarks have it."""
     rows = [asdict(each) for each in scores]
@@ -112,6 +140,22 @@ def mean(values: Sequence[float]) -> float:
     """The mean of those that are numbers; no number where none is."""
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
+
+
+def low_percentile(values: Sequence[float]) -> float:
+    """The 5th percentile, interpolated linearly between the two values around it (NumPy's default).
+
+    Parameters
+    ----------
+    values : sequence of float
+        Of frames, where more is better: PSNR, dB. With fewer than 20 of them it lies between the two lowest.
+
+    Examples
+    --------
+    >>> low_percentile([float(value) for value in range(101)])
+    5.0
+    """
+    return float(np.percentile(values, LOW_PERCENT))
 
 
 def means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from fpsboost.evaluation.compare import Picked
 from fpsboost.evaluation.hiding import Interval
 from fpsboost.evaluation.making import InterpolatorMaker, Maker
-from fpsboost.evaluation.metrics import absolute_error, as_seen
-from fpsboost.frame import Image, has_alpha
+from fpsboost.evaluation.metrics import absolute_error, as_shown
+from fpsboost.frame import Image
 from fpsboost.interpolator import Pair
 from fpsboost.motion.field import at_points
 from fpsboost.motion.opencv import Still
@@ -266,31 +266,6 @@ def _doubts(
             error = absolute_error(picked.hidden.truth, made[name])
             doubt, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / BRIGHTEST))
             yield Picture(name, index, encode(doubt)), Picture(name, index, encode(wrong), float(error.mean()))
-
-
-def as_shown(image: Image) -> NDArray[Any]:
-    """An image as a screen shows it: 8-bit colours, clipped; transparency over mid gray; float values as linear light.
-
-    Returns
-    -------
-    (H, W, 3) uint8
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> as_shown(np.full((1, 1, 1), 2.0, np.float32)).tolist()
-    [[[255, 255, 255]]]
-    """
-    linear = image.dtype == np.float32
-    values = as_seen(image)
-    if has_alpha(image):
-        gray = 0.5**2.2 if linear else 0.5
-        values = values[..., :-1] + gray * (1 - values[..., -1:].clip(0, 1))
-    values = values.clip(0, 1)
-    if linear:
-        values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
-    levels = np.rint(values * 255).astype(np.uint8)
-    return np.ascontiguousarray(levels if levels.shape[2] == 3 else levels.repeat(3, axis=2))
 
 
 def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:

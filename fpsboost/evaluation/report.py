@@ -21,6 +21,7 @@ from markupsafe import Markup
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.charts import Chart, Dot, Series, draw_dots, draw_lines
 from fpsboost.evaluation.compare import Comparison, MethodResult, make_some, pick
+from fpsboost.evaluation.further_metrics import Figure, figures_of, metrics
 from fpsboost.evaluation.looks import looks_of
 from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
 from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
@@ -46,6 +47,7 @@ class Column(NamedTuple):
 
 COLUMNS = (
     Column("PSNR", "dB", 2, True),
+    Column("PSNR P5", "dB", 2, True),
     Column("SSIM", "", 4, True),
     Column("MAE", "levels", 2, False),
     Column("MSE", "levels²", 1, False),
@@ -161,6 +163,9 @@ def make_page(
         overall=overall_rows(comparison),
         areas=comparison.areas,
         by_area=area_rows(comparison),
+        further_figures=figures_of(comparison.metrics),
+        further=further_rows(comparison),
+        meanings=[metrics[name].meaning for name in comparison.metrics],
         plots=frame_plots(comparison),
         timing=time_plot(comparison),
         quality=quality_charts(comparison),
@@ -246,7 +251,8 @@ def overall_rows(comparison: Comparison) -> list[Row]:
     figures = []
     for method in comparison.methods:
         scores = comparison.means(method)
-        figures.append([scores.psnr, scores.ssim, scores.mae, scores.mse, *comparison.mean_seconds(method)])
+        low = comparison.low_psnr(method)
+        figures.append([scores.psnr, low, scores.ssim, scores.mae, scores.mse, *comparison.mean_seconds(method)])
     rows = _rows(comparison.methods, figures, [(each.digits, each.high_is_good) for each in COLUMNS])
     return [rows[index] for index in sorted(range(len(rows)), key=lambda index: -figures[index][0])]
 
@@ -259,6 +265,18 @@ def area_rows(comparison: Comparison) -> list[Row]:
     ]
     rows = _rows(comparison.methods, figures, [(2, False)] * (2 * len(comparison.areas)))
     return [rows[row.method] for row in overall_rows(comparison)]
+
+
+def further_rows(comparison: Comparison) -> list[Row]:
+    """What was measured beside, in the order of `overall_rows`."""
+    figures = figures_of(comparison.metrics)
+    values = [[comparison.further(method)[each.name] for each in figures] for method in comparison.methods]
+    rows = _rows(comparison.methods, values, [(each.digits, each.high_is_good) for each in figures])
+    return [rows[row.method] for row in overall_rows(comparison)]
+
+
+def _of_frames(comparison: Comparison) -> list[Figure]:
+    return [figure for name in comparison.metrics for figure in metrics[name].of_frames]
 
 
 def _rows(
@@ -290,12 +308,16 @@ def _more_digits(values: Sequence[float], digits: int) -> int:
 
 
 def frame_plots(comparison: Comparison) -> list[Plot]:
-    """The error of every frame, as three figures to choose from."""
-    choices = (
+    """The error of every frame, as three figures to choose from, and more where more was measured."""
+    choices = [
         ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
         ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
         ("psnr", "PSNR", "dB", "PSNR, dB (higher is better)", {"from_zero": False}),
-    )
+    ]
+    for figure in _of_frames(comparison):
+        label = f"{figure.title}, {figure.unit}" if figure.unit else figure.title
+        label += " (higher is better)" if figure.high_is_good else ""
+        choices.append((figure.name, figure.title, figure.unit, label, {"from_zero": not figure.high_is_good}))
     return [
         Plot(key, title, unit, _frame_charts(comparison, key, label, **how)) for key, title, unit, label, how in choices
     ]
@@ -350,6 +372,10 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
                 "mae": [frame.scores.mae for frame in method.frames],
                 "psnr": [frame.scores.psnr for frame in method.frames],
                 "seconds": [frame.seconds if math.isfinite(frame.seconds) else None for frame in method.frames],
+                **{
+                    figure.name: [frame.metrics[figure.name] for frame in method.frames]
+                    for figure in _of_frames(comparison)
+                },
             }
             for method in comparison.methods
         ],
@@ -363,6 +389,8 @@ def command(comparison: Comparison, input_fps: Fraction | None) -> str:
     names = [name for name in names if name.partition(":")[0] in known]
     words = ["fpsboost", "compare", comparison.clip, "-m", ",".join(names)]
     words += comparison.hiding.as_options()
+    if comparison.metrics:
+        words += ["--metrics", ",".join(comparison.metrics)]
     if input_fps is not None:
         words += ["--input-fps", str(input_fps)]
     return shlex.join([*words, *comparison.others, *comparison.rendered, *comparison.cut_options, "--report", "DIR"])
