@@ -20,7 +20,7 @@ from fpsboost.motion.colour import normalised
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Still
-from fpsboost.motion.trajectory import Neighbour, find_acceleration
+from fpsboost.motion.trajectory import Neighbour
 from fpsboost.motion.vectors import RenderedMotion
 from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector, CutPolicy
@@ -156,9 +156,6 @@ class Pair:
         """Keep only what the next pair asks for: called once its own frames are made, saves memory."""
         self.image0.forget()
         self.__dict__.pop("in_one_light", None)
-        if "fields" in self.__dict__:
-            field01, field10 = self.fields
-            self.__dict__["fields"] = replace(field01, alternatives=()), replace(field10, alternatives=())
 
 
 @dataclass(frozen=True)
@@ -300,10 +297,8 @@ class Interpolator:
             onward = self.at_cuts == "extrapolate"
             fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)
             return AT_CUTS[self.at_cuts].synthesize(Transition(pair.image0, pair.image1, *fields), times)
-        acceleration = None
-        if self.curved:
-            acceleration = find_acceleration(*pair.fields, _neighbour(before, pair), _neighbour(after, pair))
-        images = self.synthesizer.synthesize(Transition(*pair.in_one_light, *pair.fields, acceleration), times)
+        neighbours = (_neighbour(before, pair), _neighbour(after, pair)) if self.curved else ()
+        images = self.synthesizer.synthesize(Transition(*pair.in_one_light, *pair.fields, *neighbours), times)
         if pair.lighting is not None:
             images = _relit(images, times, pair.lighting, pair.image0.pixels.dtype)
         elif self.overlays and (before or after):

@@ -40,7 +40,7 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
         "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse(step=16, enough=0.95)),
         "nlm-best": Interpolator(
             CoarseToFine(reach=1 / 6, others=(Dis("ultrafast"), Dis("medium"), CoarseToFine(patch_radius=4, v=0.06))),
-            Fuse(around=16),
+            Fuse(),
         ),
         "nlm-exhaustive": plain(ExhaustiveSearch(), Reproject()),
         "nlm-brute-force": plain(ExhaustiveSearch(), Reproject(search="brute-force")),

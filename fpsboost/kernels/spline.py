@@ -14,7 +14,7 @@ from numba import njit, prange
 from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT
 
-MARGIN = 32
+MARGIN = 40
 """Edges are repeated this far beyond the frame, pixels."""
 
 POLE = math.sqrt(3) - 2

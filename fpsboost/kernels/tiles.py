@@ -3,6 +3,9 @@
 Neighbouring points mostly propose the same few offsets. So for each tile the distinct proposals in and around it are
 gathered once, each with its neighbours, and the similarity of every one of them is computed over the whole tile and
 summed around each point: the cost is that of a few dozen offsets, whatever the search radius.
+
+Each point keeps its most similar offsets, one for every local maximum: in a repeated pattern several are equally
+similar, and only the neighbours can tell which is right.
 """
 
 from __future__ import annotations
@@ -50,12 +53,53 @@ def gather_offsets(proposals, top, left, bottom, right, reach, limit, seen, offs
     return count
 
 
+@njit(inline="always", **FINITE_JIT)
+def sum_patches(column, size, step, across, totals):
+    """Sums over `size` columns around each of `across` points of a row, the first at step / 2."""
+    if step > 1:
+        for q in range(across):
+            total = np.int32(0)
+            for i in range(size):
+                total += column[q * step + step // 2 + i]
+            totals[q] = total
+        return
+    totals[:] = 0
+    for i in range(size):
+        for q in range(TILE):
+            totals[q] += column[q + i]
+
+
+@njit(inline="always", **FINITE_JIT)
+def insert_offset(dx, dy, value, count, best, flows):
+    """Put an offset into a point's list, falling by value; of neighbouring offsets the better stays. How many now."""
+    capacity = best.shape[0]
+    if count == capacity and value <= best[capacity - 1]:
+        return count
+    place = 0
+    while place < count and not (abs(flows[place, 0] - dx) <= 1 and abs(flows[place, 1] - dy) <= 1):
+        place += 1
+    if place < count:
+        if value <= best[place]:
+            return count
+    elif count < capacity:
+        count += 1
+    else:
+        place = capacity - 1
+    while place > 0 and best[place - 1] < value:
+        best[place] = best[place - 1]
+        flows[place, 0], flows[place, 1] = flows[place - 1, 0], flows[place - 1, 1]
+        place -= 1
+    best[place] = value
+    flows[place, 0], flows[place, 1] = dx, dy
+    return count
+
+
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def search_tiles(
-    planes0, planes1, height, width, proposals, expected, spacing, step, reach, limit, radius, lanes, penalty, best,
-    flow,
+    planes0, planes1, height, width, proposals, expected, spacing, step, reach, limit, radius, lanes, penalty, count,
+    best, flows,
 ):  # fmt: skip
-    """Find the motion at every point of a frame.
+    """Find the most similar offsets at every point of a frame.
 
     Parameters
     ----------
@@ -77,9 +121,11 @@ def search_tiles(
         At least TILE + 2 radius, a multiple of LANES.
     penalty : float32
         What a pixel of distance from the expected motion costs, in units of similarity (0 to 1).
-    best : (points down, points across) float32 out
-        Mean similarity less the penalty, at points `step` pixels apart, the first at step / 2.
-    flow : (points down, points across, 2) float32 out
+    count : (points down, points across) int32 out
+        How many offsets each point has, at least one: none is the neighbour of another.
+    best : (points down, points across, capacity) float32 out
+        Mean similarity less the penalty, at points `step` pixels apart, the first at step / 2; falling.
+    flows : (points down, points across, capacity, 2) float32 out
         Whole pixels.
     """
     size, padding = 2 * radius + 1, PADDING + radius
@@ -88,7 +134,7 @@ def search_tiles(
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
     places_down, places_across = proposals.shape[:2]
-    points_down, points_across = best.shape
+    points_down, points_across = count.shape
     per_tile = TILE // step
     tiles_across = (width + TILE - 1) // TILE
     tiles = (height + TILE - 1) // TILE * tiles_across
@@ -98,15 +144,17 @@ def search_tiles(
         seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
         offsets = np.empty((2, capacity), np.int32)
         alike = np.empty(lanes, np.int32)
-        columns = np.empty((per_tile, lanes), np.int32)
+        columns, totals = np.empty((per_tile, lanes), np.int32), np.empty(TILE, np.int32)
         for tile in range(chunk * TOGETHER, min((chunk + 1) * TOGETHER, tiles)):
             top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
             first_down, first_across = top // step, left // step
             down, across = min(per_tile, points_down - first_down), min(per_tile, points_across - first_across)
+            # where no offset leads into the frame, no motion is all there is
+            count[first_down : first_down + down, first_across : first_across + across] = 0
             best[first_down : first_down + down, first_across : first_across + across] = np.float32(-2)
-            flow[first_down : first_down + down, first_across : first_across + across] = 0
-            count = gather_offsets(
+            flows[first_down : first_down + down, first_across : first_across + across] = 0
+            proposed = gather_offsets(
                 proposals,
                 max(0, (top - AROUND) // spacing),
                 max(0, (left - AROUND) // spacing),
@@ -119,7 +167,7 @@ def search_tiles(
             )
             # the last points of a frame may lie beyond its edge
             reached = max(bottom, top + down * step)
-            for k in range(count):
+            for k in range(proposed):
                 dy, dx = offsets[0, k], offsets[1, k]
                 if min(top + dy, left + dx) < -TILE or reached + dy > height + TILE or right + dx > width + TILE:
                     continue  # hardly anything of the tile would be inside
@@ -146,15 +194,17 @@ def search_tiles(
                         for i in range(lanes):
                             column[i] += alike[i]
                 for p in range(down):
+                    sum_patches(columns[p], size, step, across, totals)
                     for q in range(across):
-                        total = np.int32(0)
-                        for i in range(size):
-                            total += columns[p, q * step + step // 2 + i]
                         y, x = (first_down + p) * step + step // 2, (first_across + q) * step + step // 2
                         place_y, place_x = min(y // spacing, places_down - 1), min(x // spacing, places_across - 1)
                         apart = abs(dx - expected[place_y, place_x, 0]) + abs(dy - expected[place_y, place_x, 1])
-                        value = np.float32(total) * share - penalty * np.float32(apart)
-                        if value > best[first_down + p, first_across + q]:
-                            best[first_down + p, first_across + q] = value
-                            flow[first_down + p, first_across + q, 0] = np.float32(dx)
-                            flow[first_down + p, first_across + q, 1] = np.float32(dy)
+                        value = np.float32(totals[q]) * share - penalty * np.float32(apart)
+                        row, column = first_down + p, first_across + q
+                        count[row, column] = insert_offset(
+                            np.float32(dx), np.float32(dy), value, count[row, column], best[row, column],
+                            flows[row, column],
+                        )  # fmt: skip
+            for p in range(down):
+                for q in range(across):
+                    count[first_down + p, first_across + q] = max(count[first_down + p, first_across + q], 1)

@@ -3,8 +3,9 @@
 A small copy of the frames is searched in full; each finer level searches only around what the coarser one found in
 the neighbourhood of a tile. The data term is the report's at every level; the components are chosen to see low
 contrast, and an offset pays a little for its distance from the coarser level's proposal, which holds flat areas
-together. A patch that is larger than a thing goes with the background, so what is explained in neither frame gets a
-second look with small patches.
+together. In a repeated pattern many offsets are equally similar. So every point keeps several, and semi-global matching
+chooses among them, at every level from the coarsest on: what has gone wrong there is lost below. A patch that is larger
+than a thing goes with the background, so what is explained in neither frame gets a second look with small patches.
 
 Other estimators may have a say. What they find is made exact in the same way and kept beside the search's own result:
 no estimator is right everywhere, and which one is shows only in the in-between frame.
@@ -24,6 +25,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image, check_pair
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.refine import WIDE, refine_points
+from fpsboost.kernels.semi_global import smooth_labels
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, TILE, search_tiles
 from fpsboost.kernels.unexplained import measure_points, search_unexplained
@@ -43,8 +45,11 @@ class Points(NamedTuple):
     """(rows, columns) float32."""
 
 
+COARSEST_STEP = 2
+"""Distance of the points on the coarsest level, pixels."""
+
 COARSE_STEP = 4
-"""Distance of the points on all levels but the finest, pixels."""
+"""The same on all other levels but the finest."""
 
 DENSE_STEP = 2
 """The same where a second look is taken first: small things need points that lie well inside of them, pixels."""
@@ -85,6 +90,12 @@ class CoarseToFine:
         Width of the similarity measure, for colours in [0, 1].
     penalty : float
         What a pixel of distance from the coarser level's proposal costs, in units of similarity.
+    labels : int
+        Offsets that each point keeps, to choose from.
+    smoothness : float
+        What a change of motion between neighbouring points costs at most, in units of similarity.
+    steepness : float
+        Change of motion that costs as much, in pixels for each pixel between the points.
     coarsest_side : int
         The pyramid ends where the longer side would fall below this many pixels, and at 1/16 at the latest: small
         fast things vanish in smaller copies.
@@ -105,6 +116,9 @@ class CoarseToFine:
     patch_radius: int = 5
     v: float = 0.09
     penalty: float = 0.004
+    labels: int = 6
+    smoothness: float = 0.5
+    steepness: float = 4
     coarsest_side: int = 60
     step: int = 8
     finest_level: int = 0
@@ -117,6 +131,12 @@ class CoarseToFine:
             raise OptionError(f"--patch-radius must be 1 to 10 pixels for this method, not {self.patch_radius}.")
         if not self.penalty >= 0:
             raise OptionError(f"penalty must be at least 0, not {self.penalty}.")
+        if self.labels < 1:
+            raise OptionError(f"labels must be at least 1, not {self.labels}.")
+        if not self.smoothness >= 0:
+            raise OptionError(f"smoothness must be at least 0, not {self.smoothness}.")
+        if not self.steepness > 0:
+            raise OptionError(f"steepness must be above 0, not {self.steepness}.")
         if self.coarsest_side < 1:
             raise OptionError(f"coarsest_side must be at least 1 pixel, not {self.coarsest_side}.")
         if self.finest_level < 0:
@@ -131,7 +151,7 @@ class CoarseToFine:
         check_pair(image0.pixels, image1.pixels)
         levels0, levels1 = (image.once(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
-        found, step = self._search_coarsest(levels0[-1], levels1[-1]), 1
+        found, step = self._search_coarsest(levels0[-1], levels1[-1]), COARSEST_STEP
         for level in range(len(levels0) - 2, last - 1, -1):
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
             proposals = [points.flow for points in found]
@@ -145,7 +165,13 @@ class CoarseToFine:
                     *coarser, [points.flow for points in found], spacing // 2, ENOUGH[looks - 1]
                 )
             found = self._search(
-                levels0[level], levels1[level], found, proposals, spacing, step, reach=int(level == len(levels0) - 2)
+                levels0[level],
+                levels1[level],
+                [points.flow * 2 for points in found],
+                [flow * 2 for flow in proposals],
+                spacing,
+                step,
+                reach=int(level == len(levels0) - 2),
             )
         ends = levels0[last], levels1[last]
         foreign = [
@@ -177,33 +203,36 @@ class CoarseToFine:
         return [flow * np.float32(scale) for flow in flows]
 
     def _search_coarsest(self, image0: PreparedImage, image1: PreparedImage) -> list[Points]:
+        """Search for every offset at every pixel; what is found then is tried by all points of a tile."""
         components = image0.once(contrast_components), image1.once(contrast_components)
         limit = self._limit(image0.pixels)
         fields = search_fused(*components, limit, self.patch_radius, "box", self.v, self.penalty)
-        return [Points(field.flow, field.similarity) for field in fields]
+        found = [field.flow for field in fields]
+        return self._search(image0, image1, [np.zeros_like(flow) for flow in found], found, 1, COARSEST_STEP, reach=0)
 
     def _search(
         self,
         image0: PreparedImage,
         image1: PreparedImage,
-        coarser: list[Points],
+        expected: list[NDArray[Any]],
         proposals: list[NDArray[Any]],
         spacing: int,
         step: int,
         reach: int,
     ) -> list[Points]:
-        """Search one level in both directions around what the coarser one found."""
+        """Search one level in both directions around proposals, at points `step` apart; see `search_tiles`."""
         size = image0.pixels.shape[:2]
         lanes = -(-(TILE + 2 * self.patch_radius) // LANES) * LANES
         found = []
-        for points, proposed, pair in zip(coarser, proposals, self._both_ways(image0, image1), strict=True):
+        for likely, proposed, pair in zip(expected, proposals, self._both_ways(image0, image1), strict=True):
             shape = -(-size[0] // step), -(-size[1] // step)
-            similarity, flow = np.empty(shape, np.float32), np.empty((*shape, 2), np.float32)
+            count, similarity = np.empty(shape, np.int32), np.empty((*shape, self.labels), np.float32)
+            flows = np.empty((*shape, self.labels, 2), np.float32)
             search_tiles(
                 *pair,
                 *size,
-                np.rint(proposed * 2).astype(np.int32),
-                np.rint(points.flow * 2).astype(np.int32),
+                np.rint(proposed).astype(np.int32),
+                np.rint(likely).astype(np.int32),
                 spacing,
                 step,
                 reach,
@@ -211,13 +240,24 @@ class CoarseToFine:
                 self.patch_radius,
                 lanes,
                 np.float32(self.penalty),
+                count,
                 similarity,
-                flow,
+                flows,
             )
-            found.append(Points(flow, similarity))
+            found.append(self._chosen(count, similarity, flows, step))
         unknown = [np.full_like(points.flow, FAR) for points in found]
         self._refine(image0, image1, [points.flow for points in found], unknown, step)
         return found
+
+    def _chosen(self, count: NDArray[Any], similarity: NDArray[Any], flows: NDArray[Any], step: int) -> Points:
+        """Of every point's offsets the one that goes best with the neighbours' and is similar, too."""
+        costs = np.empty_like(similarity)
+        slope = self.smoothness / (self.steepness * step)
+        smooth_labels(count, flows, -similarity, np.float32(self.smoothness), np.float32(slope), costs)
+        costs[np.arange(self.labels) >= count[..., np.newaxis]] = np.inf
+        choice = costs.argmin(axis=2)[..., np.newaxis]
+        flow = np.take_along_axis(flows, choice[..., np.newaxis], axis=2)[:, :, 0]
+        return Points(np.ascontiguousarray(flow), np.take_along_axis(similarity, choice, axis=2)[..., 0])
 
     def _second_look(
         self,

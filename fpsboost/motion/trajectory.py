@@ -9,24 +9,20 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.candidates import CELL
-from fpsboost.motion.field import MotionField, round_trip
-
-EVERY = 16
-"""One pixel in so many is looked at, along x and y."""
+from fpsboost.motion.field import MotionField, point_places, round_trip
 
 CONSISTENT = 1.5
 """A vector counts if the way there and back ends this near to where it began, pixels."""
 
-ONE_SIDED = 0.6
+ONE_SIDED = 0.8
 """Share of the acceleration that is believed from one neighbouring pair alone."""
 
-TWO_SIDED = 1.5
-"""The same from both: more than one, because the mean over a neighbourhood and a time falls short of the peak."""
+TWO_SIDED = 2.0
+"""The same from both. A Catmull-Rom spline has 1, for motion that is slow to change; the ideal interpolation of motion
+that may change from pair to pair, a sinc, has 4 where it is cut off after two frames on each side."""
 
 
 class Neighbour(NamedTuple):
@@ -38,65 +34,56 @@ class Neighbour(NamedTuple):
     """Its duration over that of the pair in between."""
 
 
-def find_acceleration(
-    field01: MotionField, field10: MotionField, before: Neighbour | None, after: Neighbour | None
-) -> NDArray[Any] | None:
-    """How the motion through each cell of the frame changes.
+def accelerations_at_points(
+    onward: tuple[MotionField, MotionField],
+    away: tuple[MotionField, MotionField] | None,
+    ratio: float,
+    spacing: int,
+) -> list[NDArray[Any]]:
+    """How motion changes at the frame that two pairs share, at points `spacing` apart.
 
     Parameters
     ----------
-    field01, field10 : MotionField
-        Motion of the pair.
-    before, after : Neighbour or None
-        Motion of the pairs that share its first and its last frame, where they are known.
+    onward : tuple of MotionField
+        Motion from the shared frame to the other one of the pair, and back to it.
+    away : tuple of MotionField or None
+        The same to the other frame of the neighbouring pair, and back; None where there is none.
+    ratio : float
+        Duration of the neighbouring pair over that of the pair.
+    spacing : int
+        Pixels; see `fpsboost.motion.field.point_places`.
 
     Returns
     -------
-    (rows, columns, 2) float32 or None
-        Pixels per interval squared, one vector for each cell of `fpsboost.kernels.candidates.CELL` pixels; None where
-        there is no neighbour.
+    list of (rows, columns, 3) float32
+        One for the field's motion and for each of its alternatives: 1 where vectors in both directions lead there and
+        back, and the acceleration in pixels per interval squared; else 0. Alternatives that the neighbour lacks take
+        its motion.
     """
-    sides: list[NDArray[Any]] = []
-    if before is not None:
-        sides.append(_at_shared_frame((field01, field10), (before.field10, before.field01), before.ratio))
-    if after is not None:
-        sides.append(_at_shared_frame((field10, field01), (after.field01, after.field10), after.ratio))
-    if not sides:
-        return None
-    share = ONE_SIDED if len(sides) == 1 else TWO_SIDED / 2
-    acceleration: NDArray[Any] = np.sum(sides, axis=0) * np.float32(share)
-    return acceleration
+    y, x = point_places(onward[0].flow.shape, spacing)
+    vectors = _sampled(*onward, y, x)
+    if away is None:
+        return [np.zeros((*sure.shape, 3), np.float32) for _, sure in vectors]
+    others = _sampled(*away, y, x)
+    others += others[:1] * (len(vectors) - len(others))
+    found = []
+    for (there, sure), (elsewhere, also_sure) in zip(vectors, others[: len(vectors)], strict=True):
+        known = (sure & also_sure)[..., np.newaxis]
+        # x(1) = v + a / 2 and x(-r) = -r v + r^2 a / 2
+        change = (there * np.float32(ratio) + elsewhere) * np.float32(2 / (ratio + ratio * ratio))
+        found.append(np.dstack([known.astype(np.float32), np.where(known, change, np.float32(0))]))
+    return found
 
 
-def _at_shared_frame(
-    this: tuple[MotionField, MotionField], other: tuple[MotionField, MotionField], ratio: float
-) -> NDArray[Any]:
-    """Acceleration at the frame that two pairs share; each is given as motion from that frame and back to it."""
-    onward, sure_onward = _sampled(*this)
-    backward, sure_backward = _sampled(*other)
-    sure = sure_onward & sure_backward
-    # x(1) = v + a / 2 and x(-r) = -r v + r^2 a / 2
-    change = (onward * np.float32(ratio) + backward) * np.float32(2 / (ratio + ratio * ratio))
-    known = np.where(sure[..., np.newaxis], change, np.float32(0))
-    height, width = this[0].flow.shape[:2]
-    cells = -(-width // CELL), -(-height // CELL)
-    covered = cv2.copyMakeBorder(
-        np.dstack([known, sure.astype(np.float32)]),
-        0,
-        cells[1] * CELL // EVERY - sure.shape[0],
-        0,
-        cells[0] * CELL // EVERY - sure.shape[1],
-        cv2.BORDER_CONSTANT,
-    )
-    sums = cv2.blur(cv2.resize(covered, cells, interpolation=cv2.INTER_AREA), (3, 3))
-    return sums[..., :2] / (sums[..., 2:] + np.float32(0.05))
-
-
-def _sampled(there: MotionField, back: MotionField) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Vectors of every few pixels, and whether the way back agrees."""
+def _sampled(
+    there: MotionField, back: MotionField, y: NDArray[Any], x: NDArray[Any]
+) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+    """Vectors in rows `y` and columns `x`, the field's and those of its alternatives, and whether the way back agrees."""
     height, width = there.flow.shape[:2]
-    flow = there.flow[::EVERY, ::EVERY]
-    y, x = np.arange(0, height, EVERY), np.arange(0, width, EVERY)
-    landing_x, landing_y = np.rint(x + flow[..., 0]), np.rint(y[:, np.newaxis] + flow[..., 1])
-    inside = (landing_x >= 0) & (landing_x < width) & (landing_y >= 0) & (landing_y < height)
-    return flow, inside & (round_trip(flow, y, x, back.flow) <= CONSISTENT)
+    sampled = []
+    for flow, returning in zip((there.flow, *there.alternatives), (back.flow, *back.alternatives), strict=True):
+        vectors = flow[np.ix_(y, x)]
+        landing_x, landing_y = np.rint(x + vectors[..., 0]), np.rint(y[:, np.newaxis] + vectors[..., 1])
+        inside = (landing_x >= 0) & (landing_x < width) & (landing_y >= 0) & (landing_y < height)
+        sampled.append((vectors, inside & (round_trip(vectors, y, x, returning) <= CONSISTENT)))
+    return sampled

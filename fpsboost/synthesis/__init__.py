@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
-
-from numpy.typing import NDArray
+from typing import Protocol
 
 from fpsboost.frame import Image
 from fpsboost.motion.field import MotionField
+from fpsboost.motion.trajectory import Neighbour
 from fpsboost.prepared import PreparedImage
 
 
@@ -28,15 +27,16 @@ class Transition:
         Two frames of one size and type.
     field01, field10 : MotionField
         Motion in both directions.
-    acceleration : (rows, columns, 2) float32, optional
-        How the motion through each cell changes; see `fpsboost.motion.trajectory`. Constant speed without it.
+    before, after : Neighbour, optional
+        Motion of the pairs that share its first and its last frame: paths are curved by them, and straight without.
     """
 
     image0: PreparedImage
     image1: PreparedImage
     field01: MotionField
     field10: MotionField
-    acceleration: NDArray[Any] | None = None
+    before: Neighbour | None = None
+    after: Neighbour | None = None
 
 
 class Synthesizer(Protocol):

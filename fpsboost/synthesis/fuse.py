@@ -1,4 +1,8 @@
-"""The default: every pixel a mean over the motions that may hold there, weighed by patch similarity at time t."""
+"""The default: every pixel a mean over the motions that may hold there, weighed by patch similarity at time t.
+
+What the points of both frames say of the motion around a node is a vote; nodes whose neighbours say the same are heard
+first (semi-global matching), and what few say fades out.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +15,28 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, has_alpha
-from fpsboost.kernels.candidates import CELL, collect_candidates
-from fpsboost.kernels.fuse import ROW, SPARE, fuse_candidates, write_pixels
+from fpsboost.kernels.candidates import CELL, SUMS, collect_candidates, list_candidates, share_weights
+from fpsboost.kernels.fuse import SPARE, finish_mean, fuse_candidates, patch_shares, window_shape, write_pixels
 from fpsboost.kernels.memory import aligned_empty
+from fpsboost.kernels.semi_global import smooth_labels
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, at_points, point_places, round_trip
+from fpsboost.motion.trajectory import ONE_SIDED, TWO_SIDED, accelerations_at_points
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
 
 CAPACITY = 48
-"""Candidates of one cell, at most."""
+"""Motions that are told apart around one node, at most."""
+
+STILL_VOTES = np.float32(0.25)
+"""Votes of no motion at all."""
+
+STEADY = np.float32(20)
+"""Standard deviation of a candidate's accelerations at which their mean counts half, pixels."""
+
+LEAST_SHARE = np.float32(0.01)
+"""Added to a candidate's share of the votes, so that one with hardly any is not out of the question."""
 
 ASTRAY = 16
 """A motion whose way there and back ends so far from where it began has half a vote, pixels."""
@@ -36,6 +51,17 @@ class Fused(NamedTuple):
     """(H, W) float32 in [0, 1]."""
 
 
+class Voters(NamedTuple):
+    """What the points of a frame vote for; see `fpsboost.kernels.candidates.collect_candidates`."""
+
+    vectors: NDArray[Any]
+    """(rows, columns, 2) float32."""
+    accelerations: NDArray[Any]
+    """(rows, columns, 3) float32."""
+    trust: NDArray[Any]
+    """(rows, columns) float32."""
+
+
 @dataclass(frozen=True)
 class Fuse:
     """Collect the motions of both frames that lead through each cell at time t, and weigh what they bring together.
@@ -44,21 +70,34 @@ class Fuse:
     ----------
     step : int
         One pixel in so many of each frame, along x and y, has its motion tried.
-    around : float
+    support : float
         A motion is tried this far around the place where it leads to, and counts the less the farther, pixels.
     tolerance : float
         Motions that differ by less are tried once, pixels.
+    most : int
+        Motions that are tried around one node.
+    smoothness : float
+        Cost of a change of motion from node to node, at most: a candidate that needs one has ``exp(-cost)`` of its
+        weight left.
+    steepness : float
+        Change of motion that costs as much, pixels.
+    least : float
+        Weight in that of the best candidate below which a motion is not tried.
     width : float
         v of the similarity at time t, for colours in [0, 1].
     sharpness : float
         How clearly the most similar motion wins: its weight is ``exp(sharpness * similarity)``.
     enough : float
-        Similarity at which a cell needs no further candidates.
+        Similarity at which a node needs no further candidates.
     """
 
     step: int = 8
-    around: float = 12
+    support: float = 24
     tolerance: float = 0.5
+    most: int = 15
+    smoothness: float = 0.5
+    steepness: float = 4
+    least: float = 0.02
     width: float = 0.3
     sharpness: float = 25
     enough: float = 0.99
@@ -66,12 +105,20 @@ class Fuse:
     def __post_init__(self) -> None:
         if self.step < 1:
             raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
+        if not self.support >= CELL:
+            raise OptionError(f"support must be at least {CELL} pixels, or motions are lost, not {self.support}.")
         if not self.tolerance >= 0:
             raise OptionError(f"tolerance must be at least 0 pixels, not {self.tolerance}.")
+        if self.most < 1:
+            raise OptionError(f"most must be at least 1, not {self.most}.")
+        if not self.smoothness >= 0:
+            raise OptionError(f"smoothness must be at least 0, not {self.smoothness}.")
+        if not self.steepness > 0:
+            raise OptionError(f"steepness must be above 0 pixels, not {self.steepness}.")
+        if not 0 <= self.least < 1:
+            raise OptionError(f"least must be at least 0 and below 1, not {self.least}.")
         if not self.width > 0:
             raise OptionError(f"width must be above 0, not {self.width}.")
-        if self.around <= CELL / 2:
-            raise OptionError(f"around must be more than {CELL // 2} pixels, or motions are lost, not {self.around}.")
 
     def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
@@ -82,57 +129,94 @@ class Fuse:
         """Like `synthesize`, with the confidence of every pixel."""
         samples0, samples1 = (image.once(_samples) for image in (transition.image0, transition.image1))
         height, width, channels = transition.image0.pixels.shape
-        cells = -(-height // CELL), -(-width // CELL)
         scale = np.float32(0.5 / self.width**2 * max(1, 3 / channels))
-        acceleration = transition.acceleration
-        if acceleration is None:
-            acceleration = np.zeros((*cells, 2), np.float32)
-        votes01 = self._voters(transition.field01, transition.field10)
-        votes10 = self._voters(transition.field10, transition.field01)
+        voters = self._all_voters(transition)
+        shape, inverse = window_shape(), patch_shares()
         for t in times:
-            count = np.zeros(cells, np.int32)
-            votes, sums = np.zeros((*cells, CAPACITY), np.float32), np.zeros((*cells, CAPACITY, 2), np.float32)
-            corners = np.zeros((*cells, CAPACITY, 2, 2), np.float32)
-            landings = [(*voters, 1, t) for voters in votes01] + [(*voters, -1, 1 - t) for voters in votes10]
-            for flow, trust, sign, time in landings:
+            count, motions, weights = self._candidates(voters, (height, width), t)
+            mean = np.zeros((channels, height, width), np.float32)
+            weight_sum, similarity_sum = (np.zeros((height, width), np.float32) for _ in range(2))
+            for parity in (0, 1):
+                fuse_candidates(
+                    *samples0,
+                    *samples1,
+                    height,
+                    width,
+                    np.float32(t),
+                    count,
+                    motions,
+                    weights,
+                    parity,
+                    scale,
+                    np.float32(self.sharpness),
+                    np.float32(self.enough),
+                    shape,
+                    inverse,
+                    mean,
+                    weight_sum,
+                    similarity_sum,
+                )
+            confidence = np.empty((height, width), np.float32)
+            finish_mean(weight_sum, similarity_sum, mean, confidence)
+            yield Fused(_as_image(mean, transition, t), confidence)
+
+    def _candidates(
+        self, voters: Sequence[Sequence[Voters]], size: tuple[int, int], t: float
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """How many motions each node has, which, and their weights."""
+        height, width = size
+        nodes = -(-height // CELL), -(-width // CELL)
+        count = np.zeros(nodes, np.int32)
+        votes, sums = np.zeros((*nodes, CAPACITY), np.float32), np.zeros((*nodes, CAPACITY, SUMS), np.float32)
+        for each, sign, time in zip(voters, (1, -1), (t, 1 - t), strict=True):
+            for vectors, accelerations, trust in each:
                 collect_candidates(
-                    flow,
+                    vectors,
+                    accelerations,
                     trust,
                     np.float32(sign),
                     np.float32(time),
                     self.step,
-                    np.float32(self.around),
+                    np.float32(self.support),
                     np.float32(self.tolerance),
+                    height,
+                    width,
                     count,
                     votes,
-                    corners,
                     sums,
                 )
-            mean = np.empty((channels, height, width), np.float32)
-            confidence = np.empty((height, width), np.float32)
-            bend = acceleration * np.float32(t * (1 - t) / 2)
-            fuse_candidates(
-                *samples0,
-                *samples1,
-                height,
-                width,
-                np.float32(t),
-                count,
-                votes,
-                corners,
-                sums,
-                bend,
-                scale,
-                np.float32(self.sharpness),
-                np.float32(self.enough),
-                CELL,
-                ROW,
-                mean,
-                confidence,
-            )
-            yield Fused(_as_image(mean, transition, t), confidence)
+        room = self.most + 1  # and no motion
+        motions, energy = np.zeros((*nodes, room, 4), np.float32), np.zeros((*nodes, room), np.float32)
+        list_candidates(count, votes, sums, STILL_VOTES, STEADY, LEAST_SHARE, motions, energy)
+        costs, weights = np.empty_like(energy), np.empty_like(energy)
+        slope = np.float32(self.smoothness / self.steepness)
+        smooth_labels(count, motions, energy, np.float32(self.smoothness), slope, costs)
+        share_weights(count, costs, np.float32(self.least), weights)
+        return count, motions, weights
 
-    def _voters(self, field: MotionField, other: MotionField) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+    def _all_voters(self, transition: Transition) -> tuple[list[Voters], list[Voters]]:
+        """What the points of each frame vote for: motion towards the other, and how it changes there."""
+        field01, field10, before, after = (
+            transition.field01,
+            transition.field10,
+            transition.before,
+            transition.after,
+        )
+        share = np.float32(TWO_SIDED if before and after else ONE_SIDED)
+        changes0 = accelerations_at_points(
+            (field01, field10),
+            before and (before.field10, before.field01),
+            before.ratio if before else 1,
+            self.step,
+        )
+        changes1 = accelerations_at_points(
+            (field10, field01), after and (after.field01, after.field10), after.ratio if after else 1, self.step
+        )
+        for change in (*changes0, *changes1):
+            change[..., 1:] *= share
+        return self._voters(field01, field10, changes0), self._voters(field10, field01, changes1)
+
+    def _voters(self, field: MotionField, other: MotionField, changes: list[NDArray[Any]]) -> list[Voters]:
         """Every motion of a frame with what the vote of each of its points counts.
 
         As much as its patches are alike, where that is known, and the less the farther from its beginning the way there
@@ -141,11 +225,12 @@ class Fuse:
         y, x = point_places(field.flow.shape, self.step)
         flows, returns = (field.flow, *field.alternatives), (other.flow, *other.alternatives)
         voters = []
-        for flow, back in zip(flows, returns, strict=True):
-            astray = round_trip(at_points(flow, self.step), y, x, back) / np.float32(ASTRAY)
-            voters.append((flow, 1 / (1 + astray * astray)))
-        flow, trust = voters[0]
-        return [(flow, trust * at_points(field.similarity, self.step)), *voters[1:]]
+        for flow, back, change in zip(flows, returns, changes, strict=True):
+            vectors = at_points(flow, self.step)
+            astray = round_trip(vectors, y, x, back) / np.float32(ASTRAY)
+            voters.append(Voters(vectors, change, 1 / (1 + astray * astray)))
+        first = voters[0]
+        return [first._replace(trust=first.trust * at_points(field.similarity, self.step)), *voters[1:]]
 
 
 def _samples(image: Image) -> NDArray[Any]:
