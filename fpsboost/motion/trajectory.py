@@ -78,7 +78,7 @@ def accelerations_at_points(
 def _sampled(
     there: MotionField, back: MotionField, y: NDArray[Any], x: NDArray[Any]
 ) -> list[tuple[NDArray[Any], NDArray[Any]]]:
-    """Vectors in rows `y` and columns `x`, the field's and those of its alternatives, and whether the way back agrees."""
+    """A field's vectors in rows `y` and columns `x`, then its alternatives', each with whether the way back agrees."""
     height, width = there.flow.shape[:2]
     sampled = []
     for flow, returning in zip((there.flow, *there.alternatives), (back.flow, *back.alternatives), strict=True):
