@@ -100,7 +100,7 @@ class Fuse:
     least: float = 0.02
     width: float = 0.3
     sharpness: float = 25
-    enough: float = 0.99
+    enough: float = 0.98
 
     def __post_init__(self) -> None:
         if self.step < 1:
