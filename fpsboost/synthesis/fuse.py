@@ -99,7 +99,7 @@ class Fuse:
     steepness: float = 4
     least: float = 0.02
     width: float = 0.3
-    sharpness: float = 25
+    sharpness: float = 18
     enough: float = 0.98
 
     def __post_init__(self) -> None:
