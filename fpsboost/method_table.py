@@ -38,10 +38,7 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(others=(Dis("ultrafast"),)), Fuse()),
         "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse(step=16, enough=0.95)),
-        "nlm-best": Interpolator(
-            CoarseToFine(reach=1 / 6, others=(Dis("ultrafast"), Dis("medium"), CoarseToFine(patch_radius=4, v=0.06))),
-            Fuse(),
-        ),
+        "nlm-best": Interpolator(CoarseToFine(others=(Dis("medium"),)), Fuse()),
         "nlm-exhaustive": plain(ExhaustiveSearch(), Reproject()),
         "nlm-brute-force": plain(ExhaustiveSearch(), Reproject(search="brute-force")),
         "nlm-passes": plain(ExhaustiveSearch(implementation="passes"), Reproject()),
