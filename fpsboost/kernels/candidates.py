@@ -30,7 +30,7 @@ UNKNOWN = np.float32(0.1)
 
 @njit(parallel=True, cache=True, **JIT)
 def collect_candidates(
-    vectors, accelerations, trust, sign, t, step, support, tolerance, height, width, count, votes, sums
+    vectors, gradients, accelerations, trust, sign, t, step, support, tolerance, height, width, count, votes, sums
 ):
     """Add one frame's motion to the nodes' candidates.
 
@@ -38,6 +38,8 @@ def collect_candidates(
     ----------
     vectors : (points down, points across, 2) float32
         Motion at points `step` pixels apart, the first at step / 2, the last within the frame.
+    gradients : (points down, points across, 2, 2) float32
+        How the motion changes from pixel to pixel: along x, of dx and dy, then along y.
     accelerations : (points down, points across, 3) float32
         Whether the acceleration is known, 1 or 0, and the acceleration, pixels per interval squared, or 0.
     trust : (points down, points across) float32
@@ -74,7 +76,6 @@ def collect_candidates(
                 known, ax, ay = accelerations[i, j, 0], accelerations[i, j, 1], accelerations[i, j, 2]
                 landing_x = x + t * vectors[i, j, 0] - curve * ax
                 landing_y = y + t * vectors[i, j, 1] - curve * ay
-                dx, dy = sign * vectors[i, j, 0], sign * vectors[i, j, 1]
                 top = max(math.ceil((landing_y - middle - support) * per_cell), first)
                 bottom = min(math.floor((landing_y - middle + support) * per_cell), last)
                 left = max(math.ceil((landing_x - middle - support) * per_cell), 0)
@@ -83,6 +84,12 @@ def collect_candidates(
                     down = one - abs(landing_y - middle - np.float32(row * CELL)) / support
                     for column in range(left, right + 1):
                         across = one - abs(landing_x - middle - np.float32(column * CELL)) / support
+                        # zoomed and turned motion is extended to the node
+                        apart_x = middle + np.float32(column * CELL) - landing_x
+                        apart_y = middle + np.float32(row * CELL) - landing_y
+                        dx = vectors[i, j, 0] + apart_x * gradients[i, j, 0, 0] + apart_y * gradients[i, j, 1, 0]
+                        dy = vectors[i, j, 1] + apart_x * gradients[i, j, 0, 1] + apart_y * gradients[i, j, 1, 1]
+                        dx, dy = sign * dx, sign * dy
                         vote = trust[i, j] * down * across
                         if vote <= 0:
                             continue

@@ -21,7 +21,7 @@ from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.semi_global import smooth_labels
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
-from fpsboost.motion.field import MotionField, at_points, point_places, round_trip
+from fpsboost.motion.field import MotionField, at_points, motion_gradients, point_places, round_trip
 from fpsboost.motion.trajectory import ONE_SIDED, TWO_SIDED, accelerations_at_points
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
@@ -56,6 +56,8 @@ class Voters(NamedTuple):
 
     vectors: NDArray[Any]
     """(rows, columns, 2) float32."""
+    gradients: NDArray[Any]
+    """(rows, columns, 2, 2) float32."""
     accelerations: NDArray[Any]
     """(rows, columns, 3) float32."""
     trust: NDArray[Any]
@@ -169,9 +171,10 @@ class Fuse:
         count = np.zeros(nodes, np.int32)
         votes, sums = np.zeros((*nodes, CAPACITY), np.float32), np.zeros((*nodes, CAPACITY, SUMS), np.float32)
         for each, sign, time in zip(voters, (1, -1), (t, 1 - t), strict=True):
-            for vectors, accelerations, trust in each:
+            for vectors, gradients, accelerations, trust in each:
                 collect_candidates(
                     vectors,
+                    gradients,
                     accelerations,
                     trust,
                     np.float32(sign),
@@ -228,7 +231,7 @@ class Fuse:
         for flow, back, change in zip(flows, returns, changes, strict=True):
             vectors = at_points(flow, self.step)
             astray = round_trip(vectors, y, x, back) / np.float32(ASTRAY)
-            voters.append(Voters(vectors, change, 1 / (1 + astray * astray)))
+            voters.append(Voters(vectors, motion_gradients(vectors, self.step), change, 1 / (1 + astray * astray)))
         first = voters[0]
         return [first._replace(trust=first.trust * at_points(field.similarity, self.step)), *voters[1:]]
 
