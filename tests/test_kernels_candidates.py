@@ -1,33 +1,74 @@
-"""Candidate motions of the cells, against a slow twin."""
+"""Candidate motions of the nodes, their lists and their weights, against slow twins."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from twins import collected
+from twins import collected, listed_by_votes, shared
 
-from fpsboost.kernels.candidates import BAND, CELL, collect_candidates
-
-
-def collect(flows, times, size, step=4, around=16.0, tolerance=0.5, capacity=12, trusts=None):
-    """Both frames' motion as the kernel collects it: count, votes, the corners' shares and sums."""
-    in_full = np.ones([-(-length // step) for length in size], np.float32)
-    cells = -(-size[0] // CELL), -(-size[1] // CELL)
-    count = np.zeros(cells, np.int32)
-    votes, sums = np.zeros((*cells, capacity), np.float32), np.zeros((*cells, capacity, 2), np.float32)
-    corners = np.zeros((*cells, capacity, 2, 2), np.float32)
-    limits = np.float32(around), np.float32(tolerance)
-    for flow, trust, sign, t in zip(flows, trusts or (in_full, in_full), (1, -1), times, strict=False):
-        kinds = np.float32(flow), trust, np.float32(sign), np.float32(t)
-        collect_candidates(*kinds, step, *limits, count, votes, corners, sums)
-    return count, votes, corners, sums
+from fpsboost.kernels.candidates import (
+    BAND,
+    CELL,
+    SUMS,
+    UNKNOWN,
+    collect_candidates,
+    list_candidates,
+    share_weights,
+)
 
 
-def steady(size, dx, dy):
+def no_acceleration(vectors):
+    """Every point knows that it has none."""
+    return np.dstack([np.ones(vectors.shape[:2], np.float32), np.zeros_like(vectors)])
+
+
+def collect(
+    vectors, times, size, step=4, support=16.0, tolerance=0.5, capacity=12, accelerations=(None, None), trusts=None
+):
+    """Both frames' motion as the kernel collects it: count, votes and sums."""
+    nodes = -(-size[0] // CELL), -(-size[1] // CELL)
+    count = np.zeros(nodes, np.int32)
+    votes, sums = np.zeros((*nodes, capacity), np.float32), np.zeros((*nodes, capacity, SUMS), np.float32)
+    for frame, (each, sign, t) in enumerate(zip(vectors, (1, -1), times, strict=False)):
+        changes = no_acceleration(each) if accelerations[frame] is None else accelerations[frame]
+        trust = np.ones(each.shape[:2], np.float32) if trusts is None else trusts[frame]
+        collect_candidates(
+            each,
+            changes,
+            trust,
+            np.float32(sign),
+            np.float32(t),
+            step,
+            np.float32(support),
+            np.float32(tolerance),
+            *size,
+            count,
+            votes,
+            sums,
+        )
+    return count, votes, sums
+
+
+def points(size, step):
+    """How many points there are, down and across."""
+    return tuple(-(-length // step) for length in size)
+
+
+def steady(size, dx, dy, step=4):
     """Everything moves alike."""
-    return np.broadcast_to(np.float32([dx, dy]), (*size, 2)).copy()
+    return np.broadcast_to(np.float32([dx, dy]), (*points(size, step), 2)).copy()
+
+
+def empty_lists(shape):
+    """A list for every node."""
+    lists = np.empty(shape, object)
+    for place in np.ndindex(shape):
+        lists[place] = []
+    return lists
 
 
 @settings(max_examples=20)
@@ -42,86 +83,193 @@ def steady(size, dx, dy):
 @example(CELL * (BAND + 1), 20, 9, 20, 5, 1)
 @example(39, 7, 1, 100, 2, 1)
 def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity, seed):
-    """Both directions, also out of the frame and with too little room, give the twin's candidates in its order."""
+    """Both directions, also out of the frame, bent, and with too little room, give the twin's candidates in order."""
     random = np.random.default_rng(seed)
-    flows = (random.integers(-largest, largest + 1, (2, height, width, 2)) / 8).astype(np.float32)
-    trusts = [random.choice(np.float32([0, 0.25, 1]), (-(-height // step), -(-width // step))) for _ in range(2)]
-    around, tolerance = 16, 0.5**0.5  # shares are exact, and no difference, a ratio, is on the edge of two answers
-    count, votes, corners, sums = collect(
-        flows, (0.25, 0.75), (height, width), step, around, tolerance, capacity, trusts
+    size, shape = (height, width), points((height, width), step)
+    vectors = (random.integers(-largest, largest + 1, (2, *shape, 2)) / 8).astype(np.float32)
+    accelerations = random.integers(-16, 17, (2, *shape, 3)).astype(np.float32)
+    accelerations[..., 0] = random.integers(0, 2, (2, *shape))
+    accelerations[..., 1:] *= accelerations[..., :1]
+    trusts = random.choice(np.float32([0, 0.25, 1]), (2, *shape))
+    tolerance = 0.5**0.5  # shares are exact, and no difference, a ratio, is on the edge of two answers
+    count, votes, sums = collect(
+        vectors, (0.25, 0.75), size, step, 16, tolerance, capacity, accelerations=accelerations, trusts=trusts
     )
-    expected = np.empty(count.shape, object)
-    for place in np.ndindex(expected.shape):
-        expected[place] = []
-    for flow, trust, sign, t in zip(flows, trusts, (1, -1), (0.25, 0.75), strict=True):
-        collected(flow, trust, sign, t, step, around, tolerance, expected, capacity=capacity)
+    expected = empty_lists(count.shape)
+    for frame, (sign, t) in enumerate(((1, 0.25), (-1, 0.75))):
+        collected(
+            vectors[frame],
+            accelerations[frame],
+            trusts[frame],
+            expected,
+            sign=sign,
+            t=t,
+            step=step,
+            support=16,
+            tolerance=tolerance,
+            size=size,
+            capacity=capacity,
+        )
     for place in np.ndindex(expected.shape):
         known = count[place]
         assert known == len(expected[place])
-        found = np.column_stack([votes[place][:known], sums[place][:known], corners[place][:known].reshape(known, 4)])
-        np.testing.assert_allclose(found, np.reshape(expected[place], (known, 7)), rtol=1e-5, atol=1e-5)
+        found = np.column_stack([votes[place][:known], sums[place][:known]])
+        np.testing.assert_allclose(found, np.reshape(expected[place], (known, 1 + SUMS)), rtol=1e-4, atol=1e-4)
         assert not votes[place][known:].any()
 
 
 def test_one_motion_is_one_candidate_with_all_the_votes():
-    """Both frames' vectors agree once their direction is minded, and each is shared by four corners of four cells."""
+    """Both frames' vectors agree once their direction is minded; a point's shares at the nodes around add up to 1."""
     size = (80, 80)
-    count, votes, corners, sums = collect((steady(size, 2, -1), steady(size, -2, 1)), (0.5, 0.5), size)
+    count, votes, sums = collect((steady(size, 2, -1), steady(size, -2, 1)), (0.5, 0.5), size)
     assert (count == 1).all()
-    np.testing.assert_allclose(votes[2, 2, 0], 4 * 2 * 4 * 4)  # 4 x 4 points a cell, two frames, four corners
-    np.testing.assert_allclose(corners[2, 2, 0], 2 * 4 * 4)
-    np.testing.assert_allclose(sums[..., 0, :] / votes[..., :1], np.broadcast_to([2, -1], (5, 5, 2)), rtol=1e-5)
+    np.testing.assert_allclose(votes[2, 2, 0], 2 * 4 * 4)  # 4 x 4 points a cell, two frames
+    np.testing.assert_allclose(sums[..., 0, :2] / votes[..., :1], np.broadcast_to([2, -1], (5, 5, 2)), rtol=1e-5)
 
 
 def test_motions_within_the_tolerance_are_one():
     """Their mean, by votes, is the candidate; further apart they are two."""
     size = (16, 16)
-    flow = steady(size, 3, 0)
-    flow[8:, :, 0] = 3.25
-    count, votes, _, sums = collect([flow], [0.0], size)
+    vectors = steady(size, 3, 0)
+    vectors[2:, :, 0] = 3.25
+    count, votes, sums = collect([vectors], [0.0], size)
     assert count[0, 0] == 1
-    np.testing.assert_allclose(sums[0, 0, 0] / votes[0, 0, 0], [3.125, 0])
-    flow[8:, :, 0] = 4
-    count, votes, _, _ = collect([flow], [0.0], size)
+    above, below = (sum(1 - abs(y + 0.5 - 8) / 16 for y in rows) for rows in ((2, 6), (10, 14)))
+    np.testing.assert_allclose(sums[0, 0, 0, 0] / votes[0, 0, 0], (3 * above + 3.25 * below) / (above + below))
+    vectors[2:, :, 0] = 4
+    count, votes, _ = collect([vectors], [0.0], size)
     assert count[0, 0] == 2
-    assert votes[0, 0, :2].tolist() == [8, 8]
+    np.testing.assert_allclose(votes[0, 0, 0] / votes[0, 0, 1], above / below, rtol=1e-6)
 
 
-def test_neighbouring_cells_agree_on_the_corners_they_share():
-    """Where only few motions are told apart, a corner has the same votes from all sides: no border shows."""
-    size = (64, 64)
-    flow = steady(size, 0, 0)
-    flow[:, 20:45, 0] = 8
-    count, votes, corners, sums = collect([flow, -flow], [0.5, 0.5], size)
-
-    def share(row, column, dx, corner):
-        known = [
-            k for k in range(count[row, column]) if abs(sums[row, column, k, 0] - dx * votes[row, column, k]) < 0.1
-        ]
-        return sum(corners[row, column, k][corner] for k in known)
-
-    for dx in (0, 8):
-        for row, column in np.ndindex(3, 3):
-            expected = share(row, column, dx, (1, 1))
-            np.testing.assert_allclose(share(row + 1, column, dx, (0, 1)), expected, atol=1e-5)
-            np.testing.assert_allclose(share(row, column + 1, dx, (1, 0)), expected, atol=1e-5)
-            np.testing.assert_allclose(share(row + 1, column + 1, dx, (0, 0)), expected, atol=1e-5)
+@pytest.mark.parametrize(("support", "nodes"), [(16.5, [0, 1]), (24.5, [0, 1, 2]), (40.5, [0, 1, 2, 3])])
+def test_a_motion_counts_where_it_lands_and_around(support, nodes):
+    """A vector from the first cell to the second belongs to all nodes that are near enough."""
+    vectors = np.zeros((1, 5, 2), np.float32)
+    vectors[0, 0, 0] = 30  # from 8.5 to 23.5, half a pixel before the second node
+    count, _, sums = collect([vectors], [0.5], (16, 80), step=16, support=support)
+    assert [node for node in range(5) if (sums[0, node, : count[0, node], 0] > 0).any()] == nodes
 
 
-@pytest.mark.parametrize(("around", "cells"), [(9, [0, 1, 2]), (16, [0, 1, 2]), (32, [0, 1, 2, 3])])
-def test_a_motion_counts_where_it_lands_and_around(around, cells):
-    """A vector from the middle of the first cell to that of the second belongs to all whose corners are near enough."""
-    flow = np.zeros((16, 80, 2), np.float32)
-    flow[:, :16, 0] = 32
-    count, _, _, sums = collect([flow], [0.5], (16, 80), step=16, around=around)
-    assert [cell for cell in range(5) if (sums[0, cell, : count[0, cell], 0] > 0).any()] == cells
+def test_a_bent_path_lands_beside_a_straight_one():
+    """What speeds up is behind the straight path at half of the way, by an eighth of the acceleration."""
+    vectors, changes = np.zeros((1, 5, 2), np.float32), np.zeros((1, 5, 3), np.float32)
+    vectors[0, 0, 0], changes[0, 0] = 32, (1, 64, 0)
+    for accelerations, landing in ((np.zeros_like(changes), 24.5), (changes, 16.5)):
+        _, votes, sums = collect([vectors], [0.5], (16, 80), 16, 16, accelerations=[accelerations])
+        shares = np.where(sums[0, ..., 0] > 0, votes[0], 0).sum(axis=1)
+        np.testing.assert_allclose((shares * (np.arange(5) * 16 + 8)).sum() / shares.sum(), landing, rtol=1e-5)
+
+
+def test_objects_that_cross_keep_accelerations_of_their_own():
+    """Two motions through one node are two candidates, each with the acceleration of its own votes."""
+    size = (16, 16)
+    vectors, changes = steady(size, 6, 0), np.ones((4, 4, 3), np.float32)
+    changes[..., 1:] = 3, 0
+    vectors[1::2], changes[1::2, :, 1:] = (-6, 0), (-2, 1)
+    changes[:, 0] = 0  # a column of points does not know
+    count, votes, sums = collect([vectors], [0.0], size, accelerations=[changes])
+    assert count[0, 0] == 2
+    for k, acceleration in enumerate([(3, 0), (-2, 1)]):
+        known = sums[0, 0, k, 2]
+        assert 0 < known < votes[0, 0, k]
+        np.testing.assert_allclose(sums[0, 0, k, 3:5] / known, acceleration, rtol=1e-5)
+        np.testing.assert_allclose(sums[0, 0, k, 5] / known, np.square(acceleration).sum(), rtol=1e-5)
 
 
 def test_no_more_candidates_than_there_is_room_for():
     """What comes first stays and goes on collecting votes; nothing is written beyond."""
     size = (16, 16)
-    flow = np.zeros((*size, 2), np.float32)
-    flow[..., 0] = np.arange(256).reshape(size) // 2 * 2
-    count, votes, _, sums = collect([flow], [0.0], size, step=1, capacity=5)
+    vectors = np.zeros((*size, 2), np.float32)
+    vectors[..., 0] = np.arange(256).reshape(size) // 2 * 2
+    count, votes, sums = collect([vectors], [0.0], size, step=1, capacity=5)
     assert count[0, 0] == 5
     np.testing.assert_allclose(sums[0, 0, :, 0] / votes[0, 0], [0, 2, 4, 6, 8], atol=1e-5)
+
+
+def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01):
+    """One node's candidates, lists as `collected` makes them, as the kernel lists them: count, motions, energies."""
+    capacity = len(candidates) + 2
+    count = np.full((1, 1), len(candidates), np.int32)
+    votes, sums = np.zeros((1, 1, capacity), np.float32), np.zeros((1, 1, capacity, SUMS), np.float32)
+    for k, (vote, *others) in enumerate(candidates):
+        votes[0, 0, k], sums[0, 0, k] = vote, others
+    motions, energy = np.full((1, 1, room, 4), np.nan, np.float32), np.full((1, 1, room), np.nan, np.float32)
+    numbers = np.float32(still_votes), np.float32(spread), np.float32(least_share)
+    list_candidates(count, votes, sums, *numbers, motions, energy)
+    return count[0, 0], motions[0, 0], energy[0, 0]
+
+
+def candidate(vote, dx, dy, known=0.0, ax=0.0, ay=0.0, variance=0.0):
+    """Sums of votes, of which the share `known` have an acceleration."""
+    sure = vote * known
+    return [vote, vote * dx, vote * dy, sure, sure * ax, sure * ay, sure * (ax * ax + ay * ay + variance)]
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 8), st.integers(1, 8), st.sampled_from([0.1, 1, 30]), st.integers(0, 2**32))
+def test_lists_equal_their_slow_twin(number, room, spread, seed):
+    """Any number of candidates, more or fewer than there is room for."""
+    random = np.random.default_rng(seed)
+    candidates = [
+        candidate(vote, *random.normal(size=2) * 9, *random.choice([0, 0.5, 1], 1), *random.normal(size=3) ** 2)
+        for vote in random.permutation(np.linspace(0.1, 40, 8))[:number]
+    ]
+    count, motions, energy = listing(candidates, room, spread=spread)
+    expected_motions, expected_energy = listed_by_votes(
+        candidates, room, still_votes=0.5, spread=spread, least_share=0.01, unknown=float(UNKNOWN)
+    )
+    assert count == len(expected_motions) <= room
+    np.testing.assert_allclose(motions[:count], expected_motions, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(energy[:count], expected_energy, rtol=1e-4, atol=1e-5)
+
+
+def test_no_motion_is_always_listed():
+    """Also where there is no room for anything else and where nobody has voted; its share is then all there is."""
+    for candidates in ([], [candidate(7, 3, 1)]):
+        count, motions, energy = listing(candidates, 1)
+        assert count == 1
+        assert not motions[0].any()
+        np.testing.assert_allclose(energy[0], -math.log(0.5 / (0.5 + 7 * len(candidates)) + 0.01), rtol=1e-5)
+
+
+def test_accelerations_that_scatter_are_not_believed():
+    """Half is left where their standard deviation is the spread, less beyond it, and all but nothing far beyond."""
+    bends = [
+        listing([candidate(9, 4, 0, 1, 6, -2, deviation**2)], 2)[1][0, 2:] / [6, -2] for deviation in (0, 20, 60, 400)
+    ]
+    np.testing.assert_allclose(np.transpose(bends)[0], np.transpose(bends)[1], rtol=1e-4)
+    np.testing.assert_allclose(np.transpose(bends)[0] * (1 + UNKNOWN), [1, 0.5, 0.1, 1 / 401], rtol=1e-3)
+
+
+def test_few_that_know_an_acceleration_are_believed_less_than_many():
+    """Votes that know none count a little for a straight path."""
+    few, many = (listing([candidate(10, 4, 0, known, 6, 0)], 2)[1][0, 2] for known in (0.1, 1))
+    np.testing.assert_allclose([few, many], [3, 6 / 1.1], rtol=1e-4)
+
+
+def weigh(costs, least):
+    """The kernel's weights of one node, whatever lies behind its costs."""
+    behind = np.float32([*costs, -1e6, 7])
+    weights = np.full((1, 1, len(behind)), np.nan, np.float32)
+    share_weights(np.int32([[len(costs)]]), behind[np.newaxis, np.newaxis], np.float32(least), weights)
+    assert not weights[0, 0, len(costs) :].any()
+    return weights[0, 0, : len(costs)]
+
+
+@settings(max_examples=25)
+@given(st.lists(st.floats(-30, 30, width=32), min_size=1, max_size=6), st.sampled_from([0, 0.02, 0.5]))
+def test_weights_equal_their_slow_twin(costs, least):
+    """For any costs; they sum to 1."""
+    found = weigh(costs, least)
+    np.testing.assert_allclose(found, shared(costs, least), atol=1e-5)
+    np.testing.assert_allclose(found.sum(), 1, rtol=1e-5)
+
+
+def test_a_candidate_fades_out_before_it_is_left_out():
+    """Around the threshold, the weight goes to 0 without a jump, so that nothing flickers there."""
+    limit = -math.log(0.02)
+    before, at, beyond = (weigh([0, limit + off], 0.02)[1] for off in (-0.01, 0, 0.01))
+    assert 0 < before < 3e-4
+    assert at == pytest.approx(0, abs=1e-7)
+    assert beyond == 0

@@ -7,10 +7,24 @@ import math
 import numpy as np
 import pytest
 from truth import noise, waves
-from twins import fused, spline_at, spline_coefficients, uncompiled
+from twins import fading, fused, spline_coefficients, spline_window, uncompiled
 
 from fpsboost.kernels.candidates import CELL
-from fpsboost.kernels.fuse import REGION, ROW, SPARE, decay, fetch, fuse_candidates, mark_inside
+from fpsboost.kernels.fuse import (
+    AREA,
+    PADDED,
+    PATCH_RADIUS,
+    SPARE,
+    WINDOW,
+    decay,
+    fetch,
+    finish_mean,
+    fuse_candidates,
+    mark_inside,
+    patch_shares,
+    sum_patches,
+    window_shape,
+)
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 
 
@@ -25,143 +39,144 @@ def samples(image):
 
 
 def listed(candidates):
-    """Lists as the twin `collected` makes them as the kernel's arrays, with room to spare."""
+    """Lists of ``[weight, dx, dy, ax, ay]`` as the kernel's arrays, with room to spare."""
     room = 2 + max(len(each) for each in candidates.ravel())
     count = np.zeros(candidates.shape, np.int32)
-    votes, sums = np.zeros((*candidates.shape, room), np.float32), np.zeros((*candidates.shape, room, 2), np.float32)
-    corners = np.zeros((*candidates.shape, room, 2, 2), np.float32)
+    motions = np.full((*candidates.shape, room, 4), np.nan, np.float32)
+    weights = np.full((*candidates.shape, room), np.nan, np.float32)
     for place in np.ndindex(candidates.shape):
         count[place] = len(candidates[place])
-        for k, (vote, dx, dy, *shares) in enumerate(candidates[place]):
-            votes[place][k], sums[place][k], corners[place][k] = vote, (dx, dy), np.reshape(shares, (2, 2))
-    return count, votes, corners, sums
+        for k, (weight, *motion) in enumerate(candidates[place]):
+            weights[place][k], motions[place][k] = weight, motion
+    return count, motions, weights
 
 
-def even(vote, dx, dy):
-    """A candidate whose votes its corners share alike, one for each vote."""
-    return [4.0 * vote, 4.0 * vote * dx, 4.0 * vote * dy, *[float(vote)] * 4]
-
-
-def fuse(image0, image1, t, candidates, bend, *, scale, sharpness, enough):
-    """Call the kernel; the mean as an image, and the confidence."""
+def fuse(image0, image1, t, candidates, *, scale, sharpness, enough):
+    """Call the kernels; the mean as an image, and the confidence."""
     height, width, channels = image0.shape
-    mean, confidence = np.full((channels, height, width), np.nan, np.float32), np.full((height, width), np.nan, "f4")
+    planes = *samples(image0), *samples(image1)
+    mean, confidence = np.zeros((channels, height, width), np.float32), np.full((height, width), np.nan, np.float32)
+    weight_sum, similarity_sum = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     numbers = [np.float32(each) for each in (scale, sharpness, enough)]
-    fuse_candidates(
-        *samples(image0),
-        *samples(image1),
-        height,
-        width,
-        np.float32(t),
-        *listed(candidates),
-        np.float32(bend),
-        *numbers,
-        CELL,
-        ROW,
-        mean,
-        confidence,
-    )
+    for parity in (1, 0):
+        fuse_candidates(
+            *planes,
+            height,
+            width,
+            np.float32(t),
+            *listed(candidates),
+            parity,
+            *numbers,
+            window_shape(),
+            patch_shares(),
+            mean,
+            weight_sum,
+            similarity_sum,
+        )
+    finish_mean(weight_sum, similarity_sum, mean, confidence)
     return mean.transpose(1, 2, 0), confidence
 
 
-def random_candidates(random, cells, most, largest):
-    """Up to `most` motions a cell and as many in the first, whole and not, with votes of their own."""
-    candidates = np.empty(cells, object)
-    for place in np.ndindex(cells):
+def nodes_of(size, candidates=()):
+    """The same candidates for each node of a frame."""
+    nodes = np.empty([-(-length // CELL) for length in size[:2]], object)
+    for place in np.ndindex(nodes.shape):
+        nodes[place] = [list(each) for each in candidates]
+    return nodes
+
+
+def random_candidates(random, size, most, largest):
+    """Up to `most` motions a node, whole and not, straight and bent, some of them without any weight, and none."""
+    candidates = nodes_of(size)
+    for place in np.ndindex(candidates.shape):
         number = random.integers(0, most + 1) if any(place) else most
-        motions = random.uniform(-largest, largest, (number, 2))
-        motions[1::2] = np.rint(motions[1::2])
-        shares = random.uniform(0, 20, (len(motions), 4)).astype(np.float32)
-        candidates[place] = [
-            [float(each.sum()), *np.float32(each.sum() * motion).tolist(), *each.tolist()]
-            for each, motion in zip(shares, motions, strict=True)
-        ]
+        motions, bends = random.uniform(-largest, largest, (number, 2)), random.normal(size=(number, 2)) * 4
+        motions[1::2], bends[1::2] = np.rint(motions[1::2]), 0
+        weights = random.choice([0, 0.25, 0.5, 1], number)
+        candidates[place] = [*np.column_stack([weights, motions, bends]).tolist(), [0.125, 0, 0, 0, 0]]
     return candidates
 
 
 @pytest.mark.parametrize(
     ("size", "channels", "t", "largest", "most"),
-    [((16, 16), 3, 0.5, 3, 2), ((19, 9), 1, 0.3, 6, 3), ((5, 21), 4, 0.75, 60, 2), ((1, 1), 3, 0.5, 4, 1)],
+    [
+        ((16, 16), 3, 0.5, 3, 2),
+        ((19, 9), 1, 0.3, 6, 3),
+        ((5, 34), 4, 0.75, 60, 2),
+        ((40, 36), 1, 0.5, 3, 1),
+        ((1, 1), 3, 0.5, 4, 1),
+    ],
 )
 def test_fusing_equals_its_slow_twin(size, channels, t, largest, most):
-    """Within the frame, across its borders and far out, along straight and bent paths, with and without candidates."""
+    """Within the frame, across its borders and far out, along straight and bent paths, in windows that overlap."""
     random = np.random.default_rng(channels)
     y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
     image0, image1 = (waves(x + k, y, channels, seed=2).astype(np.float32) for k in (0, 1.5))
-    cells = -(-size[0] // CELL), -(-size[1] // CELL)
-    bend = random.normal(size=(*cells, 2)).astype(np.float32)
-    candidates = random_candidates(random, cells, most, largest)
+    candidates = random_candidates(random, size, most, largest)
     options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
-    mean, confidence = fuse(image0, image1, t, candidates, bend, **options)
-    expected_mean, expected_confidence = fused(image0, image1, t, candidates, bend, **options)
-    np.testing.assert_allclose(mean, expected_mean, atol=1e-4)
-    np.testing.assert_allclose(confidence, expected_confidence, atol=1e-4)
+    mean, confidence = fuse(image0, image1, t, candidates, **options)
+    expected_mean, expected_confidence = fused(image0, image1, t, candidates, **options)
+    np.testing.assert_allclose(mean, expected_mean, atol=2e-4)
+    np.testing.assert_allclose(confidence, expected_confidence, atol=2e-4)
 
 
 def test_once_all_pixels_are_similar_enough_the_rest_is_left_out():
-    """By falling votes: the true motion comes first and is taken alone, as the twin does it."""
+    """In the order of the list: the true motion comes first and is taken alone, as the twin does it."""
+    size = (16, 16)
     y, x = np.mgrid[0:16, 0:16].astype(float)
     image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
-    candidates = np.empty((1, 1), object)
-    candidates[0, 0] = [even(2, 4, 0), even(9, 2, 0)]
-    bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0}
-    alone, _ = fuse(image0, image1, 0.5, candidates, bend, **options, enough=0.5)
-    np.testing.assert_allclose(alone, fused(image0, image1, 0.5, candidates, bend, **options, enough=0.5)[0], atol=1e-5)
-    np.testing.assert_allclose(alone[:, 6:-6], waves(x - 1, y, 1, seed=2)[:, 6:-6], atol=1e-5)
-    together, _ = fuse(image0, image1, 0.5, candidates, bend, **options, enough=2.0)
+    candidates = nodes_of(size, [(0.8, 2, 0, 0, 0), (0.2, 4, 0, 0, 0)])
+    options = {"scale": 1.0, "sharpness": 2.0}
+    alone, _ = fuse(image0, image1, 0.5, candidates, **options, enough=0.5)
+    np.testing.assert_allclose(alone, fused(image0, image1, 0.5, candidates, **options, enough=0.5)[0], atol=1e-4)
+    np.testing.assert_allclose(alone[:, 6:-6], waves(x - 1, y, 1, seed=2)[:, 6:-6], atol=1e-4)
+    together, _ = fuse(image0, image1, 0.5, candidates, **options, enough=2.0)
     assert np.abs(together - alone).max() > 0.01
 
 
-def test_what_stands_still_is_not_bent():
-    """However the surroundings turn, no motion means no path to bend."""
-    image = noise(16, 16, 3, np.float32)
-    candidates = np.empty((1, 1), object)
-    candidates[0, 0] = [even(5, 0, 0)]
-    mean, confidence = fuse(image, image, 0.5, candidates, np.full((1, 1, 2), 7.3), scale=5, sharpness=30, enough=0.99)
+@pytest.mark.parametrize("size", [(16, 16), (33, 47)])
+def test_what_stands_still_is_copied(size):
+    """One frame twice and no motion give that frame, however many windows overlap, and full confidence."""
+    image = noise(*size, 3, np.float32)
+    mean, confidence = fuse(
+        image, image, 0.5, nodes_of(size, [(1, 0, 0, 0, 0)]), scale=5.0, sharpness=30.0, enough=0.99
+    )
     np.testing.assert_allclose(mean, image, atol=1e-6)
     np.testing.assert_allclose(confidence, 1, atol=1e-5)
 
 
-def test_more_votes_weigh_more():
-    """Motions that are equally similar have shares by their votes, no motion a quarter of one."""
-    x = np.arange(48)
-    image0, image1 = np.zeros((16, 48, 1), np.float32), np.zeros((16, 48, 1), np.float32)
-    image0[..., 0] = x / 48
-    candidates = np.empty((1, 3), object)
-    for column in range(3):
-        candidates[0, column] = [even(2, -2, 0), even(4, 2, 0)]
-    options = {"scale": 0.0, "sharpness": 30.0, "enough": 2.0}
-    mean, _ = fuse(image0, image1, 0.25, candidates, np.zeros((1, 3, 2)), **options)
-    expected = 0.75 * (x - 0.25 * (4 * 2 - 2 * 2) / (4 + 2 + 1 / 4)) / 48
+def test_weights_are_shares():
+    """Motions that are equally similar have shares by their weights."""
+    x = np.arange(64)
+    image0, image1 = np.zeros((16, 64, 1), np.float32), np.zeros((16, 64, 1), np.float32)
+    image0[..., 0] = x / 64
+    candidates = nodes_of((16, 64), [(0.3, -2, 0, 0, 0), (0.6, 2, 0, 0, 0), (0.1, 0, 0, 0, 0)])
+    mean, _ = fuse(image0, image1, 0.25, candidates, scale=0.0, sharpness=30.0, enough=2.0)
+    expected = 0.75 * (x - 0.25 * (0.6 * 2 - 0.3 * 2)) / 64
     np.testing.assert_allclose(mean[8, 8:-8, 0], expected[8:-8], atol=1e-5)
 
 
-def test_votes_change_from_corner_to_corner():
-    """Between its corners every pixel has its own share: the left one's motion goes over into the right one's."""
-    image0, image1 = np.zeros((16, 16, 1), np.float32), np.zeros((16, 16, 1), np.float32)
-    image0[..., 0] = np.arange(16) / 48
-    candidates = np.empty((1, 1), object)
-    candidates[0, 0] = [[200.0, 400.0, 0.0, 100.0, 0.0, 100.0, 0.0], [200.0, -400.0, 0.0, 0.0, 100.0, 0.0, 100.0]]
-    options = {"scale": 0.0, "sharpness": 30.0, "enough": 2.0}
-    mean, _ = fuse(image0, image1, 0.25, candidates, np.zeros((1, 1, 2)), **options)
-    expected, _ = fused(image0, image1, 0.25, candidates, np.zeros((1, 1, 2)), **options)
-    np.testing.assert_allclose(mean, expected, atol=1e-5)
-    shift = mean[8, 5:-5, 0] * 48 / 0.75 - np.arange(5, 11)
-    np.testing.assert_allclose(shift, (np.arange(5.5, 11) / 16 - 0.5), atol=0.01)
+def test_a_window_fades_into_its_neighbours():
+    """Nodes with motions of their own: between their middles, one goes over into the other without a step."""
+    image0, image1 = np.zeros((16, 48, 1), np.float32), np.zeros((16, 48, 1), np.float32)
+    image0[..., 0] = np.arange(48) / 48
+    candidates = nodes_of((16, 48))
+    for column, dx in enumerate((0, 4, 0)):
+        candidates[0, column] = [[1, dx, 0, 0, 0]]
+    mean, _ = fuse(image0, image1, 0.25, candidates, scale=0.0, sharpness=30.0, enough=2.0)
+    shift = np.arange(48) - mean[8, :, 0] * 48 / 0.75
+    between = np.arange(8, 24)
+    np.testing.assert_allclose(shift[between], [fading(place) for place in range(16)], atol=1e-4)
+    np.testing.assert_allclose(shift[24:40], shift[between][::-1], atol=1e-4)
 
 
-def test_a_lone_voice_is_not_heard():
-    """What has less than three hundredths of all votes is not tried."""
-    y, x = np.mgrid[0:16, 0:16].astype(float)
-    image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
-    candidates = np.empty((1, 1), object)
-    bend, options = np.zeros((1, 1, 2)), {"scale": 1.0, "sharpness": 2.0, "enough": 2.0}
-    means = []
-    for votes in (0, 2, 5):
-        candidates[0, 0] = [even(99, 4, 0), *([even(votes, 2, 0)] if votes else [])]
-        means.append(fuse(image0, image1, 0.5, candidates, bend, **options)[0])
-    np.testing.assert_array_equal(means[0], means[1])
-    assert np.abs(means[2] - means[0]).max() > 1e-4
+def test_an_acceleration_bends_the_path():
+    """At half of the way, what speeds up is an eighth of its acceleration behind."""
+    y, x = np.mgrid[0:16, 0:48].astype(float)
+    image0, image1 = (waves(x - shift, y, 1, seed=2).astype(np.float32) for shift in (0, 3))
+    candidates = nodes_of((16, 48), [(1, 3, 0, 4, 0)])
+    mean, _ = fuse(image0, image1, 0.5, candidates, scale=5.0, sharpness=25.0, enough=2.0)
+    np.testing.assert_allclose(mean[:, 8:-8], waves(x - 1.5 + 0.5, y, 1, seed=2)[:, 8:-8], atol=1e-4)
 
 
 def test_decay_is_the_exponential():
@@ -174,27 +189,46 @@ def test_decay_is_the_exponential():
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (0.25, 0.0), (0.0, -0.6), (-3.4, 2.7), (5.0, -4.0)])
-def test_regions_are_sampled_as_the_spline_says(place):
+def test_windows_are_sampled_as_the_spline_says(place):
     """At fractions of a pixel as the twin does, at whole ones as a copy."""
-    image = noise(26, 30, 1, np.float32)
+    image = noise(34, 38, 1, np.float32)
     planes, coefficients = samples(image)
-    out, rows = np.empty((REGION, ROW), np.float32), np.empty((REGION + 3, ROW), np.float32)
+    out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
     y, x = np.float32(place[0] + MARGIN), np.float32(place[1] + MARGIN)
-    uncompiled(fetch)(planes[0], coefficients[0], y, x, ROW, rows, out)
-    slow = spline_coefficients(image[..., 0], 40)
-    expected = [[spline_at(slow, 40, place[0] + j, place[1] + i) for i in range(REGION)] for j in range(REGION)]
-    np.testing.assert_allclose(out[:, :REGION], expected, atol=1e-5)
+    uncompiled(fetch)(planes[0], coefficients[0], y, x, rows, out)
+    expected = spline_window(spline_coefficients(image[..., 0], 40), 40, *place)
+    np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=1e-5)
     if all(value == int(value) for value in place):
         top, left = int(y), int(x)
-        np.testing.assert_array_equal(out, planes[0, top : top + REGION, left : left + ROW])
+        np.testing.assert_array_equal(out.reshape(WINDOW, WINDOW), planes[0, top : top + WINDOW, left : left + WINDOW])
 
 
 @pytest.mark.parametrize(
-    ("start", "size", "expected"),
-    [(-2.0, 3, [0, 0, 1, 1, 1, 0]), (-0.5, 3, [0, 1, 1, 0, 0, 0]), (0.25, 9, [1] * 6), (7.0, 3, [0] * 6)],
+    ("start", "size", "inside"), [(-2.0, 3, (2, 5)), (-0.5, 3, (1, 3)), (0.25, 90, (0, WINDOW)), (7.0, 3, (0, 0))]
 )
-def test_places_inside_are_marked(start, size, expected):
+def test_places_inside_are_marked(start, size, inside):
     """From the first pixel to the last, both counted, and nothing between them and beyond."""
-    marks = np.empty(6, np.float32)
+    marks = np.empty(WINDOW, np.float32)
     uncompiled(mark_inside)(np.float32(start), size, marks)
-    assert marks.tolist() == expected
+    np.testing.assert_array_equal(marks, [float(inside[0] <= place < inside[1]) for place in range(WINDOW)])
+
+
+def test_patches_are_summed_within_their_window():
+    """The mean over the part of a patch that the window has."""
+    values = np.random.default_rng(1).random((WINDOW, WINDOW)).astype(np.float32)
+    padded, half_way = np.pad(values, PATCH_RADIUS).ravel(), np.zeros(PADDED * PADDED, np.float32)
+    sums = np.empty(AREA, np.float32)
+    uncompiled(sum_patches)(padded, half_way, sums)
+    found = (sums * patch_shares()).reshape(WINDOW, WINDOW)
+    for y, x in [(0, 0), (0, 9), (3, 31), (16, 16), (31, 27)]:
+        patch = values[max(y - 4, 0) : y + 5, max(x - 4, 0) : x + 5]
+        np.testing.assert_allclose(found[y, x], patch.mean(), rtol=1e-5)
+
+
+def test_windows_add_up_to_one():
+    """At every pixel, those of the four nodes around; each is what the twin says, and greater than 0."""
+    shape = window_shape().reshape(WINDOW, WINDOW)
+    np.testing.assert_allclose(shape[5], [fading(5) * fading(place) for place in range(WINDOW)], rtol=1e-5)
+    overlapping = sum(shape[y : y + CELL, x : x + CELL] for y in (0, CELL) for x in (0, CELL))
+    np.testing.assert_allclose(overlapping, 1, atol=1e-6)
+    assert shape.min() > 0

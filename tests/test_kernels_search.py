@@ -165,19 +165,26 @@ def test_motion_pays_its_price(window):
     assert_fields_agree(search_fused(image0, image1, 4, 2, window, 0.25, 0.01)[0], expected)
 
 
-def search_tiles(image0, image1, reach, patch_radius, v, penalty=0.0, step=1):
-    """The tile kernel around no motion."""
+def list_tiles(image0, image1, reach, patch_radius, v, penalty=0.0, step=1, capacity=1):
+    """The tile kernel around no motion: how many offsets each point has, their values, and the offsets."""
     height, width = image0.shape[:2]
     padding = PADDING + patch_radius
     planes0, planes1 = (padded_planes(image, padding, 0, 2 * LANES, colour_scale(v)) for image in (image0, image1))
     still = np.zeros((height, width, 2), np.int32)
     points = -(-height // step), -(-width // step)
-    best, flow = np.empty(points, np.float32), np.empty((*points, 2), np.float32)
+    count, best = np.empty(points, np.int32), np.empty((*points, capacity), np.float32)
+    flows = np.empty((*points, capacity, 2), np.float32)
     lanes = -(-(TILE + 2 * patch_radius) // LANES) * LANES
     price = np.float32(penalty)
     limits = 1, step, reach, reach, patch_radius, lanes
-    run_tiles(planes0, planes1, height, width, still, still, *limits, price, best, flow)
-    return MotionField(flow, best.clip(0, 1))
+    run_tiles(planes0, planes1, height, width, still, still, *limits, price, count, best, flows)
+    return count, best, flows
+
+
+def search_tiles(image0, image1, reach, patch_radius, v, penalty=0.0, step=1):
+    """The best of what the tile kernel lists."""
+    _, best, flows = list_tiles(image0, image1, reach, patch_radius, v, penalty, step, capacity=2)
+    return MotionField(flows[:, :, 0], best[..., 0].clip(0, 1))
 
 
 @pytest.mark.parametrize(("height", "width", "radius"), [(9, 13, 3), (3, 5, 2), (1, 1, 2), (2, TILE + 7, 3)])
@@ -192,6 +199,46 @@ def test_tile_search_equals_its_slow_twin(height, width, radius, penalty):
     np.testing.assert_allclose(field.similarity, best.clip(0, 1), rtol=0, atol=TOLERANCE)
     clear = lead > TOLERANCE
     np.testing.assert_array_equal(field.flow[clear], flow[clear])
+
+
+@pytest.mark.parametrize("capacity", [1, 3, 40])
+@pytest.mark.parametrize("penalty", [0.0, 0.01])
+def test_tiles_list_the_local_maxima(capacity, penalty):
+    """Each point has every offset that beats all those next to it, the best first, as long as there is room.
+
+    What has no room is worse than all that is listed. Values fall and are the twin's.
+    """
+    radius = 3
+    image0, image1 = colours(9, 7, 15), colours(9, 7, 16)
+    away = np.abs(np.arange(-radius, radius + 1))
+    scores = patch_scores(image0, image1, radius, box_weights(1), 0.4, True) - penalty * (away[:, np.newaxis] + away)
+    count, best, flows = list_tiles(image0, image1, radius, 1, 0.4, penalty, capacity=capacity)
+    assert count.min() >= 1
+    assert count.max() == capacity or count.max() < capacity == 40
+    for y, x in np.ndindex(9, 7):
+        known = count[y, x]
+        values, offsets = best[y, x, :known], [tuple(offset) for offset in flows[y, x, :known].astype(int).tolist()]
+        assert len(set(offsets)) == known
+        assert (np.diff(values) <= 0).all()
+        expected = [scores[y, x, dy + radius, dx + radius] for dx, dy in offsets]
+        np.testing.assert_allclose(values, expected, atol=TOLERANCE)
+        around = np.pad(scores[y, x], 1, constant_values=-np.inf)
+        for dx, dy in np.ndindex(2 * radius + 1, 2 * radius + 1):
+            near = np.delete(around[dy : dy + 3, dx : dx + 3].ravel(), 4)
+            value = scores[y, x, dy, dx]
+            if value > near.max() + TOLERANCE and (known < capacity or value > values[-1] + TOLERANCE):
+                assert (dx - radius, dy - radius) in offsets
+
+
+def test_a_repeated_pattern_has_all_its_periods_listed():
+    """Columns that repeat every four pixels are alike at no motion and at every fourth pixel; the price decides."""
+    bars = np.float32([0, 0.2, 0.6, 0.2])[np.arange(40) % 4, np.newaxis] + colours(12, 1, 17)
+    count, best, flows = list_tiles(bars, bars, 5, 2, 0.2, 0.01, capacity=3)
+    inner = slice(8, 32)
+    assert (count[:, inner] == 3).all()
+    assert not flows[:, inner, 0].any()
+    np.testing.assert_array_equal(np.sort(flows[:, inner, 1:, 0]), np.broadcast_to([-4, 4], (12, 24, 2)))
+    np.testing.assert_allclose(best[:, inner], np.broadcast_to([1, 0.96, 0.96], (12, 24, 3)), atol=1e-4)
 
 
 @pytest.mark.parametrize("step", [2, 4, 8])
@@ -234,7 +281,9 @@ def test_tiles_that_lead_far_outside_read_nothing_else(motion, step):
     planes = padded_planes(colours(height, width, 13), padding, 0, 2 * LANES, colour_scale(0.25))
     proposals = np.full((1, 1, 2), motion, np.int32)
     points = -(-height // step), -(-width // step)
-    best, flow = np.empty(points, np.float32), np.empty((*points, 2), np.float32)
+    count, best = np.empty(points, np.int32), np.empty((*points, 2), np.float32)
+    flows = np.empty((*points, 2, 2), np.float32)
     limits = 0, TILE, radius, 3 * LANES, np.float32(0)
-    run_tiles(planes, planes, height, width, proposals, proposals, 2 * TILE, step, *limits, best, flow)
+    run_tiles(planes, planes, height, width, proposals, proposals, 2 * TILE, step, *limits, count, best, flows)
     assert np.isfinite(best).all()
+    assert (count == 1).all()

@@ -10,6 +10,7 @@ import pytest
 from truth import Clip, affine, eroded, layers, moving_object, noise, prepared, translation
 
 from fpsboost.motion.field import MotionField
+from fpsboost.motion.trajectory import Neighbour
 from fpsboost.synthesis import Synthesizer, Transition
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.fuse import Fuse
@@ -158,6 +159,24 @@ def test_fusing_finds_the_right_motion_among_alternatives():
     inner = eroded(np.ones((60, 72), bool), 8)
     for t, image in zip(TIMES, Fuse().synthesize(Transition(*clip.prepared, field01, field10), TIMES), strict=True):
         assert np.abs(image.astype(float) - clip.at(t))[inner].mean() < 0.7
+
+
+@pytest.mark.parametrize(("changes", "share"), [((0, 0, 90), 0.05), ((0, 30, 60), 0.5)])
+def test_accelerations_that_disagree_do_not_bend_the_path(changes, share):
+    """Of what the same mean acceleration spoils if all points agree on it: the less, the more they scatter."""
+    clip = affine(96, 128, shift=(0, 4), seed=3)
+    inner, alike = eroded(np.ones((96, 128), bool), 14), np.ones((96, 128), np.float32)
+
+    def error(change: np.ndarray) -> float:
+        away = np.zeros((96, 128, 2), np.float32)
+        away[..., 1] = change - 4
+        before = Neighbour(MotionField(-away, alike), MotionField(away, alike), 1.0)
+        (image,) = Fuse().synthesize(Transition(*clip.prepared, *true_fields(clip), before), [0.5])
+        return float(np.abs(image.astype(float) - clip.at(0.5))[inner].mean())
+
+    agreed, scattered = np.full(128, np.mean(changes)), np.array(changes)[np.arange(128) // 8 % 3]
+    assert error(np.zeros(128)) < 0.7
+    assert error(scattered) < share * error(agreed)
 
 
 @pytest.mark.parametrize("search", ["iterative", "brute-force"])

@@ -282,101 +282,161 @@ def spline_at(coefficients: Array, beyond: int, y: float, x: float) -> float:
 
 
 def collected(
-    flow: Array,
+    vectors: Array,
+    accelerations: Array,
     trust: Array,
+    candidates: Array,
+    *,
     sign: float,
     t: float,
     step: int,
-    around: float,
+    support: float,
     tolerance: float,
-    candidates: Array,
-    *,
+    size: tuple[int, int],
     capacity: int,
 ) -> None:
-    """Motions for cells of 16 pixels: ``candidates[row, column]`` are lists of ``[votes, sum of dx, sum of dy, ...]``.
+    """Motions for nodes in the middles of cells of 16 pixels; ``candidates[row, column]`` are lists of lists of seven.
 
-    Every motion has a share for each corner of a cell that it lands nearer to than `around`, along x and y: 1 at the
-    corner, less with distance, and all of that by how far its point is trusted. It joins the first candidate whose mean
-    is near, or is a new one as long as there is room. The last four numbers are the shares of the corners, row by row.
+    These are votes, sums of dx and dy, and of votes whose acceleration is known, votes, ax, ay and ax^2 + ay^2. A point
+    votes at every node nearer to where it lands than `support`, along x and y, the less the farther and the less it is
+    trusted. Its vote is for the first candidate whose mean is near, or a new one as long as there is room.
     """
-    height, width = flow.shape[:2]
-    rows, columns = candidates.shape
-    for y in range(min(step // 2, height - 1), height, step):
-        for x in range(min(step // 2, width - 1), width, step):
-            dx, dy = (float(value) for value in flow[y, x])
-            landing_x, landing_y = x + t * dx + 0.5, y + t * dy + 0.5
-            for row in range(rows):
-                for column in range(columns):
-                    down = [max(1 - abs(landing_y - 16 * (row + k)) / around, 0) for k in (0, 1)]
-                    across = [max(1 - abs(landing_x - 16 * (column + k)) / around, 0) for k in (0, 1)]
-                    shares = float(trust[y // step, x // step]) * np.outer(down, across).ravel()
-                    vote = shares.sum()
-                    if vote == 0:
-                        continue
-                    more = np.array([vote, vote * sign * dx, vote * sign * dy, *shares])
-                    known = candidates[row, column]
-                    for candidate in known:
-                        votes, sum_x, sum_y, *_ = candidate
-                        if max(abs(sum_x / votes - sign * dx), abs(sum_y / votes - sign * dy)) < tolerance:
-                            candidate[:] = (candidate + more).tolist()
-                            break
-                    else:
-                        if len(known) < capacity:
-                            known.append(more.tolist())
+    height, width = size
+    for i, j in np.ndindex(*trust.shape):
+        y, x = min(i * step + step // 2, height - 1), min(j * step + step // 2, width - 1)
+        dx, dy = (float(value) for value in vectors[i, j])
+        known, ax, ay = (float(value) for value in accelerations[i, j])
+        landing_x = x + 0.5 + t * dx - t * (1 - t) / 2 * ax
+        landing_y = y + 0.5 + t * dy - t * (1 - t) / 2 * ay
+        for row, column in np.ndindex(*candidates.shape):
+            down = max(1 - abs(landing_y - (16 * row + 8)) / support, 0)
+            across = max(1 - abs(landing_x - (16 * column + 8)) / support, 0)
+            vote = float(trust[i, j]) * down * across
+            if vote == 0:
+                continue
+            sure = known * vote
+            more = [vote, vote * sign * dx, vote * sign * dy, sure, sure * ax, sure * ay, sure * (ax * ax + ay * ay)]
+            listed = candidates[row, column]
+            for candidate in listed:
+                votes, sum_x, sum_y, *_ = candidate
+                if max(abs(sum_x / votes - sign * dx), abs(sum_y / votes - sign * dy)) < tolerance:
+                    candidate[:] = np.add(candidate, more).tolist()
+                    break
+            else:
+                if len(listed) < capacity:
+                    listed.append(more)
+
+
+def listed_by_votes(
+    candidates: list[list[float]], room: int, *, still_votes: float, spread: float, least_share: float, unknown: float
+) -> tuple[list[list[float]], list[float]]:
+    """A node's motions ``[dx, dy, ax, ay]`` by falling votes, none last, and the negative logarithms of their shares.
+
+    `candidates` are lists as `collected` makes them. A candidate's acceleration is the mean of its votes, times the
+    share of votes that know one, a few being for none, and times 1 / (1 + variance / spread^2).
+    """
+    everything = sum(candidate[0] for candidate in candidates) + still_votes
+    motions, energies = [], []
+    for votes, sum_x, sum_y, known, sum_ax, sum_ay, squares in sorted(candidates, key=lambda each: -each[0])[
+        : room - 1
+    ]:
+        ax = ay = 0.0
+        if known > 0:
+            ax, ay = sum_ax / known, sum_ay / known
+            variance = squares / known - ax**2 - ay**2
+            belief = known / (known + unknown * votes) / (1 + variance / spread**2)
+            ax, ay = belief * ax, belief * ay
+        motions.append([sum_x / votes, sum_y / votes, ax, ay])
+        energies.append(-math.log(votes / everything + least_share))
+    return [*motions, [0, 0, 0, 0]], [*energies, -math.log(still_votes / everything + least_share)]
+
+
+def shared(costs: list[float], least: float) -> list[float]:
+    """Weights that sum to 1: in proportion to ``exp(-cost)``, the best's being 1, less `least`, and none below 0."""
+    weights = [max(math.exp(min(costs) - cost) - least, 0) for cost in costs]
+    return [weight / sum(weights) for weight in weights]
+
+
+def smoothed(motions: Array, energies: Array, smoothness: float, slope: float) -> Array:
+    """Mean over four directions of the least cost of a path that ends in a label, less what the node before had to pay.
+
+    `motions` and `energies` are (rows, columns) of lists: of ``(dx, dy)``, and of a number for each; so is the answer.
+    """
+    rows, columns = motions.shape
+    total = np.empty(motions.shape, object)
+    for place in np.ndindex(rows, columns):
+        total[place] = [0.0] * len(energies[place])
+    for direction in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        paths: dict[tuple[int, ...], list[float]] = {}
+
+        def path(place: tuple[int, ...], direction=direction, paths=paths) -> list[float]:
+            before = tuple(np.subtract(place, direction).tolist())
+            if place not in paths and not (0 <= before[0] < rows and 0 <= before[1] < columns):
+                paths[place] = list(energies[place])
+            if place not in paths:
+                behind = path(before)
+                paths[place] = [
+                    energy
+                    - min(behind)
+                    + min(
+                        cost + min(slope * float(np.abs(np.subtract(motion[:2], other[:2])).sum()), smoothness)
+                        for other, cost in zip(motions[before], behind, strict=True)
+                    )
+                    for motion, energy in zip(motions[place], energies[place], strict=True)
+                ]
+            return paths[place]
+
+        for place in np.ndindex(rows, columns):
+            total[place] = [so_far + cost / 4 for so_far, cost in zip(total[place], path(place), strict=True)]
+    return total
 
 
 def fused(
-    image0: Array,
-    image1: Array,
-    t: float,
-    candidates: Array,
-    bend: Array,
-    *,
-    scale: float,
-    sharpness: float,
-    enough: float,
+    image0: Array, image1: Array, t: float, candidates: Array, *, scale: float, sharpness: float, enough: float
 ) -> tuple[Array, Array]:
-    """The mean over the candidates of each cell, weighed by patch similarity at t, and the mean similarity ** 8.
+    """The mean over all windows and candidates, weighed by patch similarity at t, and the mean similarity ** 8.
 
-    Cells have 16 pixels, patches 9, and edges repeat. `candidates` are lists as `collected` makes them, `bend` is
-    (rows, columns, 2).
+    Windows have 32 pixels and fade into those of their neighbours 16 pixels away; patches have 9 and end with their
+    window; edges repeat. ``candidates[row, column]`` are lists of ``[weight, dx, dy, ax, ay]``, tried one by one.
     """
     height, width, channels = image0.shape
     beyond = 48
     splines = [[spline_coefficients(image[..., c], beyond) for c in range(channels)] for image in (image0, image1)]
-    mean, confidence = np.zeros(image0.shape), np.zeros((height, width))
-    for row in range(-(-height // 16)):
-        for column in range(-(-width // 16)):
-            total, weights, similarities = np.zeros((16, 16, channels)), np.zeros((16, 16)), np.zeros((16, 16))
-            best = np.zeros((16, 16))
-            by_votes = sorted(candidates[row, column], key=lambda candidate: -candidate[0])
-            fewest = 0.02 * sum(candidate[0] for candidate in by_votes)
-            heard = [candidate for candidate in by_votes if candidate[0] >= fewest]
-            for votes, sum_x, sum_y, *shares in [*heard, [1, 0, 0, 0.25, 0.25, 0.25, 0.25]]:
-                motion = np.array([sum_x, sum_y]) / votes
-                above, below = np.reshape(shares, (2, 2))
-                corner = (
-                    np.array([16 * column - 4, 16 * row - 4]) + min(4 * np.abs(motion).sum(), 1) * bend[row, column]
-                )
-                starts = corner - t * motion, corner + (1 - t) * motion
-                mixed, alike = _along(splines, starts, (height, width), beyond, t, scale)
-                for y in range(16):
-                    for x in range(16):
-                        similarity = alike[y : y + 9, x : x + 9].mean()
-                        left, right = above + (y + 0.5) / 16 * (below - above)
-                        favour = left + (x + 0.5) / 16 * (right - left)
-                        weight = favour * math.exp(-sharpness * (1 - similarity))
-                        total[y, x] += weight * mixed[y + 4, x + 4]
-                        weights[y, x] += weight
-                        similarities[y, x] += weight * similarity
-                        best[y, x] = max(best[y, x], similarity)
-                if best.min() >= enough:
-                    break
-            here = slice(16 * row, 16 * row + 16), slice(16 * column, 16 * column + 16)
-            size = mean[here].shape
-            mean[here] = (total / weights[..., np.newaxis])[: size[0], : size[1]]
-            confidence[here] = ((similarities / weights) ** 8)[: size[0], : size[1]]
-    return mean, confidence
+    mean, all_weights, similarities = np.zeros(image0.shape), np.zeros((height, width)), np.zeros((height, width))
+    for row, column in np.ndindex(*candidates.shape):
+        corner = np.array([16.0 * column - 8, 16.0 * row - 8])
+        total, weights, alike_sum = np.zeros((32, 32, channels)), np.zeros((32, 32)), np.zeros((32, 32))
+        best = np.zeros((32, 32))
+        for prior, *numbers in candidates[row, column]:
+            if prior == 0:
+                continue
+            motion, acceleration = np.array(numbers[:2]), np.array(numbers[2:])
+            start = corner - t * motion + t * (1 - t) / 2 * acceleration
+            mixed, equal = _along(splines, (start, start + motion), (height, width), beyond, t, scale)
+            alike = np.array(
+                [[equal[max(y - 4, 0) : y + 5, max(x - 4, 0) : x + 5].mean() for x in range(32)] for y in range(32)]
+            )
+            weight = prior * np.exp(-sharpness * (1 - alike))
+            total += weight[..., np.newaxis] * mixed
+            weights += weight
+            alike_sum += weight * alike
+            best = np.maximum(best, alike)
+            if best.min() >= enough:
+                break
+        for y, x in np.ndindex(32, 32):
+            v, u = int(corner[1]) + y, int(corner[0]) + x
+            if 0 <= v < height and 0 <= u < width:
+                share = fading(y) * fading(x) / math.sqrt(weights[y, x])
+                mean[v, u] += share * total[y, x]
+                all_weights[v, u] += share * weights[y, x]
+                similarities[v, u] += share * alike_sum[y, x]
+    return mean / all_weights[..., np.newaxis], (similarities / all_weights) ** 8
+
+
+def fading(place: int) -> float:
+    """How much a place in a row of 32 counts: 3 s^2 - 2 s^3 of its distance s from the nearer end, in sixteenths."""
+    distance = min(place + 0.5, 31.5 - place) / 16
+    return 3 * distance**2 - 2 * distance**3
 
 
 def _along(
@@ -387,21 +447,27 @@ def _along(
     t: float,
     scale: float,
 ) -> tuple[Array, Array]:
-    """A region of 24 x 24 samples of both frames from their corners ``(x, y)``: mixed, and how alike they are."""
+    """A window of 32 x 32 samples of both frames from their corners ``(x, y)``: mixed, and how alike they are."""
     height, width = frame
-    mixed, alike = np.zeros((24, 24, len(splines[0]))), np.zeros((24, 24))
-    for j in range(24):
-        for i in range(24):
-            values, inside = [], []
-            for coefficients, (x, y) in zip(splines, starts, strict=True):
-                inside.append(0 <= x + i <= width - 1 and 0 <= y + j <= height - 1)
-                # a corner further out than this sees nothing but the repeated edge
-                place = min(max(y, -30), height + 2) + j, min(max(x, -30), width + 2) + i
-                values.append(np.array([spline_at(each, beyond, *place) for each in coefficients]))
-            shares = [1 - t, t] if inside[0] == inside[1] else inside
-            mixed[j, i] = shares[0] * values[0] + shares[1] * values[1]
-            alike[j, i] = math.exp(-scale * float(((values[1] - values[0]) ** 2).sum()))
-    return mixed, alike
+    windows, inside = [], []
+    for coefficients, (x, y) in zip(splines, starts, strict=True):
+        down, across = y + np.arange(32), x + np.arange(32)
+        inside.append(np.outer((down >= 0) & (down <= height - 1), (across >= 0) & (across <= width - 1)))
+        # a corner further out than this sees nothing but the repeated edge
+        place = min(max(y, -38), height + 2), min(max(x, -38), width + 2)
+        windows.append(np.dstack([spline_window(each, beyond, *place) for each in coefficients]))
+    share = np.where(inside[0] == inside[1], t, inside[1])[..., np.newaxis]
+    equal = np.exp(-scale * ((windows[1] - windows[0]) ** 2).sum(axis=-1))
+    return (1 - share) * windows[0] + share * windows[1], equal
+
+
+def spline_window(coefficients: Array, beyond: int, y: float, x: float, side: int = 32) -> Array:
+    """The spline at `side` x `side` places a pixel apart, the first at (y, x): the sum over all coefficients."""
+    down, across = (
+        np.array([[bspline(start + k + beyond - i) for i in range(length)] for k in range(side)])
+        for start, length in zip((y, x), coefficients.shape, strict=True)
+    )
+    return down @ coefficients @ across.T
 
 
 def refined(components0: Array, components1: Array, step: int, damping: float, largest: float, flow: Array) -> Array:

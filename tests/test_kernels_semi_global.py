@@ -1,0 +1,140 @@
+"""Semi-global matching over lists of labels, against a slow twin and against every choice there is."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from twins import smoothed
+
+from fpsboost.kernels.semi_global import smooth_labels
+
+
+def smooth(motions, energies, smoothness, slope, room=0):
+    """Lists of labels as the kernel takes them, whatever lies behind each; the costs as lists again."""
+    capacity = max(len(each) for each in energies.ravel()) + room
+    count = np.zeros(motions.shape, np.int32)
+    numbers = np.full((*motions.shape, capacity, 2), np.float32(1e6))
+    energy = np.full((*motions.shape, capacity), np.float32(-1e6))
+    for place in np.ndindex(motions.shape):
+        count[place] = len(energies[place])
+        numbers[place][: count[place]], energy[place][: count[place]] = motions[place], energies[place]
+    costs = np.full_like(energy, np.nan)
+    smooth_labels(count, numbers, energy, np.float32(smoothness), np.float32(slope), costs)
+    for place in np.ndindex(motions.shape):
+        assert not costs[place][count[place] :].any()
+    found = np.empty(motions.shape, object)
+    for place in np.ndindex(motions.shape):
+        found[place] = costs[place][: count[place]].tolist()
+    return found
+
+
+def lattice(rows, columns, motions, energies):
+    """The labels of every node, by functions of its place."""
+    labels, costs = np.empty((rows, columns), object), np.empty((rows, columns), object)
+    for place in np.ndindex(rows, columns):
+        labels[place], costs[place] = motions(*place), energies(*place)
+    return labels, costs
+
+
+def choice(costs):
+    """The number of the best label of each node."""
+    return [[int(np.argmin(each)) for each in row] for row in costs]
+
+
+@settings(max_examples=25)
+@given(
+    st.integers(1, 4), st.integers(1, 5), st.integers(1, 4), st.sampled_from([0, 0.5, 3]), st.sampled_from([0, 0.1, 1])
+)
+def test_costs_equal_their_slow_twin(rows, columns, most, smoothness, slope):
+    """For any lattice and lists of any length, also without smoothness or slope; behind the lists lies 0."""
+    random = np.random.default_rng([rows, columns, most])
+    lengths = random.integers(1, most + 1, (rows, columns))
+    motions, energies = lattice(
+        rows,
+        columns,
+        lambda row, column: random.integers(-8, 9, (lengths[row, column], 2)).tolist(),
+        lambda row, column: random.random(lengths[row, column]).tolist(),
+    )
+    found = smooth(motions, energies, smoothness, slope, room=2)
+    expected = smoothed(motions, energies, smoothness, slope)
+    for place in np.ndindex(rows, columns):
+        np.testing.assert_allclose(found[place], expected[place], atol=1e-5)
+
+
+def test_without_smoothness_every_node_chooses_alone():
+    """The costs are the energies themselves."""
+    random = np.random.default_rng(1)
+    motions, energies = lattice(
+        3, 4, lambda *_: random.normal(size=(3, 2)).tolist(), lambda *_: random.random(3).tolist()
+    )
+    found = smooth(motions, energies, 0, 0)
+    for place in np.ndindex(3, 4):
+        np.testing.assert_allclose(found[place], energies[place], atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_end_of_a_line_has_the_least_cost_of_all_choices(seed):
+    """The differences between labels at the end of a row are those of the best of all ways to label the row."""
+    random = np.random.default_rng(seed)
+    motions, energies = lattice(
+        1, 5, lambda *_: random.integers(-4, 5, (3, 2)).tolist(), lambda *_: random.random(3).tolist()
+    )
+    smoothness, slope = 0.7, 0.1
+    best = np.full(3, np.inf)
+    for labels in itertools.product(range(3), repeat=5):
+        chosen = [motions[0, n][k] for n, k in enumerate(labels)]
+        cost = sum(energies[0, n][k] for n, k in enumerate(labels)) + sum(
+            min(slope * np.abs(np.subtract(a, b)).sum(), smoothness) for a, b in itertools.pairwise(chosen)
+        )
+        best[labels[-1]] = min(best[labels[-1]], cost)
+    # three of the four paths only begin there
+    paths = 4 * np.array(smooth(motions, energies, smoothness, slope)[0, 4]) - 3 * np.array(energies[0, 4])
+    np.testing.assert_allclose(paths - paths.min(), best - best.min(), atol=1e-5)
+
+
+def test_nodes_that_cannot_tell_follow_one_that_can():
+    """In a repeated pattern two motions are equally good; the one that is right at the border is so everywhere."""
+    motions, energies = lattice(
+        4, 6, lambda row, column: [[-12, 0], [4, 0]], lambda row, column: [0.3 if column == 0 else 0.0, 0.0]
+    )
+    assert choice(smooth(motions, energies, 0.5, 0.03)) == [[1] * 6] * 4
+    assert choice(smooth(motions, energies, 0, 0))[0][1:] == [0] * 5
+
+
+def test_a_lone_node_goes_along_but_an_object_does_not():
+    """What a node says alone is not heard; what many say together holds to its very edge."""
+    motions, lone = lattice(
+        7, 8, lambda *_: [[0, 0], [9, 2]], lambda row, column: [0.2, 0.0] if (row, column) == (3, 3) else [0.0, 0.2]
+    )
+    assert choice(smooth(motions, lone, 0.5, 0.1)) == [[0] * 8] * 7
+    _, half = lattice(7, 8, lambda *_: [], lambda row, column: [0.2, 0.0] if column >= 4 else [0.0, 0.2])
+    assert choice(smooth(motions, half, 0.5, 0.1)) == [[0] * 4 + [1] * 4] * 7
+
+
+def test_a_small_change_costs_less_than_a_large_one():
+    """Motion that changes little from node to node is as good as free, so that things may turn and zoom."""
+    motions, energies = lattice(
+        1,
+        6,
+        lambda row, column: [[0.5 * column, 0], [20, 0] if column % 2 else [-20, 0]],
+        lambda *_: [0.1, 0.0],
+    )
+    assert choice(smooth(motions, energies, 0.5, 0.05)) == [[0] * 6]
+
+
+def test_the_mirrored_lattice_has_the_mirrored_costs():
+    """No direction comes first."""
+    random = np.random.default_rng(3)
+    motions, energies = lattice(
+        3, 5, lambda *_: random.normal(size=(2, 2)).tolist(), lambda *_: random.random(2).tolist()
+    )
+    straight = smooth(motions, energies, 0.5, 0.2)
+    mirrored = smooth(motions[::-1, ::-1], energies[::-1, ::-1], 0.5, 0.2)[::-1, ::-1]
+    transposed = smooth(motions.T, energies.T, 0.5, 0.2).T
+    for place in np.ndindex(3, 5):
+        np.testing.assert_allclose(mirrored[place], straight[place], atol=1e-6)
+        np.testing.assert_allclose(transposed[place], straight[place], atol=1e-6)
