@@ -49,8 +49,11 @@ EDGE_WINDOW, NEAR = 5, 4
 NEAREST, FARTHEST = 3, 40
 """How far away the same patch is looked for, pixels."""
 
-ALIKE, FLAT = 4.0, 4.0
-"""Root of the mean squared difference of patches that are alike, and deviation of one that is flat, levels of 255."""
+FLAT = 4.0
+"""Standard deviation of a patch below which it is flat, levels of 255."""
+
+ALIKE = 0.2
+"""Mean squared difference of patches that are alike, as a share of their variance."""
 
 SELF_PATCH = 5
 """Side of these patches in pixels of frames of half the size."""
@@ -73,6 +76,7 @@ AREAS = {
 
 ORACLES = {
     "time": "time",
+    "tried": "tried",
     "node": "node",
     "patch": "patch",
     "node_alone": "node 1",
@@ -180,9 +184,9 @@ def find_alike(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
             here = np.s_[: rows - dy, max(-dx, 0) : columns - max(dx, 0)]
             there = np.s_[dy:, max(dx, 0) : columns - max(-dx, 0)]
             difference = half[here] - half[there]
-            found = cv2.blur(np.einsum("yxc,yxc->yx", difference, difference), side) < ALIKE**2 * half.shape[2]
-            alike[here] |= found
-            alike[there] |= found
+            apart = cv2.blur(np.einsum("yxc,yxc->yx", difference, difference) / half.shape[2], side)
+            alike[here] |= apart < ALIKE * variance[here]
+            alike[there] |= apart < ALIKE * variance[there]
     flat = variance < FLAT**2
     back = [cv2.resize(each.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
             for each in (flat, alike & ~flat)]  # fmt: skip
@@ -206,9 +210,11 @@ def choose_by_truth(case: Case, fusing: Fuse) -> dict[str, NDArray[Any]]:
     """The squared error if the truth chooses among the method's candidates, by oracle."""
     transition, truth = case.transition, case.truth
     size = truth.shape[0], truth.shape[1]
-    count, motions, _ = fusing._candidates(fusing._all_voters(transition), size, MIDDLE)
+    count, motions, weights = fusing._candidates(fusing._all_voters(transition), size, MIDDLE)
+    tried = np.take_along_axis(motions, np.argsort(-weights, axis=2, kind="stable")[..., np.newaxis], axis=2)
     node, choice = best_of(transition, truth, MIDDLE, count, motions)
     images = {
+        "tried": best_of(transition, truth, MIDDLE, (weights > 0).sum(axis=2, dtype=np.int32), tried)[0],
         "node": node,
         "patch": best_of(transition, truth, MIDDLE, count, motions, radius=PATCH)[0],
         "node_alone": best_of(transition, truth, MIDDLE, count, motions, alone=True)[0],
