@@ -26,8 +26,9 @@ from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.kernels.candidates import CELL
 from fpsboost.method_table import methods
-from fpsboost.motion.field import round_trip
+from fpsboost.motion.field import MotionField, round_trip
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
 from fpsboost.prepared import PreparedImage
@@ -64,6 +65,9 @@ TIMES = (0.3, 0.4, 0.5, 0.6, 0.7)
 BLOCK = 32
 """Side of the blocks that choose a time, pixels."""
 
+AROUND = (-8, 0, 8)
+"""Where around a node the motion of the hidden frame is taken, pixels along x and y each."""
+
 AREAS = {
     "hidden": "hidden",
     "edges": "edges",
@@ -81,6 +85,7 @@ ORACLES = {
     "patch": "patch",
     "node_alone": "node 1",
     "patch_alone": "patch 1",
+    "other": "other",
     "motion": "motion",
     "path": "path",
 }
@@ -137,18 +142,23 @@ def psnr(error: NDArray[Any]) -> float:
     return float(10 * np.log10(255**2 / max(error.mean(), 1e-10)))
 
 
+def motion_of_truth(case: Case) -> list[tuple[MotionField, MotionField]]:
+    """Motion from the hidden frame to each of the shown ones, and back."""
+    truth, transition = PreparedImage(case.truth), case.transition
+    return [Dis("medium").estimate(truth, other) for other in (transition.image0, transition.image1)]
+
+
 def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
     """Where it is difficult, by the hidden frame; each (H, W) bool, and they overlap."""
-    truth = PreparedImage(case.truth)
     height, width = case.truth.shape[:2]
     y, x = np.arange(height), np.arange(width)
-    flows, hidden = [], np.zeros((height, width), bool)
-    for other in (case.transition.image0, case.transition.image1):
-        there, back = Dis("medium").estimate(truth, other)
+    hidden = np.zeros((height, width), bool)
+    both_ways = motion_of_truth(case)
+    flows = [there.flow for there, _ in both_ways]
+    for there, back in both_ways:
         end_y, end_x = y[:, np.newaxis] + there.flow[..., 1], x + there.flow[..., 0]
         outside = (end_x < -0.5) | (end_x > width - 0.5) | (end_y < -0.5) | (end_y > height - 0.5)
         hidden |= outside | (round_trip(there.flow, y, x, back.flow) > ASTRAY)
-        flows.append(there.flow)
     flat, repeated = find_alike(case.truth)
     areas = {
         "hidden": hidden,
@@ -220,10 +230,31 @@ def choose_by_truth(case: Case, fusing: Fuse) -> dict[str, NDArray[Any]]:
         "node_alone": best_of(transition, truth, MIDDLE, count, motions, alone=True)[0],
         "patch_alone": best_of(transition, truth, MIDDLE, count, motions, alone=True, radius=PATCH)[0],
     }
+    through = with_motion_of_truth(case, motions, choice)
+    images["other"] = best_of(transition, truth, MIDDLE, count + through.shape[2] - motions.shape[2], through)[0]
     for name, paths in (("motion", False), ("path", True)):
         moved = shifted(motions, choice, MIDDLE, paths=paths)
         images[name] = best_of(transition, truth, MIDDLE, np.full_like(count, moved.shape[2]), moved)[0]
     return {name: squared_error(truth, image) for name, image in images.items()}
+
+
+def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]) -> NDArray[Any]:
+    """Motions from frame to frame that lead through points of the hidden frame around each node, before those listed.
+
+    Their accelerations are those of the node's choice, so that it is motion alone that they add.
+    """
+    (to_first, _), (to_second, _) = motion_of_truth(case)
+    flow = to_second.flow - to_first.flow
+    rows, columns = choice.shape
+    chosen = np.take_along_axis(motions, choice[..., np.newaxis, np.newaxis], axis=2)[:, :, 0]
+    added = []
+    for down in AROUND:
+        for across in AROUND:
+            y = (np.arange(rows) * CELL + CELL // 2 + down).clip(0, flow.shape[0] - 1)
+            x = (np.arange(columns) * CELL + CELL // 2 + across).clip(0, flow.shape[1] - 1)
+            added.append(np.concatenate([flow[np.ix_(y, x)], chosen[..., 2:]], axis=2))
+    together: NDArray[Any] = np.ascontiguousarray(np.concatenate([np.stack(added, axis=2), motions], axis=2))
+    return together
 
 
 def budget(case: Case, fusing: Fuse, reach: float) -> Figures:
