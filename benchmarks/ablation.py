@@ -8,7 +8,6 @@ has more than the whole method.
 from __future__ import annotations
 
 import argparse
-import inspect
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -37,6 +36,7 @@ from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
 from fpsboost.interpolator import InBetween, Interpolator, Pair
+from fpsboost.kernels.candidates import list_candidates
 from fpsboost.kernels.jit import LANES
 from fpsboost.method_table import methods
 from fpsboost.motion import MotionEstimator, nlm
@@ -44,7 +44,7 @@ from fpsboost.motion.colour import colour_components, padded_planes
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
 from fpsboost.prepared import PreparedImage
-from fpsboost.synthesis import Synthesizer, Transition, fuse
+from fpsboost.synthesis import Transition, fuse
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.reproject import Reproject
 
@@ -99,40 +99,32 @@ class Looking:
 
 
 @dataclass(frozen=True)
-class OneDirection:
-    """A synthesizer that gets candidates from the first frame's motion alone."""
+class OneDirection(fuse.Fuse):
+    """The default synthesizer with candidates from the first frame's motion alone."""
 
-    inner: Synthesizer
-
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        nowhere = np.full_like(transition.field10.flow, 1e6)  # lands in no cell
-        one_way = replace(transition, field10=replace(transition.field10, flow=nowhere, alternatives=()))
-        return self.inner.synthesize(one_way, times)
+    def _all_voters(self, transition: Transition) -> tuple[list[fuse.Voters], list[fuse.Voters]]:
+        voters0, _ = super()._all_voters(transition)
+        return voters0, []
 
 
 @dataclass(frozen=True)
-class MovingOnly:
-    """A synthesizer in which no motion is no candidate, unless it was found.
-
-    The kernel always adds it, with one vote; here every other candidate has a million times as many.
-    """
+class WithConstants:
+    """The default synthesizer with other constants of its module."""
 
     inner: fuse.Fuse
+    constants: dict[str, Any]
 
     def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        kernel: Any = vars(fuse)["fuse_candidates"]
-        names = list(inspect.signature(kernel.py_func).parameters)
-
-        def outvoted(*arguments: Any) -> Any:
-            changed = dict(zip(names, arguments, strict=True))
-            changed |= {name: changed[name] * np.float32(1e6) for name in ("votes", "corners", "sums")}
-            return kernel(*changed.values())
-
-        with patch.object(fuse, "fuse_candidates", outvoted):
+        with patch.multiple(fuse, **self.constants):
             images = list(self.inner.synthesize(transition, times))
         yield from images
+
+
+def list_moving_candidates(count: NDArray[Any], *others: Any) -> None:
+    """Like `fpsboost.kernels.candidates.list_candidates`, without no motion, unless nothing else is known."""
+    list_candidates(count, *others)
+    count[count > 1] -= 1
 
 
 @dataclass(frozen=True)
@@ -153,10 +145,15 @@ class NextPairOnly(Interpolator):
 MOTION: dict[str, dict[str, Any]] = {
     "no second opinion": {"others": ()},
     "no price of distance": {"penalty": 0.0},
+    "every point chooses alone": {"smoothness": 0.0},
+    "smoothness of the search doubled": {"smoothness": 1.0},
+    "a change of motion costs half": {"steepness": 8.0},
+    "one offset a point": {"labels": 1},
+    "three offsets a point": {"labels": 3},
     "patch radius 3": {"patch_radius": 3},
     "patch radius 8": {"patch_radius": 8},
     "fewer levels": {"coarsest_side": 240},
-    "half the reach": {"reach": 1 / 12},
+    "half the reach": {"reach": 1 / 16},
     "a vector for every 4th pixel": {"step": 4},
     "a vector for every 16th pixel": {"step": 16},
 }
@@ -165,21 +162,36 @@ MOTION: dict[str, dict[str, Any]] = {
 SYNTHESIS: dict[str, dict[str, Any]] = {
     "similarity does not count": {"sharpness": 0.0},
     "the most similar takes all": {"sharpness": 1000.0},
-    "candidates from near by": {"around": 9.0},
+    "nodes not smoothed": {"smoothness": 0.0},
+    "smoothness of the nodes doubled": {"smoothness": 1.0},
+    "a change from node to node costs half": {"steepness": 8.0},
+    "candidates from near by": {"support": 16.0},
+    "candidates from far": {"support": 32.0},
     "candidates 1 pixel apart": {"tolerance": 1.0},
+    "five candidates a node": {"most": 5},
     "every 4th pixel asked": {"step": 4},
     "every 16th pixel asked": {"step": 16},
     "width of the report, v = 0.25": {"width": 0.25},
     "every candidate tried": {"enough": 2.0},
+    "unlikely candidates tried": {"least": 0.0},
 }
 """Options of the synthesizer that differ."""
+
+CONSTANTS: dict[str, dict[str, Any]] = {
+    "no candidate without motion": {
+        "STILL_VOTES": np.float32(1e-30),
+        "list_candidates": list_moving_candidates,
+    },
+    "votes not weighed by the way back": {"ASTRAY": 1e6},
+    "paths bent however votes scatter": {"STEADY": np.float32(1e6)},
+}
+"""Names of the synthesizer's module that stand for something else."""
 
 
 def list_variants(full: Interpolator) -> dict[str, Interpolator]:
     """What is measured; edit at will."""
     search: Any = full.estimator
     fusing: Any = full.synthesizer
-    same = {each.name: getattr(full, each.name) for each in fields(full)}
     return {
         WHOLE: full,
         "whole pixels only": replace(full, estimator=WholePixels(search)),
@@ -190,20 +202,25 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
         "one second look": replace(full, estimator=Looking(search, 1)),
         "DIS instead of the search": replace(full, estimator=Dis()),
         "straight paths": replace(full, curved=False),
-        "paths curved by the next pair alone": NextPairOnly(**same),
+        "paths curved by the next pair alone": NextPairOnly(**options_of(full)),
         "light not matched": replace(full, relight=False),
         "overlays move along": replace(full, overlays=False),
-        "one direction's candidates": replace(full, synthesizer=OneDirection(fusing)),
-        "no candidate without motion": replace(full, synthesizer=MovingOnly(fusing)),
+        "one direction's candidates": replace(full, synthesizer=OneDirection(**options_of(fusing))),
+        **{name: replace(full, synthesizer=WithConstants(fusing, each)) for name, each in CONSTANTS.items()},
         **{name: replace(full, synthesizer=each) for name, each in changed(fusing, SYNTHESIS).items()},
         "the report's reprojection": replace(full, synthesizer=Reproject()),
         "frames mixed, no motion": replace(full, synthesizer=Blend()),
     }
 
 
+def options_of(part: Any) -> dict[str, Any]:
+    """The fields of a dataclass by name."""
+    return {each.name: getattr(part, each.name) for each in fields(part)}
+
+
 def changed(part: Any, variants: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """An estimator or synthesizer with each variant's options, where it has them and they differ."""
-    known = {each.name: getattr(part, each.name) for each in fields(part)}
+    known = options_of(part)
     return {
         name: replace(part, **options)
         for name, options in variants.items()

@@ -1,0 +1,323 @@
+"""Where the error of the default method comes from: ``python benchmarks/error_budget.py [CLIP ...]``.
+
+Every second frame of a clip is hidden and made again. The hidden frame then says where the squared error lies, by what
+is difficult there, and what the method's own candidates could have made of it at best. ``benchmarks/README.md`` says
+what each column means, and what it cannot tell.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise, starmap
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from oracles import PATCH, best_of, shifted
+from rich.table import Table
+from scoring import SAMPLE, Clip, Figures, add_threads, find_clips, read_clip, use_threads, wide_console
+
+from fpsboost.errors import FpsboostError
+from fpsboost.evaluation.metrics import means
+from fpsboost.frame import Image
+from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.kernels.candidates import CELL
+from fpsboost.method_table import methods
+from fpsboost.motion.field import MotionField, round_trip
+from fpsboost.motion.nlm import CoarseToFine
+from fpsboost.motion.opencv import Dis
+from fpsboost.prepared import PreparedImage
+from fpsboost.synthesis import Transition
+from fpsboost.synthesis.fuse import Fuse
+
+MIDDLE = 0.5
+"""When the hidden frame is."""
+
+ASTRAY = 1.5
+"""A pixel is hidden in a frame if the way there and back ends farther than this from where it began, pixels."""
+
+EDGE = 2.0
+"""Change of motion from frame to frame within `EDGE_WINDOW` that makes an edge, pixels along x or y."""
+
+EDGE_WINDOW, NEAR = 5, 4
+"""Side of the window, and how far from an edge its pixels still count as near, pixels."""
+
+NEAREST, FARTHEST = 3, 40
+"""How far away the same patch is looked for, pixels."""
+
+FLAT = 4.0
+"""Standard deviation of a patch below which it is flat, levels of 255."""
+
+ALIKE = 0.2
+"""Mean squared difference of patches that are alike, as a share of their variance."""
+
+SELF_PATCH = 5
+"""Side of these patches in pixels of frames of half the size."""
+
+TIMES = (0.3, 0.4, 0.5, 0.6, 0.7)
+"""At which straight paths are tried."""
+
+BLOCK = 32
+"""Side of the blocks that choose a time, pixels."""
+
+AROUND = (-8, 0, 8)
+"""Where around a node the motion of the hidden frame is taken, pixels along x and y each."""
+
+AREAS = {
+    "hidden": "hidden",
+    "edges": "edges",
+    "flat": "flat",
+    "repeated": "repeated",
+    "far": "far",
+    "none": "none",
+}
+"""Areas and how the table calls them."""
+
+ORACLES = {
+    "time": "time",
+    "tried": "tried",
+    "node": "node",
+    "patch": "patch",
+    "node_alone": "node 1",
+    "patch_alone": "patch 1",
+    "other": "other",
+    "motion": "motion",
+    "path": "path",
+}
+"""What the truth chooses, and how the table calls it."""
+
+
+@dataclass(frozen=True)
+class KeepingTransition:
+    """A synthesizer that also keeps what it is given."""
+
+    inner: Fuse
+    kept: list[Transition] = field(default_factory=list)
+
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        self.kept.append(transition)
+        yield from self.inner.synthesize(transition, times)
+
+
+class Case(NamedTuple):
+    """A hidden frame, what was made in its place, and from what."""
+
+    truth: Image
+    made: Image
+    transition: Transition
+
+
+def make_cases(method: Interpolator, clip: Clip, largest: int) -> list[Case]:
+    """Make the hidden frames that count; those without a pair on either side only where there are no others."""
+    synthesizer: Any = method.synthesizer
+    keeping = KeepingTransition(synthesizer)
+    watched = replace(method, synthesizer=keeping)
+    inner, outer = [], []
+    pairs = starmap(watched.pair, pairwise(map(PreparedImage, clip.shown)))
+    for index, (before, pair, after) in enumerate(with_neighbours(pairs)):
+        if index not in clip.scored:
+            continue
+        keeping.kept.clear()
+        (made,) = watched.between(pair, [MIDDLE], before, after).images
+        if keeping.kept:  # nothing is fused across a cut
+            case = Case(clip.hidden[index], made, keeping.kept[0])
+            (inner if before and after else outer).append(case)
+    return (inner or outer)[:largest]
+
+
+def squared_error(truth: Image, made: Image) -> NDArray[Any]:
+    """(H, W) float64, levels of 255, mean over the colours."""
+    error: NDArray[Any] = ((truth.astype(np.float64) - made) ** 2).mean(axis=2)
+    return error
+
+
+def psnr(error: NDArray[Any]) -> float:
+    """In dB, of a squared error in levels of 255."""
+    return float(10 * np.log10(255**2 / max(error.mean(), 1e-10)))
+
+
+def motion_of_truth(case: Case) -> list[tuple[MotionField, MotionField]]:
+    """Motion from the hidden frame to each of the shown ones, and back."""
+    truth, transition = PreparedImage(case.truth), case.transition
+    return [Dis("medium").estimate(truth, other) for other in (transition.image0, transition.image1)]
+
+
+def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
+    """Where it is difficult, by the hidden frame; each (H, W) bool, and they overlap."""
+    height, width = case.truth.shape[:2]
+    y, x = np.arange(height), np.arange(width)
+    hidden = np.zeros((height, width), bool)
+    both_ways = motion_of_truth(case)
+    flows = [there.flow for there, _ in both_ways]
+    for there, back in both_ways:
+        end_y, end_x = y[:, np.newaxis] + there.flow[..., 1], x + there.flow[..., 0]
+        outside = (end_x < -0.5) | (end_x > width - 0.5) | (end_y < -0.5) | (end_y > height - 0.5)
+        hidden |= outside | (round_trip(there.flow, y, x, back.flow) > ASTRAY)
+    flat, repeated = find_alike(case.truth)
+    areas = {
+        "hidden": hidden,
+        "edges": find_edges(flows[1] - flows[0]),
+        "flat": flat,
+        "repeated": repeated,
+        "far": np.maximum(*(np.abs(flow).max(axis=2) for flow in flows)) > reach / 2,
+    }
+    return {**areas, "none": ~np.logical_or.reduce(list(areas.values()))}
+
+
+def find_edges(motion: NDArray[Any]) -> NDArray[Any]:
+    """Where motion changes within a few pixels, and what is near, (H, W) bool."""
+    window = np.ones((EDGE_WINDOW, EDGE_WINDOW), np.uint8)
+    change = (cv2.dilate(motion, window) - cv2.erode(motion, window)).max(axis=2)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * NEAR + 1, 2 * NEAR + 1))
+    return cv2.dilate((change > EDGE).astype(np.uint8), disc) > 0
+
+
+def find_alike(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Where patches are flat, and where others not far away are like them, each (H, W) bool; on half the size."""
+    height, width = image.shape[:2]
+    half = cv2.resize(image, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA).astype(np.float32)
+    rows, columns = half.shape[:2]
+    side = (SELF_PATCH, SELF_PATCH)
+    variance = (cv2.blur(half * half, side) - cv2.blur(half, side) ** 2).mean(axis=2)
+    alike = np.zeros((rows, columns), bool)
+    for dy in range(FARTHEST // 2 + 1):
+        for dx in range(-(FARTHEST // 2), FARTHEST // 2 + 1):
+            distance = 2 * np.hypot(dx, dy)
+            if (dy == 0 and dx < 0) or not NEAREST <= distance <= FARTHEST or dy >= rows or abs(dx) >= columns:
+                continue
+            here = np.s_[: rows - dy, max(-dx, 0) : columns - max(dx, 0)]
+            there = np.s_[dy:, max(dx, 0) : columns - max(-dx, 0)]
+            difference = half[here] - half[there]
+            apart = cv2.blur(np.einsum("yxc,yxc->yx", difference, difference) / half.shape[2], side)
+            alike[here] |= apart < ALIKE * variance[here]
+            alike[there] |= apart < ALIKE * variance[there]
+    flat = variance < FLAT**2
+    back = [cv2.resize(each.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+            for each in (flat, alike & ~flat)]  # fmt: skip
+    return back[0], back[1]
+
+
+def with_best_time(case: Case, fusing: Fuse, error: NDArray[Any]) -> NDArray[Any]:
+    """The squared error if every block may choose among the frame that was made and straight paths at `TIMES`."""
+    straight = replace(case.transition, before=None, after=None)
+    errors = [error, *(squared_error(case.truth, image) for image in fusing.synthesize(straight, TIMES))]
+    height, width = error.shape
+    least = error.copy()
+    for top in range(0, height, BLOCK):
+        for left in range(0, width, BLOCK):
+            block = np.s_[top : top + BLOCK, left : left + BLOCK]
+            least[block] = min((each[block] for each in errors), key=np.sum)
+    return least
+
+
+def choose_by_truth(case: Case, fusing: Fuse) -> dict[str, NDArray[Any]]:
+    """The squared error if the truth chooses among the method's candidates, by oracle."""
+    transition, truth = case.transition, case.truth
+    size = truth.shape[0], truth.shape[1]
+    count, motions, weights = fusing._candidates(fusing._all_voters(transition), size, MIDDLE)
+    tried = np.take_along_axis(motions, np.argsort(-weights, axis=2, kind="stable")[..., np.newaxis], axis=2)
+    node, choice = best_of(transition, truth, MIDDLE, count, motions)
+    images = {
+        "tried": best_of(transition, truth, MIDDLE, (weights > 0).sum(axis=2, dtype=np.int32), tried)[0],
+        "node": node,
+        "patch": best_of(transition, truth, MIDDLE, count, motions, radius=PATCH)[0],
+        "node_alone": best_of(transition, truth, MIDDLE, count, motions, alone=True)[0],
+        "patch_alone": best_of(transition, truth, MIDDLE, count, motions, alone=True, radius=PATCH)[0],
+    }
+    through = with_motion_of_truth(case, motions, choice)
+    images["other"] = best_of(transition, truth, MIDDLE, count + through.shape[2] - motions.shape[2], through)[0]
+    for name, paths in (("motion", False), ("path", True)):
+        moved = shifted(motions, choice, MIDDLE, paths=paths)
+        images[name] = best_of(transition, truth, MIDDLE, np.full_like(count, moved.shape[2]), moved)[0]
+    return {name: squared_error(truth, image) for name, image in images.items()}
+
+
+def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]) -> NDArray[Any]:
+    """Motions from frame to frame that lead through points of the hidden frame around each node, before those listed.
+
+    Their accelerations are those of the node's choice, so that it is motion alone that they add.
+    """
+    (to_first, _), (to_second, _) = motion_of_truth(case)
+    flow = to_second.flow - to_first.flow
+    rows, columns = choice.shape
+    chosen = np.take_along_axis(motions, choice[..., np.newaxis, np.newaxis], axis=2)[:, :, 0]
+    added = []
+    for down in AROUND:
+        for across in AROUND:
+            y = (np.arange(rows) * CELL + CELL // 2 + down).clip(0, flow.shape[0] - 1)
+            x = (np.arange(columns) * CELL + CELL // 2 + across).clip(0, flow.shape[1] - 1)
+            added.append(np.concatenate([flow[np.ix_(y, x)], chosen[..., 2:]], axis=2))
+    together: NDArray[Any] = np.ascontiguousarray(np.concatenate([np.stack(added, axis=2), motions], axis=2))
+    return together
+
+
+def budget(case: Case, fusing: Fuse, reach: float) -> Figures:
+    """Figures of one hidden frame: PSNR, shares of the squared error and of the area, and dB that oracles gain."""
+    error = squared_error(case.truth, case.made)
+    whole = psnr(error)
+    figures = {"psnr": whole}
+    for name, area in find_areas(case, reach).items():
+        figures[f"{name}_error"] = float(error[area].sum() / max(error.sum(), 1e-10))
+        figures[f"{name}_area"] = float(area.mean())
+    chosen = {"time": with_best_time(case, fusing, error), **choose_by_truth(case, fusing)}
+    return figures | {f"{name}_gain": psnr(each) - whole for name, each in chosen.items()}
+
+
+def measure(paths: Sequence[str], method: Interpolator, largest: int) -> dict[str, Figures]:
+    """Means over the hidden frames of every clip."""
+    fusing, search = method.synthesizer, method.estimator
+    if not isinstance(fusing, Fuse) or not isinstance(search, CoarseToFine):
+        raise TypeError("Only a method that searches coarse to fine and fuses has such a budget.")
+    figures = {}
+    for name, path in find_clips(paths).items():
+        clip = read_clip(name, path, largest + 2)
+        reach = search.reach * max(clip.shown[0].shape[:2])
+        rows = [budget(case, fusing, reach) for case in make_cases(method, clip, largest)]
+        if rows:
+            figures[name] = means(rows)
+    return figures
+
+
+def budget_table(figures: dict[str, Figures]) -> Table:
+    """A row a clip, then the mean, and the mean share of the area."""
+    table = Table("clip", "PSNR", *AREAS.values(), *ORACLES.values(), box=None, pad_edge=False)
+    for name, row in {**figures, "mean": means(list(figures.values()))}.items():
+        shares = [f"{row[f'{area}_error']:.0%}" for area in AREAS]
+        gains = [f"{row[f'{oracle}_gain']:+.2f}" for oracle in ORACLES]
+        table.add_row(name, f"{row['psnr']:.2f}", *shares, *gains)
+    mean = means(list(figures.values()))
+    table.add_row("of the area", "", *(f"{mean[f'{area}_area']:.0%}" for area in AREAS), *("" for _ in ORACLES))
+    return table
+
+
+def main() -> None:
+    """Print a table, and write JSON if asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("clip", nargs="*", default=[str(SAMPLE)])
+    parser.add_argument("--frames", type=int, default=2, help="hidden frames at most, per clip")
+    add_threads(parser)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    use_threads(arguments.threads)
+    method = replace(methods["nlm"], relight=False, overlays=False)
+    try:
+        figures = measure(arguments.clip, method, arguments.frames)
+    except FpsboostError as error:
+        raise SystemExit(str(error)) from error
+    if not figures:
+        raise SystemExit("There is nothing to judge: a scene cut in every pair.")
+    wide_console().print(budget_table(figures))
+    if arguments.json:
+        arguments.json.write_text(
+            json.dumps({"mean": means(list(figures.values())), "clips": figures}, indent=1) + "\n"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,228 @@
+"""What the default method could reach with the truth at hand: the best of its own candidates at every node or patch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image
+from fpsboost.kernels.candidates import CELL
+from fpsboost.kernels.fuse import AREA, WINDOW, fetch, mark_inside, mix_inside, window_shape
+from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.spline import MARGIN
+from fpsboost.synthesis import Transition
+from fpsboost.synthesis.fuse import _samples
+
+PATCH = 2
+"""r of the patches that choose for themselves, pixels."""
+
+INFINITE = np.float32(1e30)
+"""More than any squared error."""
+
+SHIFTS = (0.0, -0.5, 0.5, -1.0, 1.0)
+"""Along x and y each, pixels."""
+
+
+@njit(**FINITE_JIT)
+def sum_around(values, radius, sums):
+    """Sums over the patch around each pixel of a window, cut off at its border."""
+    for y in range(WINDOW):
+        for x in range(WINDOW):
+            total = np.float32(0)
+            for j in range(max(y - radius, 0), min(y + radius, WINDOW - 1) + 1):
+                for i in range(max(x - radius, 0), min(x + radius, WINDOW - 1) + 1):
+                    total += values[j * WINDOW + i]
+            sums[y * WINDOW + x] = total
+
+
+@njit(**FINITE_JIT)
+def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks, images):
+    """A window along one candidate: both frames mixed, and each alone, as in `fpsboost.kernels.fuse`.
+
+    Parameters
+    ----------
+    samples0, samples1 : (2, C, height + 2 MARGIN, width + 2 MARGIN + SPARE or more) float32
+        See `fpsboost.synthesis.fuse`.
+    size : (int, int)
+        Height and width of the frame.
+    top, left : int
+        First pixel of the window.
+    motion : (4,) float32
+        dx, dy, and acceleration ax, ay.
+    t : float32
+    rows : ((WINDOW + 3) * WINDOW,) float32
+        Room.
+    marks : (4, WINDOW) float32
+        Room.
+    images : (3, C, AREA) float32 out
+    """
+    height, width = size
+    one = np.float32(1)
+    curve = t * (one - t) * np.float32(0.5)
+    lowest, margin = np.float32(2 - MARGIN), np.float32(MARGIN)
+    highest_x, highest_y = np.float32(width + 2), np.float32(height + 2)
+    x0 = np.float32(left) + curve * motion[2] - t * motion[0]
+    y0 = np.float32(top) + curve * motion[3] - t * motion[1]
+    x1, y1 = x0 + motion[0], y0 + motion[1]
+    mark_inside(x0, width, marks[0])
+    mark_inside(y0, height, marks[1])
+    mark_inside(x1, width, marks[2])
+    mark_inside(y1, height, marks[3])
+    x0, x1 = min(max(x0, lowest), highest_x) + margin, min(max(x1, lowest), highest_x) + margin
+    y0, y1 = min(max(y0, lowest), highest_y) + margin, min(max(y1, lowest), highest_y) + margin
+    for c in range(images.shape[1]):
+        first, second, mixed = images[1, c], images[2, c], images[0, c]
+        fetch(samples0[0, c], samples0[1, c], y0, x0, rows, first)
+        fetch(samples1[0, c], samples1[1, c], y1, x1, rows, second)
+        for i in range(AREA):
+            mixed[i] = first[i] + t * (second[i] - first[i])
+        mix_inside(one - t, t, marks, first, second, mixed)
+
+
+@njit(**FINITE_JIT)
+def measure_window(image, truth, top, left, error):
+    """Squared error of each pixel of a window, summed over the planes; 0 beyond the frame."""
+    channels, height, width = truth.shape
+    error[:] = 0
+    for j in range(max(-top, 0), min(height - top, WINDOW)):
+        for i in range(max(-left, 0), min(width - left, WINDOW)):
+            for c in range(channels):
+                difference = image[c, j * WINDOW + i] - truth[c, top + j, left + i]
+                error[j * WINDOW + i] += difference * difference
+
+
+@njit(**FINITE_JIT)
+def add_window(best, shape, top, left, mean, weight):
+    """Add the part of a window that lies inside of the frame."""
+    channels, height, width = mean.shape
+    for j in range(max(-top, 0), min(height - top, WINDOW)):
+        for i in range(max(-left, 0), min(width - left, WINDOW)):
+            place = j * WINDOW + i
+            weight[top + j, left + i] += shape[place]
+            for c in range(channels):
+                mean[c, top + j, left + i] += shape[place] * best[c, place]
+
+
+@njit(**FINITE_JIT)
+def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radius, shape, mean, weight, choice):
+    """Sum up windows of the candidates that come nearest to the truth.
+
+    Parameters
+    ----------
+    samples0, samples1, t
+        See `sample_candidate`.
+    truth : (C, height, width) float32
+    count : (rows, columns) int32
+    motions : (rows, columns, room, 4) float32
+        See `fpsboost.kernels.candidates`.
+    alone : bool
+        Whether what either frame shows may be taken unmixed.
+    radius : int
+        r of the patches that choose, pixels; below 0 a window chooses as a whole.
+    shape : (AREA,) float32
+        See `fpsboost.kernels.fuse.window_shape`.
+    mean : (C, height, width) float32
+        Sum of the windows; in and out.
+    weight : (height, width) float32
+        Sum of their shapes; in and out.
+    choice : (rows, columns) int32 out
+        The candidate that each window would choose as a whole.
+    """
+    channels, height, width = truth.shape
+    rows, marks = np.empty((WINDOW + 3) * WINDOW, np.float32), np.empty((4, WINDOW), np.float32)
+    images, best = np.empty((3, channels, AREA), np.float32), np.empty((channels, AREA), np.float32)
+    error, score, least = np.empty(AREA, np.float32), np.empty(AREA, np.float32), np.empty(AREA, np.float32)
+    for row in range(count.shape[0]):
+        for column in range(count.shape[1]):
+            top, left = row * CELL - (WINDOW - CELL) // 2, column * CELL - (WINDOW - CELL) // 2
+            least[:] = INFINITE
+            least_of_all = INFINITE
+            for k in range(count[row, column]):
+                sample_candidate(
+                    samples0, samples1, (height, width), top, left, motions[row, column, k], t, rows, marks, images
+                )
+                for number in range(3 if alone else 1):
+                    measure_window(images[number], truth, top, left, error)
+                    whole = np.float32((error * shape).sum())
+                    if whole < least_of_all:
+                        least_of_all = whole
+                        choice[row, column] = k
+                    if radius < 0:
+                        score[:] = whole
+                    else:
+                        sum_around(error, radius, score)
+                    for i in range(AREA):
+                        if score[i] < least[i]:
+                            least[i] = score[i]
+                            best[:, i] = images[number, :, i]
+            add_window(best, shape, top, left, mean, weight)
+
+
+def best_of(
+    transition: Transition,
+    truth: Image,
+    t: float,
+    count: NDArray[Any],
+    motions: NDArray[Any],
+    *,
+    alone: bool = False,
+    radius: int = -1,
+) -> tuple[Image, NDArray[Any]]:
+    """The frame at time t of the candidates that come nearest to the truth, and which those are.
+
+    Parameters
+    ----------
+    transition : Transition
+        Between two frames of 8 bits.
+    truth : (H, W, C) uint8
+    t : float
+    count : (rows, columns) int32
+    motions : (rows, columns, room, 4) float32
+        See `fpsboost.kernels.candidates.list_candidates`.
+    alone : bool
+        Whether what either frame shows may be taken unmixed.
+    radius : int
+        r of the patches that choose, pixels; below 0 a window chooses as a whole.
+
+    Returns
+    -------
+    (H, W, C) uint8, and (rows, columns) int32
+        The second is what each window would choose as a whole.
+    """
+    samples0, samples1 = (image.once(_samples) for image in (transition.image0, transition.image1))
+    wanted = np.ascontiguousarray(truth.transpose(2, 0, 1), np.float32) / np.float32(255)
+    mean, weight, choice = np.zeros_like(wanted), np.zeros(wanted.shape[1:], np.float32), np.zeros_like(count)
+    choose_candidates(
+        samples0, samples1, wanted, np.float32(t), count, motions, alone, radius, window_shape(), mean, weight, choice
+    )
+    mean /= weight
+    return np.rint(mean.transpose(1, 2, 0).clip(0, 1) * 255).astype(np.uint8), choice
+
+
+def shifted(motions: NDArray[Any], choice: NDArray[Any], t: float, *, paths: bool) -> NDArray[Any]:
+    """The chosen candidate of each node, and the same with its motion or its place at time t shifted by `SHIFTS`.
+
+    Parameters
+    ----------
+    motions : (rows, columns, room, 4) float32
+    choice : (rows, columns) int32
+    t : float
+    paths : bool
+        Shift the place, at both frames alike, instead of the motion.
+
+    Returns
+    -------
+    (rows, columns, len(SHIFTS)^2, 4) float32
+    """
+    chosen = np.take_along_axis(motions, choice[..., np.newaxis, np.newaxis], axis=2)
+    shifts = np.zeros((len(SHIFTS) ** 2, 4), np.float32)
+    both_axes = np.stack(np.meshgrid(SHIFTS, SHIFTS), axis=-1).reshape(-1, 2)
+    if paths:  # the place at time t is that of the straight path less a t (1 - t) / 2
+        shifts[:, 2:] = both_axes / (t * (1 - t) / 2)
+    else:
+        shifts[:, :2] = both_axes
+    moved: NDArray[Any] = np.ascontiguousarray(chosen + shifts, np.float32)
+    return moved
