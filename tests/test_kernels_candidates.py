@@ -27,7 +27,16 @@ def no_acceleration(vectors):
 
 
 def collect(
-    vectors, times, size, step=4, support=16.0, tolerance=0.5, capacity=12, accelerations=(None, None), trusts=None
+    vectors,
+    times,
+    size,
+    step=4,
+    support=16.0,
+    tolerance=0.5,
+    capacity=12,
+    accelerations=(None, None),
+    trusts=None,
+    gradients=None,
 ):
     """Both frames' motion as the kernel collects it: count, votes and sums."""
     nodes = -(-size[0] // CELL), -(-size[1] // CELL)
@@ -38,6 +47,7 @@ def collect(
         trust = np.ones(each.shape[:2], np.float32) if trusts is None else trusts[frame]
         collect_candidates(
             each,
+            np.zeros((*each.shape, 2), np.float32) if gradients is None else gradients[frame],
             changes,
             trust,
             np.float32(sign),
@@ -90,15 +100,17 @@ def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity
     accelerations = random.integers(-16, 17, (2, *shape, 3)).astype(np.float32)
     accelerations[..., 0] = random.integers(0, 2, (2, *shape))
     accelerations[..., 1:] *= accelerations[..., :1]
+    gradients = random.choice(np.float32([0, 0, 0, 1 / 16, -1 / 32]), (2, *shape, 2, 2))
     trusts = random.choice(np.float32([0, 0.25, 1]), (2, *shape))
     tolerance = 0.5**0.5  # shares are exact, and no difference, a ratio, is on the edge of two answers
     count, votes, sums = collect(
-        vectors, (0.25, 0.75), size, step, 16, tolerance, capacity, accelerations=accelerations, trusts=trusts
+        vectors, (0.25, 0.75), size, step, 16, tolerance, capacity, accelerations, trusts, gradients
     )
     expected = empty_lists(count.shape)
     for frame, (sign, t) in enumerate(((1, 0.25), (-1, 0.75))):
         collected(
             vectors[frame],
+            gradients[frame],
             accelerations[frame],
             trusts[frame],
             expected,
@@ -125,6 +137,19 @@ def test_one_motion_is_one_candidate_with_all_the_votes():
     assert (count == 1).all()
     np.testing.assert_allclose(votes[2, 2, 0], 2 * 4 * 4)  # 4 x 4 points a cell, two frames
     np.testing.assert_allclose(sums[..., 0, :2] / votes[..., :1], np.broadcast_to([2, -1], (5, 5, 2)), rtol=1e-5)
+
+
+def test_a_zoom_is_one_candidate_of_each_node():
+    """Where motion changes evenly from point to point, all votes agree on what it is at the node, and exactly so."""
+    size, zoom = (80, 80), np.float32(0.125)
+    place = np.arange(0, 80, 4) + 2.5
+    vectors = np.float32(np.dstack([zoom * np.add.outer(0 * place, place), 0 * np.add.outer(place, place)]))
+    gradients = np.zeros((1, 20, 20, 2, 2), np.float32)
+    gradients[..., 0, 0] = zoom
+    count, votes, sums = collect([vectors], [0.0], size, gradients=gradients)
+    assert (count == 1).all()
+    middles = np.broadcast_to(zoom * (16 * np.arange(5) + 8), (5, 5))
+    np.testing.assert_allclose(sums[..., 0, 0] / votes[..., 0], middles, rtol=1e-5)
 
 
 def test_motions_within_the_tolerance_are_one():

@@ -283,6 +283,7 @@ def spline_at(coefficients: Array, beyond: int, y: float, x: float) -> float:
 
 def collected(
     vectors: Array,
+    gradients: Array,
     accelerations: Array,
     trust: Array,
     candidates: Array,
@@ -299,21 +300,24 @@ def collected(
 
     These are votes, sums of dx and dy, and of votes whose acceleration is known, votes, ax, ay and ax^2 + ay^2. A point
     votes at every node nearer to where it lands than `support`, along x and y, the less the farther and the less it is
-    trusted. Its vote is for the first candidate whose mean is near, or a new one as long as there is room.
+    trusted. Its vote, for its motion and what its gradients add on the way to the node, is for the first candidate
+    whose mean is near, or a new one as long as there is room.
     """
     height, width = size
     for i, j in np.ndindex(*trust.shape):
         y, x = min(i * step + step // 2, height - 1), min(j * step + step // 2, width - 1)
-        dx, dy = (float(value) for value in vectors[i, j])
+        here_x, here_y = (float(value) for value in vectors[i, j])
         known, ax, ay = (float(value) for value in accelerations[i, j])
-        landing_x = x + 0.5 + t * dx - t * (1 - t) / 2 * ax
-        landing_y = y + 0.5 + t * dy - t * (1 - t) / 2 * ay
+        landing_x = x + 0.5 + t * here_x - t * (1 - t) / 2 * ax
+        landing_y = y + 0.5 + t * here_y - t * (1 - t) / 2 * ay
         for row, column in np.ndindex(*candidates.shape):
             down = max(1 - abs(landing_y - (16 * row + 8)) / support, 0)
             across = max(1 - abs(landing_x - (16 * column + 8)) / support, 0)
             vote = float(trust[i, j]) * down * across
             if vote == 0:
                 continue
+            apart = np.array([16 * column + 8 - landing_x, 16 * row + 8 - landing_y])
+            dx, dy = (float(value) for value in (here_x, here_y) + apart @ gradients[i, j])
             sure = known * vote
             more = [vote, vote * sign * dx, vote * sign * dy, sure, sure * ax, sure * ay, sure * (ax * ax + ay * ay)]
             listed = candidates[row, column]
