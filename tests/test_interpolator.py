@@ -392,11 +392,11 @@ def test_neighbouring_pairs_bend_the_path(motion):
 
 @pytest.mark.parametrize("period", [4, 5])
 def test_both_neighbours_tell_how_fast_things_swing(period):
-    """At the end of a quick swing, both neighbours are right where one of them is not and going straight is worse."""
+    """Near the end of a quick swing, both neighbours are right where one of them is not and going straight is worse."""
     y, x = np.mgrid[0:96, 0:128].astype(float)
 
     def at(t):
-        return as_type(waves(x - 8 * np.cos(2 * np.pi * (t - 0.5) / period), y), np.uint8)
+        return as_type(waves(x - 8 * np.cos(2 * np.pi * (t - 0.3) / period), y), np.uint8)
 
     nlm = replace(methods["nlm"], cuts=None)
     before, pair, after = (nlm.pair(*each) for each in pairwise(prepared(*(at(t) for t in (-1, 0, 1, 2)))))

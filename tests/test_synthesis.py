@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from truth import Clip, affine, eroded, layers, moving_object, noise, prepared, translation
 
+from fpsboost.errors import OptionError
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.synthesis import Synthesizer, Transition
@@ -273,6 +274,26 @@ def test_confidence_is_high_but_where_nothing_fits():
     assert 0 <= fused.confidence.min() <= fused.confidence.max() <= 1 + 1e-5
     off = np.abs(fused.image.astype(float) - clip.at(0.5)).max(axis=-1)
     assert fused.confidence[off > 24].mean() < fused.confidence[off <= 2].mean() - 0.1
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("step", 0),
+        ("support", 15.9),
+        ("tolerance", -0.1),
+        ("most", 0),
+        ("smoothness", -1),
+        ("steepness", 0),
+        ("least", 1),
+        ("width", 0),
+        ("width", float("nan")),
+    ],
+)
+def test_options_of_fusing_out_of_range_are_refused(option, value):
+    """By their name."""
+    with pytest.raises(OptionError, match=option):
+        Fuse(**{option: value})
 
 
 def test_blend_mixes_in_time():
