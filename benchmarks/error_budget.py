@@ -286,7 +286,7 @@ def measure(paths: Sequence[str], method: Interpolator, largest: int) -> dict[st
 
 def budget_table(figures: dict[str, Figures]) -> Table:
     """A row a clip, then the mean, and the mean share of the area."""
-    table = Table("clip", "PSNR", *AREAS.values(), *ORACLES.values(), box=None, pad_edge=False)
+    table = Table("clip", "PSNR", *AREAS.values(), *ORACLES.values(), box=None, padding=(0, 1, 0, 0))
     for name, row in {**figures, "mean": means(list(figures.values()))}.items():
         shares = [f"{row[f'{area}_error']:.0%}" for area in AREAS]
         gains = [f"{row[f'{oracle}_gain']:+.2f}" for oracle in ORACLES]
