@@ -162,9 +162,6 @@ MOTION: dict[str, dict[str, Any]] = {
 SYNTHESIS: dict[str, dict[str, Any]] = {
     "similarity does not count": {"sharpness": 0.0},
     "the most similar takes all": {"sharpness": 1000.0},
-    "nodes not smoothed": {"smoothness": 0.0},
-    "smoothness of the nodes doubled": {"smoothness": 1.0},
-    "a change from node to node costs half": {"steepness": 8.0},
     "candidates from near by": {"support": 16.0},
     "candidates from far": {"support": 32.0},
     "candidates 1 pixel apart": {"tolerance": 1.0},

@@ -297,8 +297,9 @@ class Interpolator:
             onward = self.at_cuts == "extrapolate"
             fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)
             return AT_CUTS[self.at_cuts].synthesize(Transition(pair.image0, pair.image1, *fields), times)
+        fields = pair.fields  # first: once the pair after has its own, the frame that the two share is forgotten
         neighbours = (_neighbour(before, pair), _neighbour(after, pair)) if self.curved else ()
-        images = self.synthesizer.synthesize(Transition(*pair.in_one_light, *pair.fields, *neighbours), times)
+        images = self.synthesizer.synthesize(Transition(*pair.in_one_light, *fields, *neighbours), times)
         if pair.lighting is not None:
             images = _relit(images, times, pair.lighting, pair.image0.pixels.dtype)
         elif self.overlays and (before or after):

@@ -283,8 +283,6 @@ def test_confidence_is_high_but_where_nothing_fits():
         ("support", 15.9),
         ("tolerance", -0.1),
         ("most", 0),
-        ("smoothness", -1),
-        ("steepness", 0),
         ("least", 1),
         ("width", 0),
         ("width", float("nan")),

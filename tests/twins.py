@@ -337,7 +337,8 @@ def listed_by_votes(
     """A node's motions ``[dx, dy, ax, ay]`` by falling votes, none last, and the negative logarithms of their shares.
 
     `candidates` are lists as `collected` makes them. A candidate's acceleration is the mean of its votes, times the
-    share of votes that know one, a few being for none, and times 1 / (1 + variance / spread^2).
+    share of votes that know one, a few being for none, and times 1 / (1 + variance / spread^2). Motion of less than a
+    quarter of a pixel has the less of it the shorter it is.
     """
     everything = sum(candidate[0] for candidate in candidates) + still_votes
     motions, energies = [], []
@@ -349,6 +350,7 @@ def listed_by_votes(
             ax, ay = sum_ax / known, sum_ay / known
             variance = squares / known - ax**2 - ay**2
             belief = known / (known + unknown * votes) / (1 + variance / spread**2)
+            belief *= min(4 * (abs(sum_x) + abs(sum_y)) / votes, 1)
             ax, ay = belief * ax, belief * ay
         motions.append([sum_x / votes, sum_y / votes, ax, ay])
         energies.append(-math.log(votes / everything + least_share))

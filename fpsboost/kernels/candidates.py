@@ -156,6 +156,8 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, motion
                 variance = max(node_sums[k, 5] / known - ax * ax - ay * ay, np.float32(0))
                 # vectors that do not agree on how they change are not to be believed
                 belief = known / (known + UNKNOWN * vote) * spread * spread / (spread * spread + variance)
+                # what stands still is not bent: a held picture stays as it is
+                belief *= min(np.float32(4) * (abs(motion[0]) + abs(motion[1])), np.float32(1))
                 motion[2], motion[3] = belief * ax, belief * ay
             energy[row, column, place] = -math.log(vote / all_votes + least_share)
         motions[row, column, listed] = 0

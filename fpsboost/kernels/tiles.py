@@ -122,7 +122,8 @@ def search_tiles(
     penalty : float32
         What a pixel of distance from the expected motion costs, in units of similarity (0 to 1).
     count : (points down, points across) int32 out
-        How many offsets each point has, at least one: none is the neighbour of another.
+        How many offsets each point has, at least one. One that is better than a listed neighbour takes its place, so
+        that most are local maxima.
     best : (points down, points across, capacity) float32 out
         Mean similarity less the penalty, at points `step` pixels apart, the first at step / 2; falling.
     flows : (points down, points across, capacity, 2) float32 out

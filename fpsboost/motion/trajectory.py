@@ -20,9 +20,10 @@ CONSISTENT = 1.5
 ONE_SIDED = 0.8
 """Share of the acceleration that is believed from one neighbouring pair alone."""
 
-TWO_SIDED = 2.0
-"""The same from both. A Catmull-Rom spline has 1, for motion that is slow to change; the ideal interpolation of motion
-that may change from pair to pair, a sinc, has 4 where it is cut off after two frames on each side."""
+TWO_SIDED = 1.5
+"""The same from both. A Catmull-Rom spline has 1, which is exact for motion that is slow to change; the ideal
+interpolation of motion that may change from pair to pair, a sinc, has 4 where it is cut off after two frames on each
+side."""
 
 
 class Neighbour(NamedTuple):

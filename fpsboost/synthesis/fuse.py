@@ -1,7 +1,6 @@
 """The default: every pixel a mean over the motions that may hold there, weighed by patch similarity at time t.
 
-What the points of both frames say of the motion around a node is a vote; nodes whose neighbours say the same are heard
-first (semi-global matching), and what few say fades out.
+What a point of either frame says of the motion around a node is a vote, and what few say fades out.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from fpsboost.frame import Image, has_alpha
 from fpsboost.kernels.candidates import CELL, SUMS, collect_candidates, list_candidates, share_weights
 from fpsboost.kernels.fuse import SPARE, finish_mean, fuse_candidates, patch_shares, window_shape, write_pixels
 from fpsboost.kernels.memory import aligned_empty
-from fpsboost.kernels.semi_global import smooth_labels
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, at_points, motion_gradients, point_places, round_trip
@@ -28,6 +26,9 @@ from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_ra
 
 CAPACITY = 48
 """Motions that are told apart around one node, at most."""
+
+ALTERNATIVE_TRUST = np.float32(0.5)
+"""What votes of other estimators count: they are a second opinion, and may be wrong about a whole surface."""
 
 STILL_VOTES = np.float32(0.25)
 """Votes of no motion at all."""
@@ -78,11 +79,6 @@ class Fuse:
         Motions that differ by less are tried once, pixels.
     most : int
         Motions that are tried around one node.
-    smoothness : float
-        Cost of a change of motion from node to node, at most: a candidate that needs one has ``exp(-cost)`` of its
-        weight left.
-    steepness : float
-        Change of motion that costs as much, pixels.
     least : float
         Weight in that of the best candidate below which a motion is not tried.
     width : float
@@ -97,8 +93,6 @@ class Fuse:
     support: float = 24
     tolerance: float = 0.5
     most: int = 15
-    smoothness: float = 0.5
-    steepness: float = 4
     least: float = 0.02
     width: float = 0.3
     sharpness: float = 18
@@ -113,10 +107,6 @@ class Fuse:
             raise OptionError(f"tolerance must be at least 0 pixels, not {self.tolerance}.")
         if self.most < 1:
             raise OptionError(f"most must be at least 1, not {self.most}.")
-        if not self.smoothness >= 0:
-            raise OptionError(f"smoothness must be at least 0, not {self.smoothness}.")
-        if not self.steepness > 0:
-            raise OptionError(f"steepness must be above 0 pixels, not {self.steepness}.")
         if not 0 <= self.least < 1:
             raise OptionError(f"least must be at least 0 and below 1, not {self.least}.")
         if not self.width > 0:
@@ -191,10 +181,8 @@ class Fuse:
         room = self.most + 1  # and no motion
         motions, energy = np.zeros((*nodes, room, 4), np.float32), np.zeros((*nodes, room), np.float32)
         list_candidates(count, votes, sums, STILL_VOTES, STEADY, LEAST_SHARE, motions, energy)
-        costs, weights = np.empty_like(energy), np.empty_like(energy)
-        slope = np.float32(self.smoothness / self.steepness)
-        smooth_labels(count, motions, energy, np.float32(self.smoothness), slope, costs)
-        share_weights(count, costs, np.float32(self.least), weights)
+        weights = np.empty_like(energy)
+        share_weights(count, energy, np.float32(self.least), weights)
         return count, motions, weights
 
     def _all_voters(self, transition: Transition) -> tuple[list[Voters], list[Voters]]:
@@ -232,8 +220,11 @@ class Fuse:
             vectors = at_points(flow, self.step)
             astray = round_trip(vectors, y, x, back) / np.float32(ASTRAY)
             voters.append(Voters(vectors, motion_gradients(vectors, self.step), change, 1 / (1 + astray * astray)))
-        first = voters[0]
-        return [first._replace(trust=first.trust * at_points(field.similarity, self.step)), *voters[1:]]
+        first, *others = voters
+        return [
+            first._replace(trust=first.trust * at_points(field.similarity, self.step)),
+            *(each._replace(trust=each.trust * ALTERNATIVE_TRUST) for each in others),
+        ]
 
 
 def _samples(image: Image) -> NDArray[Any]:
