@@ -149,7 +149,7 @@ def test_a_peer_is_told_how_many_and_how_fast(tmp_path, clip):
     ("program", "sentence"),
     [
         (
-            "print('so far so good'); raise SystemExit('no model\\nfor this\\n\\n')",
+            "print('so far so good', flush=True); raise SystemExit('no model\\nfor this\\n\\n')",
             "peer tool failed with exit code 1: for this",
         ),
         ("raise SystemExit(3)", "peer tool failed with exit code 3: it said nothing"),
