@@ -99,7 +99,39 @@ def _without_alpha(image: Image) -> Image:
     return as_seen(image)[..., :-1] if has_alpha(image) else image
 
 
-class XpsnrMeter:
+class _FilterMeter:
+    """What the meters of both filters have in common: every frame goes in, and those count that were made."""
+
+    def __init__(self, rate: Fraction) -> None:
+        self._rate = rate
+        self._side: _Side | None = None
+        self._is_made: list[bool] = []
+
+    def shown(self, image: Image) -> None:
+        """A frame that passes as it is.
+
+        Raises
+        ------
+        InputError
+            Frames are too small for the filter.
+        """
+        self._is_made.append(False)
+        self._push(image, image)
+
+    def made(self, truth: Image, made: Image) -> None:
+        """A made frame in its place."""
+        self._is_made.append(True)
+        self._push(truth, made)
+
+    def _push(self, truth: Image, made: Image) -> None:
+        """Give the filter two frames of one moment."""
+        raise NotImplementedError
+
+    def _of_made(self, name: str, values: list[float]) -> list[dict[str, float]]:
+        return [{name: value} for value, made in zip(values, self._is_made, strict=True) if made]
+
+
+class XpsnrMeter(_FilterMeter):
     """XPSNR of luma of the made frames of one method, dB: PSNR with errors weighted by how well they are seen.
 
     Helmrich et al. 2020 ("XPSNR: a low-complexity extension of the perceptually weighted peak signal-to-noise ratio for
@@ -114,26 +146,10 @@ class XpsnrMeter:
     """
 
     def __init__(self, rate: Fraction) -> None:
-        self._rate = rate
-        self._side: _Side | None = None
-        self._is_made: list[bool] = []
+        super().__init__(rate)
         self._found: list[float] = []
 
-    def shown(self, image: Image) -> None:
-        """A frame that passes as it is.
-
-        Raises
-        ------
-        InputError
-            Frames are too small for the filter.
-        """
-        self._push(image, image, is_made=False)
-
-    def made(self, truth: Image, made: Image) -> None:
-        """A made frame in its place."""
-        self._push(truth, made, is_made=True)
-
-    def _push(self, truth: Image, made: Image, *, is_made: bool) -> None:
+    def _push(self, truth: Image, made: Image) -> None:
         height, width = (side - side % MULTIPLE for side in truth.shape[:2])
         if min(height, width) < SHORTEST_SIDE or height * width < FEWEST_PIXELS:
             raise InputError(
@@ -143,7 +159,6 @@ class XpsnrMeter:
         truth, made = (np.ascontiguousarray(image[:height, :width]) for image in (truth, made))
         if self._side is None:
             self._side = _Side(truth, self._rate, "xpsnr", {})
-        self._is_made.append(is_made)
         self._keep(self._side.push(truth, made))
 
     def _keep(self, pictures: list[av.VideoFrame]) -> None:
@@ -154,10 +169,10 @@ class XpsnrMeter:
         if self._side is not None:
             self._keep(self._side.end())
             self._side = None
-        return [{"xpsnr": value} for value, made in zip(self._found, self._is_made, strict=True) if made]
+        return self._of_made("xpsnr", self._found)
 
 
-class VmafMeter:
+class VmafMeter(_FilterMeter):
     """VMAF of the made frames of one method, 0 to 100: trained on what people said of compressed videos.
 
     Netflix's model ``vmaf_v0.6.1``, for a 1080p screen from three times its height away, as FFmpeg's filter ``libvmaf``
@@ -170,24 +185,13 @@ class VmafMeter:
     """
 
     def __init__(self, rate: Fraction) -> None:
-        self._rate = rate
-        self._side: _Side | None = None
-        self._is_made: list[bool] = []
+        super().__init__(rate)
         self._scratch = tempfile.TemporaryDirectory(prefix="fpsboost-")
         self._log = Path(self._scratch.name, "vmaf.json")
 
-    def shown(self, image: Image) -> None:
-        """A frame that passes as it is."""
-        self._push(image, image, is_made=False)
-
-    def made(self, truth: Image, made: Image) -> None:
-        """A made frame in its place."""
-        self._push(truth, made, is_made=True)
-
-    def _push(self, truth: Image, made: Image, *, is_made: bool) -> None:
+    def _push(self, truth: Image, made: Image) -> None:
         if self._side is None:
             self._side = _Side(truth, self._rate, "libvmaf", {"log_path": str(self._log), "log_fmt": "json"})
-        self._is_made.append(is_made)
         self._side.push(made, truth)  # unlike xpsnr, it takes the reference second
 
     def values(self) -> list[dict[str, float]]:
@@ -197,7 +201,7 @@ class VmafMeter:
             self._side = None  # the filter writes its log when it is taken down
         found = read_vmaf(self._log.read_text(encoding="utf-8"))
         self._scratch.cleanup()
-        return [{"vmaf": value} for value, made in zip(found, self._is_made, strict=True) if made]
+        return self._of_made("vmaf", found)
 
 
 def read_vmaf(log: str) -> list[float]:
