@@ -98,13 +98,10 @@ def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
         Along x, of dx and dy, then along y; pixels per pixel.
     """
     gradients = np.zeros((*vectors.shape, 2), np.float32)
-    for place, axis in enumerate((1, 0)):
-        if vectors.shape[axis] < 3:
-            continue
-        steps = np.diff(vectors, axis=axis) / np.float32(spacing)
-        before, after = (steps[:, :-1], steps[:, 1:]) if axis == 1 else (steps[:-1], steps[1:])
+    across, down = gradients[:, :, 0].swapaxes(0, 1), gradients[:, :, 1]
+    for line, found in ((vectors.swapaxes(0, 1), across), (vectors, down)):
+        steps = np.diff(line, axis=0) / np.float32(spacing)
+        before, after = steps[:-1], steps[1:]
         least = np.minimum(np.abs(before), np.abs(after))
-        limited = np.where(before * after > 0, np.copysign(least, after), np.float32(0))
-        inner = (slice(None), slice(1, -1)) if axis == 1 else (slice(1, -1), slice(None))
-        gradients[(*inner, place)] = limited
+        found[1:-1] = np.where(before * after > 0, np.copysign(least, after), np.float32(0))
     return gradients

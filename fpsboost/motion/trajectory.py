@@ -62,9 +62,9 @@ def accelerations_at_points(
         its motion.
     """
     y, x = point_places(onward[0].flow.shape, spacing)
-    vectors = _sampled(*onward, y, x)
     if away is None:
-        return [np.zeros((*sure.shape, 3), np.float32) for _, sure in vectors]
+        return [np.zeros((y.size, x.size, 3), np.float32) for _ in (onward[0].flow, *onward[0].alternatives)]
+    vectors = _sampled(*onward, y, x)
     others = _sampled(*away, y, x)
     others += others[:1] * (len(vectors) - len(others))
     found = []

@@ -67,7 +67,7 @@ class Voters(NamedTuple):
 
 @dataclass(frozen=True)
 class Fuse:
-    """Collect the motions of both frames that lead through each cell at time t, and weigh what they bring together.
+    """Collect the motions of both frames that lead past each node at time t, and weigh what they bring together.
 
     Parameters
     ----------
@@ -187,22 +187,13 @@ class Fuse:
 
     def _all_voters(self, transition: Transition) -> tuple[list[Voters], list[Voters]]:
         """What the points of each frame vote for: motion towards the other, and how it changes there."""
-        field01, field10, before, after = (
-            transition.field01,
-            transition.field10,
-            transition.before,
-            transition.after,
-        )
+        field01, field10 = transition.field01, transition.field10
+        before, after = transition.before, transition.after
         share = np.float32(TWO_SIDED if before and after else ONE_SIDED)
-        changes0 = accelerations_at_points(
-            (field01, field10),
-            before and (before.field10, before.field01),
-            before.ratio if before else 1,
-            self.step,
-        )
-        changes1 = accelerations_at_points(
-            (field10, field01), after and (after.field01, after.field10), after.ratio if after else 1, self.step
-        )
+        away0 = (before.field10, before.field01) if before else None
+        away1 = (after.field01, after.field10) if after else None
+        changes0 = accelerations_at_points((field01, field10), away0, before.ratio if before else 1, self.step)
+        changes1 = accelerations_at_points((field10, field01), away1, after.ratio if after else 1, self.step)
         for change in (*changes0, *changes1):
             change[..., 1:] *= share
         return self._voters(field01, field10, changes0), self._voters(field10, field01, changes1)
