@@ -70,28 +70,31 @@ def sum_patches(column, size, step, across, totals):
 
 
 @njit(inline="always", **FINITE_JIT)
-def insert_offset(dx, dy, value, count, best, flows):
-    """Put an offset into a point's list, falling by value; of neighbouring offsets the better stays. How many now."""
-    capacity = best.shape[0]
-    if count == capacity and value <= best[capacity - 1]:
-        return count
-    place = 0
-    while place < count and not (abs(flows[place, 0] - dx) <= 1 and abs(flows[place, 1] - dy) <= 1):
-        place += 1
-    if place < count:
-        if value <= best[place]:
-            return count
-    elif count < capacity:
-        count += 1
+def insert_offset(dx, dy, value, row, column, count, best, flows):
+    """Put an offset into a point's list, falling by value; of neighbouring offsets the better stays."""
+    capacity, listed = best.shape[2], count[row, column]
+    if listed == capacity and value <= best[row, column, Index(capacity - 1)]:
+        return
+    place, end = Index(0), Index(listed)
+    while place < end and not (
+        abs(flows[row, column, place, 0] - dx) <= 1 and abs(flows[row, column, place, 1] - dy) <= 1
+    ):
+        place += Index(1)
+    if place < end:
+        if value <= best[row, column, place]:
+            return
+    elif listed < capacity:
+        count[row, column] = listed + 1
     else:
-        place = capacity - 1
-    while place > 0 and best[place - 1] < value:
-        best[place] = best[place - 1]
-        flows[place, 0], flows[place, 1] = flows[place - 1, 0], flows[place - 1, 1]
-        place -= 1
-    best[place] = value
-    flows[place, 0], flows[place, 1] = dx, dy
-    return count
+        place -= Index(1)
+    while place > 0 and best[row, column, place - Index(1)] < value:
+        above = place - Index(1)
+        best[row, column, place] = best[row, column, above]
+        flows[row, column, place, 0] = flows[row, column, above, 0]
+        flows[row, column, place, 1] = flows[row, column, above, 1]
+        place = above
+    best[row, column, place] = value
+    flows[row, column, place, 0], flows[row, column, place, 1] = dx, dy
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
@@ -144,8 +147,10 @@ def search_tiles(
         chunk = np.int64(number)  # the loop's own index is unsigned
         seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
         offsets = np.empty((2, capacity), np.int32)
-        alike = np.empty(lanes, np.int32)
-        columns, totals = np.empty((per_tile, lanes), np.int32), np.empty(TILE, np.int32)
+        # sums of each column from the tile's top, of no row at first
+        running = np.zeros((TILE + 2 * radius + 1) * lanes, np.int32)
+        column, totals = np.empty(lanes, np.int32), np.empty(TILE, np.int32)
+        likely = np.empty((per_tile, per_tile, 2), np.int32)
         for tile in range(chunk * TOGETHER, min((chunk + 1) * TOGETHER, tiles)):
             top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
@@ -166,20 +171,25 @@ def search_tiles(
                 seen,
                 offsets,
             )
+            for p in range(down):
+                place_y = min(((first_down + p) * step + step // 2) // spacing, places_down - 1)
+                for q in range(across):
+                    place_x = min(((first_across + q) * step + step // 2) // spacing, places_across - 1)
+                    likely[p, q, 0], likely[p, q, 1] = expected[place_y, place_x, 0], expected[place_y, place_x, 1]
             # the last points of a frame may lie beyond its edge
             reached = max(bottom, top + down * step)
             for k in range(proposed):
                 dy, dx = offsets[0, k], offsets[1, k]
                 if min(top + dy, left + dx) < -TILE or reached + dy > height + TILE or right + dx > width + TILE:
                     continue  # hardly anything of the tile would be inside
-                columns[:] = 0
                 for row in range(reached - top + 2 * radius):
                     # the patch around the tile's first pixel begins here, in padded coordinates
                     y0, x0 = top - radius + padding + row, left - radius + padding
                     start0 = Index(y0 * stride + x0)
                     start1 = Index((y0 + dy) * stride + x0 + dx)
+                    above, here = Index(row * lanes), Index((row + 1) * lanes)
                     for i in range(Index(lanes)):
-                        alike[i] = similarity(
+                        running[here + i] = running[above + i] + similarity(
                             flat0[start0 + i],
                             flat0[start0 + plane + i],
                             flat0[start0 + plane + plane + i],
@@ -187,24 +197,18 @@ def search_tiles(
                             flat1[start1 + plane + i],
                             flat1[start1 + plane + plane + i],
                         )
-                    # the points whose patches have this row
-                    lowest = max(0, (row - 2 * radius - step // 2 + step - 1) // step)
-                    highest = min(down - 1, (row - step // 2) // step)
-                    for p in range(lowest, highest + 1):
-                        column = columns[p]
-                        for i in range(lanes):
-                            column[i] += alike[i]
                 for p in range(down):
-                    sum_patches(columns[p], size, step, across, totals)
+                    above = Index((p * step + step // 2) * lanes)
+                    below = above + Index(size * lanes)
+                    for i in range(Index(lanes)):
+                        column[i] = running[below + i] - running[above + i]
+                    sum_patches(column, size, step, across, totals)
                     for q in range(across):
-                        y, x = (first_down + p) * step + step // 2, (first_across + q) * step + step // 2
-                        place_y, place_x = min(y // spacing, places_down - 1), min(x // spacing, places_across - 1)
-                        apart = abs(dx - expected[place_y, place_x, 0]) + abs(dy - expected[place_y, place_x, 1])
+                        apart = abs(dx - likely[p, q, 0]) + abs(dy - likely[p, q, 1])
                         value = np.float32(totals[q]) * share - penalty * np.float32(apart)
-                        row, column = first_down + p, first_across + q
-                        count[row, column] = insert_offset(
-                            np.float32(dx), np.float32(dy), value, count[row, column], best[row, column],
-                            flows[row, column],
+                        insert_offset(
+                            np.float32(dx), np.float32(dy), value, Index(first_down + p), Index(first_across + q),
+                            count, best, flows,
                         )  # fmt: skip
             for p in range(down):
                 for q in range(across):
