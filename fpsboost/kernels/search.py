@@ -152,7 +152,8 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         shift = search_radius + 4
         bands = (height + BAND - 1) // BAND
         rows = (height + bands - 1) // bands
-        room = (STRIP + margin + 3 * LANES - 1) // LANES * LANES  # whole lanes keep every row aligned
+        # whole lanes keep every row aligned; cleared for every group, so no longer than it must be
+        room = (min(STRIP, width) + margin + 3 * LANES - 1) // LANES * LANES
         last_four = search_radius // 4
         for dy in range(-search_radius, search_radius + 1):
             for number in prange(bands):
