@@ -11,6 +11,7 @@ from numba import njit, prange
 
 from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.prefetch import prefetch
 from fpsboost.kernels.tiles import Index
 
 WIDE, HIGH = 16, 8
@@ -50,21 +51,40 @@ def two_rows(flat0, flat1, p0, p1, stride, plane):
 
 
 @njit(nogil=True, error_model="numpy", fastmath={"reassoc"})
-def add_rows(flat0, flat1, start0, start1, stride, plane, wide):
-    """Sums of the products over two rows of a window.
+def add_window(flat0, flat1, start0, start1, stride, plane, wide, damping):
+    """Sums of the products over a window, with `damping` added to those of the squared gradients.
 
-    Two, because adding up the lanes of five vectors costs as much as a row. The sums over each row, and nothing else,
-    may be reordered, which makes them vectors.
+    Two rows at a time, because adding up the lanes of five vectors costs as much as a row. These sums, and nothing
+    else, may be reordered, which makes them vectors.
     """
-    xx, xy, yy, xt, yt = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
-    for i in range(Index(wide)):
-        more = two_rows(flat0, flat1, start0 + i, start1 + i, stride, plane)
-        xx += more[0]
-        xy += more[1]
-        yy += more[2]
-        xt += more[3]
-        yt += more[4]
-    return xx, xy, yy, xt, yt
+    sum_xx, sum_xy, sum_yy, sum_xt, sum_yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
+    for _ in range(0, HIGH, 2):
+        xx, xy, yy, xt, yt = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+        for i in range(Index(wide)):
+            more = two_rows(flat0, flat1, start0 + i, start1 + i, stride, plane)
+            xx += more[0]
+            xy += more[1]
+            yy += more[2]
+            xt += more[3]
+            yt += more[4]
+        sum_xx += xx
+        sum_xy += xy
+        sum_yy += yy
+        sum_xt += xt
+        sum_yt += yt
+        start0 += stride + stride
+        start1 += stride + stride
+    return sum_xx, sum_xy, sum_yy, sum_xt, sum_yt
+
+
+@njit(inline="always", **FINITE_JIT)
+def prefetch_rows(flat, place, stride, plane):
+    """Fetch a cache line of every row of a window, in all planes."""
+    for _ in range(HIGH):
+        prefetch(flat, place)
+        prefetch(flat, place + plane)
+        prefetch(flat, place + plane + plane)
+        place += stride
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
@@ -107,15 +127,12 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
                 # beyond the padding nothing changes any more
                 y1 = min(max(y0 + int(dy), 1), plane_height - HIGH - 1)
                 x1 = min(max(x0 + int(dx), 1), stride - WIDE - 1)
-                xx, xy, yy, xt, yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
-                for j in range(0, HIGH, 2):
-                    start0, start1 = Index((y0 + j) * stride + x0), Index((y1 + j) * stride + x1)
-                    more = add_rows(flat0, flat1, start0, start1, Index(stride), plane, wide)
-                    xx += more[0]
-                    xy += more[1]
-                    yy += more[2]
-                    xt += more[3]
-                    yt += more[4]
+                start0, start1 = Index(y0 * stride + x0), Index(y1 * stride + x1)
+                # the point after the next one mostly moves like this one
+                ahead = Index(2 * step + WIDE - 1)
+                prefetch_rows(flat0, start0 + ahead, Index(stride), plane)
+                prefetch_rows(flat1, start1 + ahead, Index(stride), plane)
+                xx, xy, yy, xt, yt = add_window(flat0, flat1, start0, start1, Index(stride), plane, wide, damping)
                 # along a straight edge rounding would leave nothing or less of the determinant
                 determinant = max(xx * yy - xy * xy, damping * (xx + yy) * np.float32(0.5))
                 # gradients were summed over four pixels
