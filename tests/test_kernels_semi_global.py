@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from twins import smoothed
 
-from fpsboost.kernels.semi_global import smooth_labels
+from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 
 
 def smooth(motions, energies, smoothness, slope, room=0):
@@ -138,3 +138,19 @@ def test_the_mirrored_lattice_has_the_mirrored_costs():
     for place in np.ndindex(3, 5):
         np.testing.assert_allclose(mirrored[place], straight[place], atol=1e-6)
         np.testing.assert_allclose(transposed[place], straight[place], atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_cheapest_label_is_chosen(seed):
+    """The first of the cheapest among those that a node has, whatever lies behind."""
+    random = np.random.default_rng(seed)
+    shape = rows, columns, capacity = 3, 4, 5
+    count = random.integers(1, capacity + 1, (rows, columns)).astype(np.int32)
+    costs, similarity = random.integers(0, 3, shape).astype(np.float32), random.random(shape, np.float32)
+    motions = random.random((*shape, 2), np.float32)
+    flow, chosen = np.empty((rows, columns, 2), np.float32), np.empty((rows, columns), np.float32)
+    choose_labels(count, costs, motions, similarity, flow, chosen)
+    for place in np.ndindex(rows, columns):
+        best = int(costs[place][: count[place]].argmin())
+        np.testing.assert_array_equal(flow[place], motions[place][best])
+        assert chosen[place] == similarity[place][best]

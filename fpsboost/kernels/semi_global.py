@@ -11,63 +11,44 @@ import numpy as np
 from numba import njit, prange
 
 from fpsboost.kernels.jit import FINITE_JIT
-
-
-@njit(**FINITE_JIT)
-def extend_path(before_count, before_motions, before_costs, count, motions, energy, smoothness, slope, costs):
-    """One step of a path: the least cost of every label of a node, given those of the node before it.
-
-    Parameters
-    ----------
-    before_count, count : int
-        Labels of the node before and of this one.
-    before_motions, motions : (labels, 2 or more) float32
-    before_costs : (labels,) float32
-    energy : (labels,) float32
-        Of this node's labels alone.
-    smoothness : float32
-        Cost of the largest change of motion.
-    slope : float32
-        Cost of a change by a pixel, along x and y each.
-    costs : (labels,) float32 out
-    """
-    least = before_costs[0]
-    for k in range(1, before_count):
-        least = min(least, before_costs[k])
-    for k in range(count):
-        cheapest = smoothness
-        for other in range(before_count):
-            change = abs(motions[k, 0] - before_motions[other, 0]) + abs(motions[k, 1] - before_motions[other, 1])
-            cheapest = min(cheapest, before_costs[other] - least + min(slope * change, smoothness))
-        costs[k] = energy[k] + cheapest
+from fpsboost.kernels.tiles import Index
 
 
 @njit(**FINITE_JIT)
 def walk(count, motions, energy, smoothness, slope, costs, total):
-    """Add the costs of the paths that lead along a line of nodes, there and back; `costs` is room for one of them."""
+    """Add the costs of the paths that lead along a line of nodes, there and back.
+
+    Parameters
+    ----------
+    count : (length,) int32
+    motions : (length, labels, 2 or more) float32
+    energy : (length, labels) float32
+    smoothness, slope : float32
+        As for `smooth_labels`.
+    costs : (length, labels) float32
+        Room for the least cost of every label, given those of the nodes before.
+    total : (length, labels) float32
+        In and out.
+    """
     length = count.shape[0]
     share = np.float32(0.25)
     for direction in range(2):
+        before = Index(0)
         for n in range(length):
-            here = n if direction == 0 else length - 1 - n
-            before = here - 1 if direction == 0 else here + 1
-            if n == 0:
-                for k in range(count[here]):
-                    costs[here, k] = energy[here, k]
-            else:
-                extend_path(
-                    count[before],
-                    motions[before],
-                    costs[before],
-                    count[here],
-                    motions[here],
-                    energy[here],
-                    smoothness,
-                    slope,
-                    costs[here],
-                )
-            for k in range(count[here]):
+            here = Index(n if direction == 0 else length - 1 - n)
+            known = Index(count[before] if n else 0)  # labels that a path can come from
+            least = costs[before, Index(0)]
+            for other in range(Index(1), known):
+                least = min(least, costs[before, other])
+            for k in range(Index(count[here])):
+                cheapest = smoothness if known else np.float32(0)
+                for other in range(known):
+                    change = abs(motions[here, k, 0] - motions[before, other, 0])
+                    change += abs(motions[here, k, 1] - motions[before, other, 1])
+                    cheapest = min(cheapest, costs[before, other] - least + min(slope * change, smoothness))
+                costs[here, k] = energy[here, k] + cheapest
                 total[here, k] += share * costs[here, k]
+            before = here
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
@@ -107,3 +88,32 @@ def smooth_labels(count, motions, energy, smoothness, slope, total):
             costs,
             total[:, column],
         )
+
+
+@njit(parallel=True, cache=True, **FINITE_JIT)
+def choose_labels(count, costs, motions, similarity, flow, chosen):
+    """Of every node's labels the cheapest, the first of those that cost the same.
+
+    Parameters
+    ----------
+    count : (rows, columns) int32
+        Labels of each node, at least one.
+    costs : (rows, columns, capacity) float32
+    motions : (rows, columns, capacity, 2 or more) float32
+    similarity : (rows, columns, capacity) float32
+    flow : (rows, columns, 2) float32 out
+        Motion of the label.
+    chosen : (rows, columns) float32 out
+        Its similarity.
+    """
+    rows, columns = count.shape
+    for number in prange(rows):
+        row = Index(number)
+        for column in range(Index(columns)):
+            best = Index(0)
+            for k in range(Index(1), Index(count[row, column])):
+                if costs[row, column, k] < costs[row, column, best]:
+                    best = k
+            flow[row, column, 0] = motions[row, column, best, 0]
+            flow[row, column, 1] = motions[row, column, best, 1]
+            chosen[row, column] = similarity[row, column, best]

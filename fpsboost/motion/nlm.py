@@ -25,7 +25,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image, check_pair
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.refine import WIDE, refine_points
-from fpsboost.kernels.semi_global import smooth_labels
+from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, TILE, search_tiles
 from fpsboost.kernels.unexplained import measure_points, search_unexplained
@@ -254,10 +254,9 @@ class CoarseToFine:
         costs = np.empty_like(similarity)
         slope = self.smoothness / (self.steepness * step)
         smooth_labels(count, flows, -similarity, np.float32(self.smoothness), np.float32(slope), costs)
-        costs[np.arange(self.labels) >= count[..., np.newaxis]] = np.inf
-        choice = costs.argmin(axis=2)[..., np.newaxis]
-        flow = np.take_along_axis(flows, choice[..., np.newaxis], axis=2)[:, :, 0]
-        return Points(np.ascontiguousarray(flow), np.take_along_axis(similarity, choice, axis=2)[..., 0])
+        points = Points(np.empty((*count.shape, 2), np.float32), np.empty(count.shape, np.float32))
+        choose_labels(count, costs, flows, similarity, *points)
+        return points
 
     def _second_look(
         self,
