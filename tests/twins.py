@@ -534,3 +534,19 @@ def marked(images: list[Array], motion: Array, spacing: int, shortest: float, sa
 def uncompiled(kernel):
     """The plain function behind a kernel, also where NUMBA_DISABLE_JIT has left it plain."""
     return getattr(kernel, "py_func", kernel)
+
+
+def way_there_and_back(vector: Array, back: Array, y: int, x: int) -> tuple[float, bool]:
+    """How far from pixel (y, x) its vector ends, there and back, and whether it leads to a pixel of the other frame."""
+    height, width = back.shape[:2]
+    landing_x, landing_y = round(x + float(vector[0])), round(y + float(vector[1]))
+    inside = 0 <= landing_x < width and 0 <= landing_y < height
+    returning = back[min(max(landing_y, 0), height - 1), min(max(landing_x, 0), width - 1)]
+    return math.hypot(*(vector + returning).tolist()), inside
+
+
+def smaller_change(before: float, after: float) -> float:
+    """The minmod limiter."""
+    if before * after <= 0:
+        return 0.0
+    return min(before, after, key=abs)

@@ -113,7 +113,7 @@ def choose_labels(count, costs, motions, similarity, flow, chosen):
             best = Index(0)
             for k in range(Index(1), Index(count[row, column])):
                 if costs[row, column, k] < costs[row, column, best]:
-                    best = k
+                    best = Index(k)
             flow[row, column, 0] = motions[row, column, best, 0]
             flow[row, column, 1] = motions[row, column, best, 1]
             chosen[row, column] = similarity[row, column, best]

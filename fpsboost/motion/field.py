@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.kernels.points import find_gradients, measure_trips
+
 
 @dataclass(frozen=True, slots=True)
 class MotionField:
@@ -51,7 +53,8 @@ def at_points(flow: NDArray[Any], spacing: int) -> NDArray[Any]:
     -------
     (rows, columns, 2) or (rows, columns)
     """
-    points: NDArray[Any] = flow[np.ix_(*point_places(flow.shape, spacing))]
+    y, x = point_places(flow.shape, spacing)
+    points: NDArray[Any] = flow.take(y, axis=0).take(x, axis=1)  # six times as fast as both at once
     return points
 
 
@@ -72,11 +75,8 @@ def round_trip(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: ND
     (rows, columns) float32
         Pixels.
     """
-    height, width = back.shape[:2]
-    landing_y = np.rint(y[:, np.newaxis] + vectors[..., 1]).astype(np.intp).clip(0, height - 1)
-    landing_x = np.rint(x + vectors[..., 0]).astype(np.intp).clip(0, width - 1)
-    apart = vectors + back[landing_y, landing_x]
-    distance: NDArray[Any] = np.hypot(apart[..., 0], apart[..., 1])
+    distance = np.empty(vectors.shape[:2], np.float32)
+    measure_trips(vectors, y, x, back, distance)
     return distance
 
 
@@ -97,11 +97,6 @@ def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
     (rows, columns, 2, 2) float32
         Along x, of dx and dy, then along y; pixels per pixel.
     """
-    gradients = np.zeros((*vectors.shape, 2), np.float32)
-    across, down = gradients[:, :, 0].swapaxes(0, 1), gradients[:, :, 1]
-    for line, found in ((vectors.swapaxes(0, 1), across), (vectors, down)):
-        steps = np.diff(line, axis=0) / np.float32(spacing)
-        before, after = steps[:-1], steps[1:]
-        least = np.minimum(np.abs(before), np.abs(after))
-        found[1:-1] = np.where(before * after > 0, np.copysign(least, after), np.float32(0))
+    gradients = np.empty((*vectors.shape, 2), np.float32)
+    find_gradients(vectors, np.float32(spacing), gradients)
     return gradients

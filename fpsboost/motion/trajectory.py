@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.motion.field import MotionField, point_places, round_trip
+from fpsboost.kernels.points import find_accelerations
+from fpsboost.motion.field import MotionField, point_places
 
 CONSISTENT = 1.5
 """A vector counts if the way there and back ends this near to where it began, pixels."""
@@ -62,29 +63,15 @@ def accelerations_at_points(
         its motion.
     """
     y, x = point_places(onward[0].flow.shape, spacing)
-    if away is None:
-        return [np.zeros((y.size, x.size, 3), np.float32) for _ in (onward[0].flow, *onward[0].alternatives)]
-    vectors = _sampled(*onward, y, x)
-    others = _sampled(*away, y, x)
-    others += others[:1] * (len(vectors) - len(others))
-    found = []
-    for (there, sure), (elsewhere, also_sure) in zip(vectors, others[: len(vectors)], strict=True):
-        known = (sure & also_sure)[..., np.newaxis]
-        # x(1) = v + a / 2 and x(-r) = -r v + r^2 a / 2
-        change = (there * np.float32(ratio) + elsewhere) * np.float32(2 / (ratio + ratio * ratio))
-        found.append(np.dstack([known.astype(np.float32), np.where(known, change, np.float32(0))]))
+    found = [np.zeros((y.size, x.size, 3), np.float32) for _ in (onward[0].flow, *onward[0].alternatives)]
+    if away is not None:
+        vectors, others = _motions(*onward), _motions(*away)
+        others += others[:1] * (len(vectors) - len(others))
+        for pair, neighbour, changes in zip(vectors, others[: len(vectors)], found, strict=True):
+            find_accelerations(*pair, *neighbour, y, x, ratio, np.float32(CONSISTENT), changes)
     return found
 
 
-def _sampled(
-    there: MotionField, back: MotionField, y: NDArray[Any], x: NDArray[Any]
-) -> list[tuple[NDArray[Any], NDArray[Any]]]:
-    """A field's vectors in rows `y` and columns `x`, then its alternatives', each with whether the way back agrees."""
-    height, width = there.flow.shape[:2]
-    sampled = []
-    for flow, returning in zip((there.flow, *there.alternatives), (back.flow, *back.alternatives), strict=True):
-        vectors = flow[np.ix_(y, x)]
-        landing_x, landing_y = np.rint(x + vectors[..., 0]), np.rint(y[:, np.newaxis] + vectors[..., 1])
-        inside = (landing_x >= 0) & (landing_x < width) & (landing_y >= 0) & (landing_y < height)
-        sampled.append((vectors, inside & (round_trip(vectors, y, x, returning) <= CONSISTENT)))
-    return sampled
+def _motions(there: MotionField, back: MotionField) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+    """A field's vectors and those back, then its alternatives'."""
+    return list(zip((there.flow, *there.alternatives), (back.flow, *back.alternatives), strict=True))
