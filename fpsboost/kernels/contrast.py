@@ -6,6 +6,29 @@ import numpy as np
 from numba import njit, prange
 
 from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.tiles import Index
+
+
+@njit(forceinline=True, **FINITE_JIT)
+def split_row(pixels, channels, normalise, scale, luma, first, third):
+    """One row of `split_colours`; pixels is (W C,)."""
+    half, chroma_red, chroma_blue = np.float32(0.5), np.float32(0.713 / 2), np.float32(0.564 / 2)
+    for x in range(Index(luma.size)):
+        place = x * Index(channels)
+        blue = np.float32(pixels[place]) * normalise
+        alpha = np.float32(1)
+        if channels in (2, 4):
+            alpha = np.float32(pixels[place + Index(channels - 1)]) * normalise
+        value, chroma = blue, np.float32(0)
+        if channels >= 3:
+            green = np.float32(pixels[place + Index(1)]) * normalise
+            red = np.float32(pixels[place + Index(2)]) * normalise
+            value = np.float32(0.299) * red + np.float32(0.587) * green + np.float32(0.114) * blue
+            chroma = (chroma_red * (red - value) + chroma_blue * (blue - value)) * alpha + half
+        value *= alpha
+        luma[x] = value
+        first[x] = value * half * scale
+        third[x] = chroma * scale
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
@@ -26,23 +49,14 @@ def split_colours(image, normalise, scale, padding, luma, planes):
         Only the frame itself is written, and nothing of the second plane.
     """
     height, width, channels = image.shape
-    half, chroma_red, chroma_blue = np.float32(0.5), np.float32(0.713 / 2), np.float32(0.564 / 2)
+    rows = np.ascontiguousarray(image).reshape(height, width * channels)
     for row in prange(height):
         y = np.int64(row)
-        for x in range(width):
-            blue = np.float32(image[y, x, 0]) * normalise
-            alpha = np.float32(1)
-            if channels in (2, 4):
-                alpha = np.float32(image[y, x, channels - 1]) * normalise
-            value, chroma = blue, np.float32(0)
-            if channels >= 3:
-                green, red = np.float32(image[y, x, 1]) * normalise, np.float32(image[y, x, 2]) * normalise
-                value = np.float32(0.299) * red + np.float32(0.587) * green + np.float32(0.114) * blue
-                chroma = (chroma_red * (red - value) + chroma_blue * (blue - value)) * alpha + half
-            value *= alpha
-            luma[y, x] = value
-            planes[0, padding + y, padding + x] = value * half * scale
-            planes[2, padding + y, padding + x] = chroma * scale
+        first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
+        if channels == 3:  # a constant for the compiler: pixels three values apart make vectors
+            split_row(rows[y], 3, normalise, scale, luma[y], first, third)
+        else:
+            split_row(rows[y], channels, normalise, scale, luma[y], first, third)
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
