@@ -315,7 +315,8 @@ def _denser(points: Points, size: tuple[int, ...]) -> Points:
 def _spread(points: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
     """Every pixel takes what its point has."""
     height, width = size
-    return np.ascontiguousarray(points.repeat(spacing, axis=0).repeat(spacing, axis=1)[:height, :width])
+    # rows last, which are copied as a whole
+    return points.repeat(spacing, axis=1)[:, :width].repeat(spacing, axis=0)[:height]
 
 
 def pyramid(image: Image, coarsest_side: int) -> list[PreparedImage]:
