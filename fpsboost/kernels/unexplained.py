@@ -16,9 +16,12 @@ from fpsboost.kernels.tiles import Index
 
 
 @njit(**FINITE_JIT)
-def add_row(flat0, flat1, plane, stride, start0, start1, radius, wide, total):
-    """Sums of similarities of the patch around one place and those around `wide` places in a row."""
-    for i in range(wide):
+def compare_row(flat0, flat1, plane, stride, start0, start1, radius, wide, count, share, most, total):
+    """Sums of similarities of the patch around one place and those around `wide` places in a row.
+
+    Gives up, and says so, once none of the first `count` sums, times `share`, can be above `most` whatever the rest is.
+    """
+    for i in range(Index(wide)):
         total[i] = 0
     for j in range(-radius, radius + 1):
         for k in range(-radius, radius + 1):
@@ -33,6 +36,12 @@ def add_row(flat0, flat1, plane, stride, start0, start1, radius, wide, total):
                     flat1[there + plane + i],
                     flat1[there + plane + plane + i],
                 )
+        highest = np.int32(0)
+        for i in range(Index(count)):
+            highest = max(highest, total[i])
+        if np.float32(highest + (radius - j) * (2 * radius + 1) * UNIT) * share <= most:
+            return False
+    return True
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -149,8 +158,12 @@ def search_unexplained(
                     first, last = max(begin * step, left), min(other_point * step - 1, right)
                     for there_y in range(max(other_row * step, top), min(other_row * step + step - 1, bottom) + 1):
                         start1 = (there_y + padding) * stride + first + padding
-                        add_row(flat0, flat1, plane, stride, start0, start1, radius, lanes, total)
-                        for i in range(last - first + 1):
+                        count = last - first + 1
+                        if not compare_row(
+                            flat0, flat1, plane, stride, start0, start1, radius, lanes, count, share, most, total
+                        ):
+                            continue
+                        for i in range(count):
                             value = np.float32(total[i]) * share
                             if value > most:
                                 most = value
