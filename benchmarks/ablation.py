@@ -124,7 +124,7 @@ class WithConstants:
 def list_moving_candidates(count: NDArray[Any], *others: Any) -> None:
     """Like `fpsboost.kernels.candidates.list_candidates`, without no motion, unless nothing else is known."""
     list_candidates(count, *others)
-    count[count > 1] -= 1
+    count[count > 1] -= 1  # the last one is no motion
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ SYNTHESIS: dict[str, dict[str, Any]] = {
     "every 4th pixel asked": {"step": 4},
     "every 16th pixel asked": {"step": 16},
     "width of the report, v = 0.25": {"width": 0.25},
-    "every candidate tried": {"enough": 2.0},
+    "every candidate tried": {"enough": 2.0, "negligible": 0.0},
     "unlikely candidates tried": {"least": 0.0},
 }
 """Options of the synthesizer that differ."""

@@ -241,7 +241,7 @@ def choose_by_truth(case: Case, fusing: Fuse) -> dict[str, NDArray[Any]]:
 def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]) -> NDArray[Any]:
     """Motions from frame to frame that lead through points of the hidden frame around each node, before those listed.
 
-    Their accelerations are those of the node's choice, so that it is motion alone that they add.
+    Their accelerations and gradients are those of the node's choice, so that it is motion alone that they add.
     """
     (to_first, _), (to_second, _) = motion_of_truth(case)
     flow = to_second.flow - to_first.flow

@@ -9,10 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image
-from fpsboost.kernels.candidates import CELL
-from fpsboost.kernels.fuse import AREA, WINDOW, fetch, mark_inside, mix_inside, window_shape
+from fpsboost.kernels.candidates import CELL, MOTION
+from fpsboost.kernels.fuse import AREA, WINDOW, fetch_window, locate_window, mix_inside, window_shape
 from fpsboost.kernels.jit import FINITE_JIT
-from fpsboost.kernels.spline import MARGIN
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.fuse import _samples
 
@@ -50,8 +49,8 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
         Height and width of the frame.
     top, left : int
         First pixel of the window.
-    motion : (4,) float32
-        dx, dy, and acceleration ax, ay.
+    motion : (MOTION,) float32
+        See `fpsboost.kernels.candidates`.
     t : float32
     rows : ((WINDOW + 3) * WINDOW,) float32
         Room.
@@ -59,27 +58,18 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
         Room.
     images : (3, C, AREA) float32 out
     """
-    height, width = size
-    one = np.float32(1)
-    curve = t * (one - t) * np.float32(0.5)
-    lowest, margin = np.float32(2 - MARGIN), np.float32(MARGIN)
-    highest_x, highest_y = np.float32(width + 2), np.float32(height + 2)
-    x0 = np.float32(left) + curve * motion[2] - t * motion[0]
-    y0 = np.float32(top) + curve * motion[3] - t * motion[1]
-    x1, y1 = x0 + motion[0], y0 + motion[1]
-    mark_inside(x0, width, marks[0])
-    mark_inside(y0, height, marks[1])
-    mark_inside(x1, width, marks[2])
-    mark_inside(y1, height, marks[3])
-    x0, x1 = min(max(x0, lowest), highest_x) + margin, min(max(x1, lowest), highest_x) + margin
-    y0, y1 = min(max(y0, lowest), highest_y) + margin, min(max(y1, lowest), highest_y) + margin
-    for c in range(images.shape[1]):
+    _, channels, end, stride = samples0.shape
+    flat0, flat1 = samples0.reshape(samples0.size), samples1.reshape(samples1.size)
+    y0, x0, y1, x1, within = locate_window(top, left, motion, t, *size, marks)
+    for c in range(channels):
+        plane, coefficients = c * end * stride, (channels + c) * end * stride
         first, second, mixed = images[1, c], images[2, c], images[0, c]
-        fetch(samples0[0, c], samples0[1, c], y0, x0, rows, first)
-        fetch(samples1[0, c], samples1[1, c], y1, x1, rows, second)
+        fetch_window(flat0, plane, coefficients, stride, end, y0, x0, -t, motion, rows, first)
+        fetch_window(flat1, plane, coefficients, stride, end, y1, x1, np.float32(1) - t, motion, rows, second)
         for i in range(AREA):
             mixed[i] = first[i] + t * (second[i] - first[i])
-        mix_inside(one - t, t, marks, first, second, mixed)
+        if not within:
+            mix_inside(t, marks, first, second, mixed)
 
 
 @njit(**FINITE_JIT)
@@ -116,7 +106,7 @@ def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radiu
         See `sample_candidate`.
     truth : (C, height, width) float32
     count : (rows, columns) int32
-    motions : (rows, columns, room, 4) float32
+    motions : (rows, columns, room, MOTION) float32
         See `fpsboost.kernels.candidates`.
     alone : bool
         Whether what either frame shows may be taken unmixed.
@@ -180,7 +170,7 @@ def best_of(
     truth : (H, W, C) uint8
     t : float
     count : (rows, columns) int32
-    motions : (rows, columns, room, 4) float32
+    motions : (rows, columns, room, MOTION) float32
         See `fpsboost.kernels.candidates.list_candidates`.
     alone : bool
         Whether what either frame shows may be taken unmixed.
@@ -207,7 +197,7 @@ def shifted(motions: NDArray[Any], choice: NDArray[Any], t: float, *, paths: boo
 
     Parameters
     ----------
-    motions : (rows, columns, room, 4) float32
+    motions : (rows, columns, room, MOTION) float32
     choice : (rows, columns) int32
     t : float
     paths : bool
@@ -215,13 +205,13 @@ def shifted(motions: NDArray[Any], choice: NDArray[Any], t: float, *, paths: boo
 
     Returns
     -------
-    (rows, columns, len(SHIFTS)^2, 4) float32
+    (rows, columns, len(SHIFTS)^2, MOTION) float32
     """
     chosen = np.take_along_axis(motions, choice[..., np.newaxis, np.newaxis], axis=2)
-    shifts = np.zeros((len(SHIFTS) ** 2, 4), np.float32)
+    shifts = np.zeros((len(SHIFTS) ** 2, MOTION), np.float32)
     both_axes = np.stack(np.meshgrid(SHIFTS, SHIFTS), axis=-1).reshape(-1, 2)
     if paths:  # the place at time t is that of the straight path less a t (1 - t) / 2
-        shifts[:, 2:] = both_axes / (t * (1 - t) / 2)
+        shifts[:, 2:4] = both_axes / (t * (1 - t) / 2)
     else:
         shifts[:, :2] = both_axes
     moved: NDArray[Any] = np.ascontiguousarray(chosen + shifts, np.float32)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from twins import collected, listed_by_votes, shared
+from twins import collected, listed_by_votes
 
 from fpsboost.kernels.candidates import (
     BAND,
     CELL,
+    MOTION,
     SUMS,
     UNKNOWN,
     collect_candidates,
     list_candidates,
-    share_weights,
 )
 
 
@@ -212,56 +210,70 @@ def test_no_more_candidates_than_there_is_room_for():
     np.testing.assert_allclose(sums[0, 0, :, 0] / votes[0, 0], [0, 2, 4, 6, 8], atol=1e-5)
 
 
-def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01):
-    """One node's candidates, lists as `collected` makes them, as the kernel lists them: count, motions, energies."""
+def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01, least=0.0):
+    """One node's candidates, lists as `collected` makes them, as the kernel lists them: count, motions, weights."""
     capacity = len(candidates) + 2
     count = np.full((1, 1), len(candidates), np.int32)
     votes, sums = np.zeros((1, 1, capacity), np.float32), np.zeros((1, 1, capacity, SUMS), np.float32)
     for k, (vote, *others) in enumerate(candidates):
         votes[0, 0, k], sums[0, 0, k] = vote, others
-    motions, energy = np.full((1, 1, room, 4), np.nan, np.float32), np.full((1, 1, room), np.nan, np.float32)
-    numbers = np.float32(still_votes), np.float32(spread), np.float32(least_share)
-    list_candidates(count, votes, sums, *numbers, motions, energy)
-    return count[0, 0], motions[0, 0], energy[0, 0]
+    motions, weights = np.full((1, 1, room, MOTION), np.nan, np.float32), np.full((1, 1, room), np.nan, np.float32)
+    numbers = np.float32(still_votes), np.float32(spread), np.float32(least_share), np.float32(least)
+    list_candidates(count, votes, sums, *numbers, motions, weights)
+    return count[0, 0], motions[0, 0], weights[0, 0]
 
 
-def candidate(vote, dx, dy, known=0.0, ax=0.0, ay=0.0, variance=0.0):
+def candidate(vote, dx, dy, known=0.0, ax=0.0, ay=0.0, variance=0.0, gradient=(0.0, 0.0, 0.0, 0.0)):
     """Sums of votes, of which the share `known` have an acceleration."""
     sure = vote * known
-    return [vote, vote * dx, vote * dy, sure, sure * ax, sure * ay, sure * (ax * ax + ay * ay + variance)]
+    changes = [vote * change for change in gradient]
+    return [vote, vote * dx, vote * dy, sure, sure * ax, sure * ay, sure * (ax * ax + ay * ay + variance), *changes]
 
 
 @settings(max_examples=25)
-@given(st.integers(0, 8), st.integers(1, 8), st.sampled_from([0.1, 1, 30]), st.integers(0, 2**32))
-def test_lists_equal_their_slow_twin(number, room, spread, seed):
-    """Any number of candidates, more or fewer than there is room for."""
+@given(
+    st.integers(0, 8),
+    st.integers(1, 8),
+    st.sampled_from([0.1, 1, 30]),
+    st.sampled_from([0, 0.02, 0.5]),
+    st.integers(0, 2**32),
+)
+def test_lists_equal_their_slow_twin(number, room, spread, least, seed):
+    """Any number of candidates, more or fewer than there is room for; their weights sum to 1."""
     random = np.random.default_rng(seed)
     candidates = [
-        candidate(vote, *random.normal(size=2) * 9, *random.choice([0, 0.5, 1], 1), *random.normal(size=3) ** 2)
+        candidate(
+            vote,
+            *random.normal(size=2) * 9,
+            *random.choice([0, 0.5, 1], 1),
+            *random.normal(size=3) ** 2,
+            random.normal(size=4),
+        )
         for vote in random.permutation(np.linspace(0.1, 40, 8))[:number]
     ]
-    count, motions, energy = listing(candidates, room, spread=spread)
-    expected_motions, expected_energy = listed_by_votes(
-        candidates, room, still_votes=0.5, spread=spread, least_share=0.01, unknown=float(UNKNOWN)
+    count, motions, weights = listing(candidates, room, spread=spread, least=least)
+    expected_motions, expected_weights = listed_by_votes(
+        candidates, room, still_votes=0.5, spread=spread, least_share=0.01, least=least, unknown=float(UNKNOWN)
     )
     assert count == len(expected_motions) <= room
     np.testing.assert_allclose(motions[:count], expected_motions, rtol=1e-3, atol=1e-4)
-    np.testing.assert_allclose(energy[:count], expected_energy, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(weights[:count], expected_weights, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(weights.sum(), 1, rtol=1e-5)
 
 
 def test_no_motion_is_always_listed():
-    """Also where there is no room for anything else and where nobody has voted; its share is then all there is."""
+    """Also where there is no room for anything else and where nobody has voted; all the weight is then its own."""
     for candidates in ([], [candidate(7, 3, 1)]):
-        count, motions, energy = listing(candidates, 1)
+        count, motions, weights = listing(candidates, 1)
         assert count == 1
         assert not motions[0].any()
-        np.testing.assert_allclose(energy[0], -math.log(0.5 / (0.5 + 7 * len(candidates)) + 0.01), rtol=1e-5)
+        assert weights[0] == 1
 
 
 def test_accelerations_that_scatter_are_not_believed():
     """Half is left where their standard deviation is the spread, less beyond it, and all but nothing far beyond."""
     bends = [
-        listing([candidate(9, 4, 0, 1, 6, -2, deviation**2)], 2)[1][0, 2:] / [6, -2] for deviation in (0, 20, 60, 400)
+        listing([candidate(9, 4, 0, 1, 6, -2, deviation**2)], 2)[1][0, 2:4] / [6, -2] for deviation in (0, 20, 60, 400)
     ]
     np.testing.assert_allclose(np.transpose(bends)[0], np.transpose(bends)[1], rtol=1e-4)
     np.testing.assert_allclose(np.transpose(bends)[0] * (1 + UNKNOWN), [1, 0.5, 0.1, 1 / 401], rtol=1e-3)
@@ -273,28 +285,12 @@ def test_few_that_know_an_acceleration_are_believed_less_than_many():
     np.testing.assert_allclose([few, many], [3, 6 / 1.1], rtol=1e-4)
 
 
-def weigh(costs, least):
-    """The kernel's weights of one node, whatever lies behind its costs."""
-    behind = np.float32([*costs, -1e6, 7])
-    weights = np.full((1, 1, len(behind)), np.nan, np.float32)
-    share_weights(np.int32([[len(costs)]]), behind[np.newaxis, np.newaxis], np.float32(least), weights)
-    assert not weights[0, 0, len(costs) :].any()
-    return weights[0, 0, : len(costs)]
-
-
-@settings(max_examples=25)
-@given(st.lists(st.floats(-30, 30, width=32), min_size=1, max_size=6), st.sampled_from([0, 0.02, 0.5]))
-def test_weights_equal_their_slow_twin(costs, least):
-    """For any costs; they sum to 1."""
-    found = weigh(costs, least)
-    np.testing.assert_allclose(found, shared(costs, least), atol=1e-5)
-    np.testing.assert_allclose(found.sum(), 1, rtol=1e-5)
-
-
 def test_a_candidate_fades_out_before_it_is_left_out():
     """Around the threshold, the weight goes to 0 without a jump, so that nothing flickers there."""
-    limit = -math.log(0.02)
-    before, at, beyond = (weigh([0, limit + off], 0.02)[1] for off in (-0.01, 0, 0.01))
+    options = {"still_votes": 1e-9, "least_share": 0, "least": 0.02}
+    before, at, beyond = (
+        listing([candidate(1, 3, 1), candidate(0.02 * (1 + off), 9, 0)], 3, **options)[2][1] for off in (0.01, 0, -0.01)
+    )
     assert 0 < before < 3e-4
     assert at == pytest.approx(0, abs=1e-7)
     assert beyond == 0

@@ -6,22 +6,27 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from truth import noise, waves
 from twins import fading, fused, spline_coefficients, spline_window, uncompiled
 
-from fpsboost.kernels.candidates import CELL
+from fpsboost.kernels.candidates import CELL, MOTION
 from fpsboost.kernels.fuse import (
     AREA,
+    BLOCK,
     PADDED,
     PATCH_RADIUS,
     SPARE,
     WINDOW,
     decay,
-    fetch,
+    fetch_affine,
+    fetch_rigid,
     finish_mean,
     fuse_candidates,
     mark_inside,
     patch_shares,
+    smallest,
     sum_patches,
     window_shape,
 )
@@ -31,36 +36,36 @@ from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_c
 def samples(image):
     """Planes and their coefficients."""
     height, width, channels = image.shape
-    planes = np.empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
-    coefficients = np.empty_like(planes)
+    both = np.empty((2, channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+    planes, coefficients = both
     fill_planes(image, np.float32(1), False, planes)
     find_coefficients(planes, filter_response(2**-19), coefficients)
-    return planes, coefficients
+    return both
 
 
 def listed(candidates):
-    """Lists of ``[weight, dx, dy, ax, ay]`` as the kernel's arrays, with room to spare."""
+    """Lists of ``[weight, dx, dy, ax, ay, *gradients]`` as the kernel's arrays, with room to spare."""
     room = 2 + max(len(each) for each in candidates.ravel())
     count = np.zeros(candidates.shape, np.int32)
-    motions = np.full((*candidates.shape, room, 4), np.nan, np.float32)
+    motions = np.full((*candidates.shape, room, MOTION), np.nan, np.float32)
     weights = np.full((*candidates.shape, room), np.nan, np.float32)
     for place in np.ndindex(candidates.shape):
         count[place] = len(candidates[place])
         for k, (weight, *motion) in enumerate(candidates[place]):
-            weights[place][k], motions[place][k] = weight, motion
+            weights[place][k], motions[place][k] = weight, [*motion, 0, 0, 0, 0][:MOTION]
     return count, motions, weights
 
 
-def fuse(image0, image1, t, candidates, *, scale, sharpness, enough):
+def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0):
     """Call the kernels; the mean as an image, and the confidence."""
     height, width, channels = image0.shape
-    planes = *samples(image0), *samples(image1)
     mean, confidence = np.zeros((channels, height, width), np.float32), np.full((height, width), np.nan, np.float32)
     weight_sum, similarity_sum = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
-    numbers = [np.float32(each) for each in (scale, sharpness, enough)]
+    numbers = [np.float32(each) for each in (scale, sharpness, enough, negligible)]
     for parity in (1, 0):
         fuse_candidates(
-            *planes,
+            samples(image0),
+            samples(image1),
             height,
             width,
             np.float32(t),
@@ -179,6 +184,47 @@ def test_an_acceleration_bends_the_path():
     np.testing.assert_allclose(mean[:, 8:-8], waves(x - 1.5 + 0.5, y, 1, seed=2)[:, 8:-8], atol=1e-4)
 
 
+@pytest.mark.parametrize("gradient", [(0.1, 0, 0, 0.1), (0, 0.06, -0.06, 0), (-0.05, 0.02, 0.04, 0.08)])
+def test_a_window_zooms_and_turns_with_its_motion(gradient):
+    """What is zoomed, turned or sheared comes out half-way; windows that moved as a whole would be farther off."""
+    y, x = np.mgrid[0:48, 0:48].astype(float)
+    matrix = np.reshape(gradient, (2, 2)).T  # d(dx, dy) / d(x, y)
+    away = np.stack([x - 23.5, y - 23.5])
+    # where the pixels of each frame lie at time 1/2, when nothing is zoomed or turned
+    ways = [np.linalg.inv(np.eye(2) - sign * matrix / 2) for sign in (1, -1)]
+    shown = [waves(*np.tensordot(way, away, 1), 1, seed=2) for way in ways]
+    image0, image1 = (each.astype(np.float32) for each in shown)
+    off = []
+    for gradients in (gradient, (0, 0, 0, 0)):
+        candidates = nodes_of((48, 48))
+        for row, column in np.ndindex(*candidates.shape):
+            middle = np.array([16 * column + 8 - 24, 16 * row + 8 - 24])
+            candidates[row, column] = [[1, *(matrix @ middle), 0, 0, *gradients]]
+        mean, _ = fuse(image0, image1, 0.5, candidates, scale=0.0, sharpness=0.0, enough=2.0)
+        off.append(np.abs(mean - waves(*away, 1, seed=2))[12:-12, 12:-12].max())
+    assert off[0] < off[1] / 2
+
+
+def test_motions_of_negligible_weight_are_left_out():
+    """As the twin does it: what every pixel already has five times as much of is not tried."""
+    size = (16, 16)
+    y, x = np.mgrid[0:16, 0:16].astype(float)
+    image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 2))
+    candidates = nodes_of(size, [(0.95, 2, 0, 0, 0), (0.05, 9, 0, 0, 0)])
+    options = {"scale": 1.0, "sharpness": 0.0, "enough": 2.0}
+    alone, _ = fuse(image0, image1, 0.5, candidates, **options, negligible=0.2)
+    np.testing.assert_allclose(alone, fused(image0, image1, 0.5, candidates, **options, negligible=0.2)[0], atol=1e-4)
+    together, _ = fuse(image0, image1, 0.5, candidates, **options)
+    assert np.abs(together - alone).max() > 0.01
+
+
+@given(st.integers(0, 2**32))
+def test_the_smallest_of_a_window_is_found(seed):
+    """Wherever it is."""
+    values = np.random.default_rng(seed).normal(size=AREA).astype(np.float32)
+    assert uncompiled(smallest)(values, np.empty(AREA, np.float32)) == values.min()
+
+
 def test_decay_is_the_exponential():
     """To a millionth, and never negative, however large the number."""
     for x in (0, 1e-4, 0.01, 0.3, 1, 2.5, 5, 10, 20, 40, 60, 1000):
@@ -192,15 +238,36 @@ def test_decay_is_the_exponential():
 def test_windows_are_sampled_as_the_spline_says(place):
     """At fractions of a pixel as the twin does, at whole ones as a copy."""
     image = noise(34, 38, 1, np.float32)
-    planes, coefficients = samples(image)
+    both = samples(image)
+    _, _, end, stride = both.shape
     out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
     y, x = np.float32(place[0] + MARGIN), np.float32(place[1] + MARGIN)
-    uncompiled(fetch)(planes[0], coefficients[0], y, x, rows, out)
+    uncompiled(fetch_rigid)(both.ravel(), 0, end * stride, stride, y, x, rows, out)
     expected = spline_window(spline_coefficients(image[..., 0], 40), 40, *place)
     np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=1e-5)
     if all(value == int(value) for value in place):
         top, left = int(y), int(x)
-        np.testing.assert_array_equal(out.reshape(WINDOW, WINDOW), planes[0, top : top + WINDOW, left : left + WINDOW])
+        np.testing.assert_array_equal(out.reshape(WINDOW, WINDOW), both[0, 0, top : top + WINDOW, left : left + WINDOW])
+
+
+@pytest.mark.parametrize("share", [-0.25, 0.75])
+def test_the_blocks_of_a_window_move_as_their_middles_do(share):
+    """On ramps, which a spline reproduces, every sample tells where it was taken."""
+    motion = np.float32([9, 9, 9, 9, 0.05, -0.02, 0.03, 0.1])
+    y, x = np.mgrid[0:60, 0:70]
+    away = np.arange(WINDOW) // BLOCK * BLOCK + BLOCK / 2 - WINDOW / 2  # of the blocks' middles
+    shift_x = share * (0.05 * away + 0.03 * away[:, np.newaxis])
+    shift_y = share * (-0.02 * away + 0.1 * away[:, np.newaxis])
+    for ramp, expected in (
+        (x, 12.25 + np.arange(WINDOW) + shift_x),
+        (y, 9.5 + np.arange(WINDOW)[:, np.newaxis] + shift_y),
+    ):
+        both = samples(ramp[..., np.newaxis].astype(np.float32))
+        _, _, end, stride = both.shape
+        out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
+        place = np.float32(9.5 + MARGIN), np.float32(12.25 + MARGIN)
+        uncompiled(fetch_affine)(both.ravel(), end * stride, stride, end, *place, np.float32(share), motion, rows, out)
+        np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -296,9 +296,10 @@ def collected(
     size: tuple[int, int],
     capacity: int,
 ) -> None:
-    """Motions for nodes in the middles of cells of 16 pixels; ``candidates[row, column]`` are lists of lists of seven.
+    """Motions for nodes in the middles of cells of 16 pixels; ``candidates[row, column]`` are lists of lists of eleven.
 
-    These are votes, sums of dx and dy, and of votes whose acceleration is known, votes, ax, ay and ax^2 + ay^2. A point
+    These are votes; sums of dx and dy; of votes whose acceleration is known, votes, ax, ay and ax^2 + ay^2; and sums of
+    how dx and dy change along x, then along y. A point
     votes at every node nearer to where it lands than `support`, along x and y, the less the farther and the less it is
     trusted. Its vote, for its motion and what its gradients add on the way to the node, is for the first candidate
     whose mean is near, or a new one as long as there is room.
@@ -320,6 +321,7 @@ def collected(
             dx, dy = (float(value) for value in (here_x, here_y) + apart @ gradients[i, j])
             sure = known * vote
             more = [vote, vote * sign * dx, vote * sign * dy, sure, sure * ax, sure * ay, sure * (ax * ax + ay * ay)]
+            more += (vote * sign * gradients[i, j]).ravel().tolist()
             listed = candidates[row, column]
             for candidate in listed:
                 votes, sum_x, sum_y, *_ = candidate
@@ -332,17 +334,25 @@ def collected(
 
 
 def listed_by_votes(
-    candidates: list[list[float]], room: int, *, still_votes: float, spread: float, least_share: float, unknown: float
+    candidates: list[list[float]],
+    room: int,
+    *,
+    still_votes: float,
+    spread: float,
+    least_share: float,
+    least: float,
+    unknown: float,
 ) -> tuple[list[list[float]], list[float]]:
-    """A node's motions ``[dx, dy, ax, ay]`` by falling votes, none last, and the negative logarithms of their shares.
+    """A node's motions ``[dx, dy, ax, ay, *gradients]`` by falling votes, none last, and weights that sum to 1.
 
     `candidates` are lists as `collected` makes them. A candidate's acceleration is the mean of its votes, times the
     share of votes that know one, a few being for none, and times 1 / (1 + variance / spread^2). Motion of less than a
-    quarter of a pixel has the less of it the shorter it is.
+    quarter of a pixel has the less of it the shorter it is. Weights are in proportion to the share of the votes and
+    `least_share` more; the best's being 1, `least` is taken off, and none is below 0.
     """
     everything = sum(candidate[0] for candidate in candidates) + still_votes
-    motions, energies = [], []
-    for votes, sum_x, sum_y, known, sum_ax, sum_ay, squares in sorted(candidates, key=lambda each: -each[0])[
+    motions, shares = [], []
+    for votes, sum_x, sum_y, known, sum_ax, sum_ay, squares, *changes in sorted(candidates, key=lambda each: -each[0])[
         : room - 1
     ]:
         ax = ay = 0.0
@@ -352,15 +362,11 @@ def listed_by_votes(
             belief = known / (known + unknown * votes) / (1 + variance / spread**2)
             belief *= min(4 * (abs(sum_x) + abs(sum_y)) / votes, 1)
             ax, ay = belief * ax, belief * ay
-        motions.append([sum_x / votes, sum_y / votes, ax, ay])
-        energies.append(-math.log(votes / everything + least_share))
-    return [*motions, [0, 0, 0, 0]], [*energies, -math.log(still_votes / everything + least_share)]
-
-
-def shared(costs: list[float], least: float) -> list[float]:
-    """Weights that sum to 1: in proportion to ``exp(-cost)``, the best's being 1, less `least`, and none below 0."""
-    weights = [max(math.exp(min(costs) - cost) - least, 0) for cost in costs]
-    return [weight / sum(weights) for weight in weights]
+        motions.append([sum_x / votes, sum_y / votes, ax, ay, *(change / votes for change in changes)])
+        shares.append(votes / everything + least_share)
+    shares.append(still_votes / everything + least_share)
+    weights = [max(share / max(shares) - least, 0) for share in shares]
+    return [*motions, [0] * 8], [weight / sum(weights) for weight in weights]
 
 
 def smoothed(motions: Array, energies: Array, smoothness: float, slope: float) -> Array:
@@ -398,12 +404,21 @@ def smoothed(motions: Array, energies: Array, smoothness: float, slope: float) -
 
 
 def fused(
-    image0: Array, image1: Array, t: float, candidates: Array, *, scale: float, sharpness: float, enough: float
+    image0: Array,
+    image1: Array,
+    t: float,
+    candidates: Array,
+    *,
+    scale: float,
+    sharpness: float,
+    enough: float,
+    negligible: float = 0,
 ) -> tuple[Array, Array]:
     """The mean over all windows and candidates, weighed by patch similarity at t, and the mean similarity ** 8.
 
     Windows have 32 pixels and fade into those of their neighbours 16 pixels away; patches have 9 and end with their
-    window; edges repeat. ``candidates[row, column]`` are lists of ``[weight, dx, dy, ax, ay]``, tried one by one.
+    window; edges repeat. ``candidates[row, column]`` are lists of ``[weight, dx, dy, ax, ay]``, tried one by one, until
+    one weighs less than `negligible` of the least weight of a pixel.
     """
     height, width, channels = image0.shape
     beyond = 48
@@ -416,6 +431,8 @@ def fused(
         for prior, *numbers in candidates[row, column]:
             if prior == 0:
                 continue
+            if prior < negligible * weights.min():
+                break
             motion, acceleration = np.array(numbers[:2]), np.array(numbers[2:])
             start = corner - t * motion + t * (1 - t) / 2 * acceleration
             mixed, equal = _along(splines, (start, start + motion), (height, width), beyond, t, scale)

@@ -20,8 +20,12 @@ CELL = 16
 BAND = 12
 """Rows of nodes that a thread takes at once."""
 
-SUMS = 6
-"""What is summed up for a candidate: dx, dy; and of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2."""
+SUMS = 10
+"""What is summed up for a candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and how
+dx and dy change along x, then along y."""
+
+MOTION = 8
+"""Numbers of a candidate: dx, dy; acceleration ax, ay; and how dx and dy change along x, then along y."""
 
 
 UNKNOWN = np.float32(0.1)
@@ -93,30 +97,36 @@ def collect_candidates(
                         vote = trust[i, j] * down * across
                         if vote <= 0:
                             continue
-                        node_votes, node_sums = votes[row, column], sums[row, column]
                         listed = count[row, column]
                         k = 0
-                        while k < listed and not (
-                            abs(node_sums[k, 0] - dx * node_votes[k]) < tolerance * node_votes[k]
-                            and abs(node_sums[k, 1] - dy * node_votes[k]) < tolerance * node_votes[k]
-                        ):
+                        while k < listed:
+                            share = votes[row, column, k]
+                            apart = abs(sums[row, column, k, 0] - dx * share)
+                            apart = max(apart, abs(sums[row, column, k, 1] - dy * share))
+                            if apart < tolerance * share:
+                                break
                             k += 1
                         if k == capacity:
                             continue
                         if k == listed:
                             count[row, column] += 1
-                        node_votes[k] += vote
-                        node_sums[k, 0] += vote * dx
-                        node_sums[k, 1] += vote * dy
+                        votes[row, column, k] += vote
+                        sums[row, column, k, 0] += vote * dx
+                        sums[row, column, k, 1] += vote * dy
+                        turned = sign * vote
+                        sums[row, column, k, 6] += turned * gradients[i, j, 0, 0]
+                        sums[row, column, k, 7] += turned * gradients[i, j, 0, 1]
+                        sums[row, column, k, 8] += turned * gradients[i, j, 1, 0]
+                        sums[row, column, k, 9] += turned * gradients[i, j, 1, 1]
                         vote *= known
-                        node_sums[k, 2] += vote
-                        node_sums[k, 3] += vote * ax
-                        node_sums[k, 4] += vote * ay
-                        node_sums[k, 5] += vote * (ax * ax + ay * ay)
+                        sums[row, column, k, 2] += vote
+                        sums[row, column, k, 3] += vote * ax
+                        sums[row, column, k, 4] += vote * ay
+                        sums[row, column, k, 5] += vote * (ax * ax + ay * ay)
 
 
 @njit(parallel=True, cache=True, **JIT)
-def list_candidates(count, votes, sums, still_votes, spread, least_share, motions, energy):
+def list_candidates(count, votes, sums, still_votes, spread, least_share, least, motions, weights):
     """The candidates of each node by falling votes, and no motion as the last.
 
     Parameters
@@ -131,19 +141,21 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, motion
     spread : float32
         Standard deviation of a candidate's accelerations at which their mean counts half, pixels.
     least_share : float32
-        Added to the share of the votes before the logarithm.
-    motions : (rows, columns, room, 4) float32 out
-        dx, dy, and acceleration ax, ay.
-    energy : (rows, columns, room) float32 out
-        Negative logarithm of each candidate's share of all votes.
+        Added to each candidate's share of all votes.
+    least : float32
+        What is taken off each weight, as a share of the best's, so that none ends abruptly.
+    motions : (rows, columns, room, MOTION) float32 out
+    weights : (rows, columns, room) float32 out
+        At least 0; their sum is 1. Those beyond the listed ones are 0.
     """
     rows, columns, _ = votes.shape
-    room = energy.shape[2]
+    room = weights.shape[2]
     for number in prange(rows * columns):
         row, column = np.int64(number) // columns, np.int64(number) % columns
-        waiting, node_sums = votes[row, column].copy(), sums[row, column]
+        waiting, node_sums, node_weights = votes[row, column].copy(), sums[row, column], weights[row, column]
         all_votes = waiting.sum() + still_votes
         listed = min(count[row, column], room - 1)
+        node_weights[:] = 0
         for place in range(listed):
             k = np.argmax(waiting)
             vote, known = waiting[k], node_sums[k, 2]
@@ -151,6 +163,8 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, motion
             motion = motions[row, column, place]
             motion[0], motion[1] = node_sums[k, 0] / vote, node_sums[k, 1] / vote
             motion[2], motion[3] = 0, 0
+            for n in range(4):
+                motion[4 + n] = node_sums[k, 6 + n] / vote
             if known > 0:
                 ax, ay = node_sums[k, 3] / known, node_sums[k, 4] / known
                 variance = max(node_sums[k, 5] / known - ax * ax - ay * ay, np.float32(0))
@@ -159,33 +173,12 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, motion
                 # what stands still is not bent: a held picture stays as it is
                 belief *= min(np.float32(4) * (abs(motion[0]) + abs(motion[1])), np.float32(1))
                 motion[2], motion[3] = belief * ax, belief * ay
-            energy[row, column, place] = -math.log(vote / all_votes + least_share)
+            node_weights[place] = vote / all_votes + least_share
         motions[row, column, listed] = 0
-        energy[row, column, listed] = -math.log(still_votes / all_votes + least_share)
+        node_weights[listed] = still_votes / all_votes + least_share
         count[row, column] = listed + 1
-
-
-@njit(parallel=True, cache=True, **JIT)
-def share_weights(count, costs, least, weights):
-    """Weights of each node's candidates by their costs: ``exp(-cost)``, less a threshold, so that none ends abruptly.
-
-    Parameters
-    ----------
-    count : (rows, columns) int32
-    costs : (rows, columns, room) float32
-    least : float32
-        Weight in that of the best below which a candidate has none.
-    weights : (rows, columns, room) float32 out
-        Their sum is 1.
-    """
-    rows, columns = count.shape
-    for number in prange(rows * columns):
-        row, column = np.int64(number) // columns, np.int64(number) % columns
-        node_costs, node_weights, known = costs[row, column], weights[row, column], count[row, column]
-        cheapest = node_costs[:known].min()
-        node_weights[:] = 0
-        for k in range(known):
-            node_weights[k] = max(np.float32(math.exp(cheapest - node_costs[k])) - least, np.float32(0))
-        total = node_weights.sum()
-        for k in range(known):
-            node_weights[k] /= total
+        threshold, total = least * node_weights.max(), np.float32(0)
+        for place in range(listed + 1):
+            node_weights[place] = max(node_weights[place] - threshold, np.float32(0))
+            total += node_weights[place]
+        node_weights /= total

@@ -17,13 +17,21 @@ from numba import njit, prange
 from fpsboost.kernels.candidates import CELL
 from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES
+from fpsboost.kernels.lanes import EIGHT, filter_eight
 from fpsboost.kernels.spline import MARGIN, spline_weights
+from fpsboost.kernels.tiles import Index
 
 WINDOW = 2 * CELL
 """Side of a window, pixels."""
 
 AREA = WINDOW * WINDOW
 """Pixels of a window: what is done to each alike is one loop over all of them."""
+
+BLOCK = EIGHT
+"""Side of the parts of a window that move as their middle does, pixels."""
+
+RIGID = np.float32(0.05)
+"""Change of motion from pixel to pixel below which a window moves as a whole."""
 
 PATCH_RADIUS = 4
 """Of the patches that are compared at time t, pixels; beyond their window they are cut off."""
@@ -54,35 +62,114 @@ def decay(x):
 
 
 @njit(**FINITE_JIT)
-def fetch(plane, coefficients, y, x, rows, out):
-    """Sample a window whose first pixel lies at (y, x), in coordinates of the plane; whole places are copied.
+def locate_window(top, left, motion, t, height, width, marks):
+    """Where a window at time t lies in both frames.
 
     Parameters
     ----------
-    plane, coefficients : (H, W) float32
+    top, left : int
+        Its first pixel.
+    motion : (MOTION,) float32
+    t : float32
+    height, width : int
+        Of the frames.
+    marks : (4, WINDOW) float32 out
+        Where a part lies outside: 1 for each column inside of frame 0, each row, and the same for frame 1, else 0.
+
+    Returns
+    -------
+    y0, x0, y1, x1 : float32
+        In coordinates of the planes, no farther out than they go: beyond their margin nothing changes any more.
+    within : bool
+        Whether all of it lies inside of both frames.
+    """
+    curve = t * (np.float32(1) - t) * np.float32(0.5)
+    x0 = np.float32(left) + curve * motion[2] - t * motion[0]
+    y0 = np.float32(top) + curve * motion[3] - t * motion[1]
+    x1, y1 = x0 + motion[0], y0 + motion[1]
+    within = min(x0, x1) >= 0 and min(y0, y1) >= 0 and max(x0, x1) <= width - WINDOW and max(y0, y1) <= height - WINDOW
+    if not within:
+        mark_inside(x0, width, marks[0])
+        mark_inside(y0, height, marks[1])
+        mark_inside(x1, width, marks[2])
+        mark_inside(y1, height, marks[3])
+    lowest, margin = np.float32(2 - MARGIN), np.float32(MARGIN)
+    highest_x, highest_y = np.float32(width + 2), np.float32(height + 2)
+    x0, x1 = min(max(x0, lowest), highest_x) + margin, min(max(x1, lowest), highest_x) + margin
+    y0, y1 = min(max(y0, lowest), highest_y) + margin, min(max(y1, lowest), highest_y) + margin
+    return y0, x0, y1, x1, within
+
+
+@njit(**FINITE_JIT)
+def fetch_window(samples, plane, coefficients, stride, end, y, x, share, motion, rows, out):
+    """Sample a window whose middle moves with its first pixel at (y, x), in coordinates of the plane.
+
+    Parameters
+    ----------
+    samples : (size,) float32
+    plane, coefficients : int
+        Where in `samples` a plane and its spline coefficients begin.
+    stride : int
+        Distance of their rows.
+    end : int
+        Rows of a plane.
     y, x : float32
         At least 1, and WINDOW + 2 pixels from the ends.
+    share : float32
+        Of the motion that leads from time t to this frame: below 0 against it.
+    motion : (MOTION,) float32
     rows : ((WINDOW + 3) * WINDOW,) float32
         Room.
     out : (AREA,) float32 out
     """
-    top, left = math.floor(y), math.floor(x)
+    if abs(motion[4]) + abs(motion[5]) + abs(motion[6]) + abs(motion[7]) < RIGID:
+        fetch_rigid(samples, plane, coefficients, stride, y, x, rows, out)
+    else:
+        fetch_affine(samples, coefficients, stride, end, y, x, share, motion, rows, out)
+
+
+@njit(**FINITE_JIT)
+def fetch_rigid(samples, plane, coefficients, stride, y, x, rows, out):
+    """Sample a window that moves as a whole; whole places are copied. See `fetch_window`."""
+    top, left = int(y), int(x)  # never below 1
     fraction_y, fraction_x = y - np.float32(top), x - np.float32(left)
     if fraction_y == 0 and fraction_x == 0:
         for j in range(WINDOW):
-            source, target = plane[top + j, left : left + WINDOW], out[j * WINDOW :]
-            for i in range(WINDOW):
-                target[i] = source[i]
+            begin, to = Index(plane + (top + j) * stride + left), Index(j * WINDOW)
+            for i in range(Index(WINDOW)):
+                out[to + i] = samples[begin + i]
         return
     w0, w1, w2, w3 = spline_weights(fraction_x)
     for j in range(WINDOW + 3):
-        source, target = coefficients[top - 1 + j, left - 1 : left + 2 + WINDOW], rows[j * WINDOW :]
-        for i in range(WINDOW):
-            target[i] = fma(w3, source[i + 3], fma(w2, source[i + 2], fma(w1, source[i + 1], w0 * source[i])))
+        begin, to = Index(coefficients + (top - 1 + j) * stride + left - 1), Index(j * WINDOW)
+        for i in range(Index(WINDOW)):
+            p = begin + i
+            near = fma(w1, samples[p + Index(1)], w0 * samples[p])
+            rows[to + i] = fma(w3, samples[p + Index(3)], fma(w2, samples[p + Index(2)], near))
     w0, w1, w2, w3 = spline_weights(fraction_y)
-    second, third, fourth = rows[WINDOW:], rows[2 * WINDOW :], rows[3 * WINDOW :]
-    for i in range(AREA):
-        out[i] = fma(w3, fourth[i], fma(w2, third[i], fma(w1, second[i], w0 * rows[i])))
+    for i in range(Index(AREA)):
+        near = fma(w1, rows[i + Index(WINDOW)], w0 * rows[i])
+        out[i] = fma(w3, rows[i + Index(3 * WINDOW)], fma(w2, rows[i + Index(2 * WINDOW)], near))
+
+
+@njit(**FINITE_JIT)
+def fetch_affine(samples, coefficients, stride, end, y, x, share, motion, rows, out):
+    """Sample a window that is zoomed or turned: each of its blocks moves as its middle does. See `fetch_window`."""
+    one, last_y, last_x = np.float32(1), np.float32(end - BLOCK - 3), np.float32(stride - BLOCK - 3)
+    for down in range(0, WINDOW, BLOCK):
+        for across in range(0, WINDOW, BLOCK):
+            from_x, from_y = np.float32(across + (BLOCK - WINDOW) // 2), np.float32(down + (BLOCK - WINDOW) // 2)
+            place_x = x + np.float32(across) + share * (from_x * motion[4] + from_y * motion[6])
+            place_y = y + np.float32(down) + share * (from_x * motion[5] + from_y * motion[7])
+            place_x, place_y = min(max(place_x, one), last_x), min(max(place_y, one), last_y)
+            top, left = int(place_y), int(place_x)
+            begin, to = coefficients + (top - 1) * stride + left - 1, down * WINDOW + across
+            w0, w1, w2, w3 = spline_weights(place_x - np.float32(left))
+            for j in range(BLOCK + 3):
+                filter_eight(samples, begin + j * stride, 1, w0, w1, w2, w3, rows, j * BLOCK)
+            w0, w1, w2, w3 = spline_weights(place_y - np.float32(top))
+            for j in range(BLOCK):
+                filter_eight(rows, j * BLOCK, BLOCK, w0, w1, w2, w3, out, to + j * WINDOW)
 
 
 @njit(**FINITE_JIT)
@@ -94,15 +181,25 @@ def mark_inside(start, size, marks):
 
 
 @njit(**FINITE_JIT)
-def mix_inside(share0, share1, marks, first, second, mixed):
+def mix_inside(t, marks, first, second, mixed):
     """Mix two windows, of which parts lie outside of their frames: those have no share unless both do."""
+    share0 = np.float32(1) - t
     for j in range(WINDOW):
         for i in range(WINDOW):
-            weight0, weight1 = share0 * marks[0, i] * marks[1, j], share1 * marks[2, i] * marks[3, j]
+            weight0, weight1 = share0 * marks[0, i] * marks[1, j], t * marks[2, i] * marks[3, j]
             both = weight0 + weight1
             if both > 0:
                 place = j * WINDOW + i
                 mixed[place] = (weight0 * first[place] + weight1 * second[place]) / both
+
+
+@njit(**FINITE_JIT)
+def compare_window(distance, scale, padded):
+    """Similarity of every pixel of a window, padded by zeros."""
+    for j in range(WINDOW):
+        begin, to = Index(j * WINDOW), Index((j + PATCH_RADIUS) * PADDED + PATCH_RADIUS)
+        for i in range(Index(WINDOW)):
+            padded[to + i] = decay(distance[begin + i] * scale)
 
 
 @njit(**FINITE_JIT)
@@ -111,38 +208,59 @@ def sum_patches(values, half_way, sums):
 
     First down, over the whole window at once, then across.
     """
-    row, size = PADDED, PADDED * WINDOW
-    for i in range(size):
+    for i in range(Index(PADDED * WINDOW)):
         half_way[i] = (
-            (values[i] + values[i + row] + values[i + 2 * row])
-            + (values[i + 3 * row] + values[i + 4 * row] + values[i + 5 * row])
-            + (values[i + 6 * row] + values[i + 7 * row] + values[i + 8 * row])
+            (values[i] + values[i + Index(PADDED)] + values[i + Index(2 * PADDED)])
+            + (values[i + Index(3 * PADDED)] + values[i + Index(4 * PADDED)] + values[i + Index(5 * PADDED)])
+            + (values[i + Index(6 * PADDED)] + values[i + Index(7 * PADDED)] + values[i + Index(8 * PADDED)])
         )
     for j in range(WINDOW):
-        source, target = half_way[j * PADDED :], sums[j * WINDOW :]
-        for i in range(WINDOW):
-            target[i] = (
-                (source[i] + source[i + 1] + source[i + 2])
-                + (source[i + 3] + source[i + 4] + source[i + 5])
-                + (source[i + 6] + source[i + 7] + source[i + 8])
+        begin, to = Index(j * PADDED), Index(j * WINDOW)
+        for i in range(Index(WINDOW)):
+            p = begin + i
+            sums[to + i] = (
+                (half_way[p] + half_way[p + Index(1)] + half_way[p + Index(2)])
+                + (half_way[p + Index(3)] + half_way[p + Index(4)] + half_way[p + Index(5)])
+                + (half_way[p + Index(6)] + half_way[p + Index(7)] + half_way[p + Index(8)])
             )
+
+
+@njit(inline="always", **FINITE_JIT)
+def add_row(weight, values, sums, here, there, length):
+    """Add the products of two windows, from place `here` on, to a plane from place `there` on."""
+    for i in range(Index(length)):
+        place = Index(here) + i
+        sums[Index(there) + i] += weight[place] * values[place]
+
+
+@njit(**FINITE_JIT)
+def smallest(values, room):
+    """The least of a window's values, by halves: a compiler does not reorder comparisons, and one by one they wait."""
+    size = AREA // 2
+    for i in range(size):
+        room[i] = min(values[i], values[i + size])
+    while size > LANES:
+        size //= 2
+        for i in range(size):
+            room[i] = min(room[i], room[i + size])
+    return room[:LANES].min()
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def fuse_candidates(
-    planes0, coefficients0, planes1, coefficients1, height, width, t, count, motions, weights, parity, scale,
-    sharpness, enough, shape, inverse, mean, weight_sum, similarity_sum,
+    samples0, samples1, height, width, t, count, motions, weights, parity, scale, sharpness, enough, negligible,
+    shape, inverse, mean, weight_sum, similarity_sum,
 ):  # fmt: skip
     """Add the windows of every second row of nodes to the in-between frame.
 
     Parameters
     ----------
-    planes0, coefficients0, planes1, coefficients1 : (C, height + 2 MARGIN, width + 2 MARGIN + SPARE or more) float32
-        Both frames; see `fpsboost.kernels.spline`.
+    samples0, samples1 : (2, C, height + 2 MARGIN, width + 2 MARGIN + SPARE or more) float32
+        Planes of both frames and their spline coefficients; see `fpsboost.kernels.spline`.
     height, width : int
     t : float32
     count : (rows, columns) int32
-    motions : (rows, columns, room, 4) float32
+    motions : (rows, columns, room, MOTION) float32
     weights : (rows, columns, room) float32
         See `fpsboost.kernels.candidates`.
     parity : int
@@ -153,6 +271,8 @@ def fuse_candidates(
         How fast a candidate's weight falls with its similarity.
     enough : float32
         Once every pixel of a window has found this similarity, the candidates with fewer votes are left out.
+    negligible : float32
+        So are they once the votes of the next are less than this share of the weight that every pixel has by then.
     shape, inverse : (AREA,) float32
         What `window_shape` and `patch_shares` give.
     mean : (C, height, width) float32
@@ -160,13 +280,12 @@ def fuse_candidates(
     weight_sum, similarity_sum : (height, width) float32
         Sums of the weights and of weighted similarities; in and out.
     """
-    channels = planes0.shape[0]
+    _, channels, end, stride = samples0.shape
+    flat0, flat1 = samples0.reshape(samples0.size), samples1.reshape(samples1.size)
+    flat_mean, flat_weights = mean.reshape(mean.size), weight_sum.reshape(weight_sum.size)
+    flat_similarities = similarity_sum.reshape(similarity_sum.size)
     rows_of_nodes, columns_of_nodes = count.shape
-    half, one = np.float32(0.5), np.float32(1)
-    curve = t * (one - t) * half
-    # beyond the margin nothing changes any more
-    lowest, margin = np.float32(2 - MARGIN), np.float32(MARGIN)
-    highest_x, highest_y = np.float32(width + 2), np.float32(height + 2)
+    one = np.float32(1)
     for number in prange((rows_of_nodes - parity + 1) // 2):
         row = 2 * np.int64(number) + parity
         rows = np.empty((WINDOW + 3) * WINDOW, np.float32)
@@ -186,44 +305,28 @@ def fuse_candidates(
             node_weights[:] = TINY
             node_similarities[:] = 0
             most_similar[:] = 0
+            least_weight, least_similar = np.float32(0), np.float32(0)
             for k in range(count[row, column]):
                 prior = weights[row, column, k]
                 if prior <= 0:
                     continue
-                dx, dy = motions[row, column, k, 0], motions[row, column, k, 1]
-                x0 = np.float32(left) + curve * motions[row, column, k, 2] - t * dx
-                y0 = np.float32(top) + curve * motions[row, column, k, 3] - t * dy
-                x1, y1 = x0 + dx, y0 + dy
-                within = (
-                    min(x0, x1) >= 0
-                    and min(y0, y1) >= 0
-                    and max(x0, x1) <= width - WINDOW
-                    and max(y0, y1) <= height - WINDOW
-                )
-                if not within:
-                    mark_inside(x0, width, marks[0])
-                    mark_inside(y0, height, marks[1])
-                    mark_inside(x1, width, marks[2])
-                    mark_inside(y1, height, marks[3])
-                x0, x1 = min(max(x0, lowest), highest_x) + margin, min(max(x1, lowest), highest_x) + margin
-                y0, y1 = min(max(y0, lowest), highest_y) + margin, min(max(y1, lowest), highest_y) + margin
+                if prior < negligible * least_weight or least_similar >= enough:
+                    break
+                motion = motions[row, column, k]
+                y0, x0, y1, x1, within = locate_window(top, left, motion, t, height, width, marks)
+                distance[:] = 0
                 for c in range(channels):
-                    fetch(planes0[c], coefficients0[c], y0, x0, rows, first)
-                    fetch(planes1[c], coefficients1[c], y1, x1, rows, second)
+                    plane, coefficients = c * end * stride, (channels + c) * end * stride
+                    fetch_window(flat0, plane, coefficients, stride, end, y0, x0, -t, motion, rows, first)
+                    fetch_window(flat1, plane, coefficients, stride, end, y1, x1, one - t, motion, rows, second)
                     target = mixed[c]
-                    if c == 0:
-                        distance[:] = 0
                     for i in range(AREA):
                         difference = second[i] - first[i]
                         distance[i] = fma(difference, difference, distance[i])
                         target[i] = fma(t, difference, first[i])
                     if not within:
-                        mix_inside(one - t, t, marks, first, second, target)
-                for j in range(WINDOW):
-                    source = distance[j * WINDOW :]
-                    target = padded[(j + PATCH_RADIUS) * PADDED + PATCH_RADIUS :]
-                    for i in range(WINDOW):
-                        target[i] = decay(source[i] * scale)
+                        mix_inside(t, marks, first, second, target)
+                compare_window(distance, scale, padded)
                 sum_patches(padded, half_way, similarity)
                 for i in range(AREA):
                     alike = similarity[i] * inverse[i]
@@ -232,23 +335,20 @@ def fuse_candidates(
                     node_weights[i] += w
                     node_similarities[i] = fma(w, alike, node_similarities[i])
                     most_similar[i] = max(most_similar[i], alike)
+                least_weight, least_similar = smallest(node_weights, distance), smallest(most_similar, distance)
                 for c in range(channels):
                     target, source = total[c], mixed[c]
                     for i in range(AREA):
                         target[i] = fma(weight[i], source[i], target[i])
-                if most_similar.min() >= enough:
-                    break
             # between neighbours, too, the more similar one counts more, but not so much that its border shows
             for i in range(AREA):
                 weight[i] = shape[i] / math.sqrt(node_weights[i])
             for j in range(begin_y, end_y):
-                y, place = top + j, j * WINDOW
-                for i in range(begin_x, end_x):
-                    weight_sum[y, left + i] += weight[place + i] * node_weights[place + i]
-                    similarity_sum[y, left + i] += weight[place + i] * node_similarities[place + i]
+                here, there = j * WINDOW + begin_x, (top + j) * width + left + begin_x
+                add_row(weight, node_weights, flat_weights, here, there, end_x - begin_x)
+                add_row(weight, node_similarities, flat_similarities, here, there, end_x - begin_x)
                 for c in range(channels):
-                    for i in range(begin_x, end_x):
-                        mean[c, y, left + i] += weight[place + i] * total[c, place + i]
+                    add_row(weight, total[c], flat_mean, here, there + c * height * width, end_x - begin_x)
 
 
 def window_shape() -> np.ndarray:

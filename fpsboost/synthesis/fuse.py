@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, has_alpha
-from fpsboost.kernels.candidates import CELL, SUMS, collect_candidates, list_candidates, share_weights
+from fpsboost.kernels.candidates import CELL, MOTION, SUMS, collect_candidates, list_candidates
 from fpsboost.kernels.fuse import SPARE, finish_mean, fuse_candidates, patch_shares, window_shape, write_pixels
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
@@ -87,6 +87,8 @@ class Fuse:
         How clearly the most similar motion wins: its weight is ``exp(sharpness * similarity)``.
     enough : float
         Similarity at which a node needs no further candidates.
+    negligible : float
+        A candidate is left out once its votes are below this share of the weight that every pixel has by then.
     """
 
     step: int = 8
@@ -97,6 +99,7 @@ class Fuse:
     width: float = 0.3
     sharpness: float = 18
     enough: float = 0.98
+    negligible: float = 0.2
 
     def __post_init__(self) -> None:
         if self.step < 1:
@@ -109,6 +112,8 @@ class Fuse:
             raise OptionError(f"most must be at least 1, not {self.most}.")
         if not 0 <= self.least < 1:
             raise OptionError(f"least must be at least 0 and below 1, not {self.least}.")
+        if not 0 <= self.negligible < 1:
+            raise OptionError(f"negligible must be at least 0 and below 1, not {self.negligible}.")
         if not self.width > 0:
             raise OptionError(f"width must be above 0, not {self.width}.")
 
@@ -130,8 +135,8 @@ class Fuse:
             weight_sum, similarity_sum = (np.zeros((height, width), np.float32) for _ in range(2))
             for parity in (0, 1):
                 fuse_candidates(
-                    *samples0,
-                    *samples1,
+                    samples0,
+                    samples1,
                     height,
                     width,
                     np.float32(t),
@@ -142,6 +147,7 @@ class Fuse:
                     scale,
                     np.float32(self.sharpness),
                     np.float32(self.enough),
+                    np.float32(self.negligible),
                     shape,
                     inverse,
                     mean,
@@ -179,10 +185,8 @@ class Fuse:
                     sums,
                 )
         room = self.most + 1  # and no motion
-        motions, energy = np.zeros((*nodes, room, 4), np.float32), np.zeros((*nodes, room), np.float32)
-        list_candidates(count, votes, sums, STILL_VOTES, STEADY, LEAST_SHARE, motions, energy)
-        weights = np.empty_like(energy)
-        share_weights(count, energy, np.float32(self.least), weights)
+        motions, weights = np.zeros((*nodes, room, MOTION), np.float32), np.empty((*nodes, room), np.float32)
+        list_candidates(count, votes, sums, STILL_VOTES, STEADY, LEAST_SHARE, np.float32(self.least), motions, weights)
         return count, motions, weights
 
     def _all_voters(self, transition: Transition) -> tuple[list[Voters], list[Voters]]:
