@@ -144,9 +144,8 @@ class NextPairOnly(Interpolator):
 
 MOTION: dict[str, dict[str, Any]] = {
     "no second opinion": {"others": ()},
-    "no price of distance": {"penalty": 0.0},
     "every point chooses alone": {"smoothness": 0.0},
-    "smoothness of the search doubled": {"smoothness": 1.0},
+    "smoothness of the search doubled": {"smoothness": 1.6},
     "a change of motion costs half": {"steepness": 8.0},
     "one offset a point": {"labels": 1},
     "three offsets a point": {"labels": 3},

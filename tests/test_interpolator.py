@@ -222,7 +222,7 @@ def test_flat_areas_with_noise_do_not_crawl():
     image0, image1 = (np.rint(120 + 2 * random.normal(size=(96, 128, 3))).astype(np.uint8) for _ in range(2))
     made, plain = (make(image0, image1).astype(float) for make in (default, mixed))
     assert np.abs(cv2.blur(made - plain, (9, 9))).max() < 0.6
-    assert made.std() == pytest.approx(plain.std(), rel=0.1)
+    assert made.std() == pytest.approx(plain.std(), rel=0.12)
 
 
 @pytest.mark.parametrize("motion", [{"shift": (5.3, -2.2)}, {"zoom": 1.05, "degrees": 2}])

@@ -57,11 +57,10 @@ def test_bars_go_where_their_bounds_go(period, shift):
 
 @pytest.mark.parametrize(("period", "shift"), [(16, 10), (20, 12)])
 def test_bars_from_top_to_bottom_go_where_their_ends_go(period, shift):
-    """Also where nothing but their left and right ends can be seen, and the background moves, too."""
+    """Also where nothing but their left and right ends can be seen, and the background moves: to a tenth of a level."""
     at = bars(period, (shift, 0), box=(-50, 28, 200, 144), background=(-2, 1))
-    made, alone, mixed = (off(each, at) for each in (NLM, EACH_ALONE, MIXED))
-    assert made < mixed / 4
-    assert made < alone / 3
+    made, mixed = (off(each, at) for each in (NLM, MIXED))
+    assert made < min(mixed / 4, 0.1)
 
 
 @pytest.mark.parametrize(("period", "shift", "degrees"), [(16, 10, 8), (20, 12, 8), (16, 10, 20), (24, 14, 20)])

@@ -34,20 +34,25 @@ Index = np.uint64
 
 @njit(**FINITE_JIT)
 def gather_offsets(proposals, top, left, bottom, right, reach, limit, seen, offsets):
-    """List the distinct offsets within `reach` of any proposal in a window of places; returns how many.
+    """List the distinct offsets within `reach`, along x and y together, of any proposal in a window of places.
 
-    `seen` is (2 limit + 1)^2 flags, false at the start and at the end; `offsets` (2, capacity) out.
+    Returns how many. `seen` is (2 limit + 1)^2 flags, false at the start and at the end; `offsets` (2, capacity) out.
     """
-    count = 0
-    for y in range(top, bottom):
-        for x in range(left, right):
-            dx, dy = proposals[y, x, 0], proposals[y, x, 1]
-            for oy in range(max(dy - reach, -limit), min(dy + reach, limit) + 1):
-                for ox in range(max(dx - reach, -limit), min(dx + reach, limit) + 1):
-                    if not seen[oy + limit, ox + limit]:
-                        seen[oy + limit, ox + limit] = True
-                        offsets[0, count], offsets[1, count] = oy, ox
-                        count += 1
+    count = 1
+    offsets[:, 0] = 0  # no motion is always among them
+    seen[limit, limit] = True
+    # proposals go before their neighbours, and no farther: of equally similar offsets the first one stays
+    for around in range(reach + 1):
+        for y in range(top, bottom):
+            for x in range(left, right):
+                dx, dy = proposals[y, x, 0], proposals[y, x, 1]
+                for oy in range(max(dy - around, -limit), min(dy + around, limit) + 1):
+                    rest = around - abs(oy - dy)
+                    for ox in range(max(dx - rest, -limit), min(dx + rest, limit) + 1):
+                        if not seen[oy + limit, ox + limit]:
+                            seen[oy + limit, ox + limit] = True
+                            offsets[0, count], offsets[1, count] = oy, ox
+                            count += 1
     for k in range(count):
         seen[offsets[0, k] + limit, offsets[1, k] + limit] = False
     return count
@@ -97,10 +102,22 @@ def insert_offset(dx, dy, value, row, column, count, best, flows):
     flows[row, column, place, 0], flows[row, column, place, 1] = dx, dy
 
 
+@njit(**FINITE_JIT)
+def keep_offset(dx, dy, value, row, column, count, best, flows):
+    """Put an offset at the end of a point's list, in the place of the last one if there is no room, if it is none."""
+    listed = count[row, column]
+    for k in range(listed):
+        if flows[row, column, k, 0] == dx and flows[row, column, k, 1] == dy:
+            return
+    place = min(listed, best.shape[2] - 1)
+    best[row, column, place] = value
+    flows[row, column, place, 0], flows[row, column, place, 1] = dx, dy
+    count[row, column] = place + 1
+
+
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def search_tiles(
-    planes0, planes1, height, width, proposals, expected, spacing, step, reach, limit, radius, lanes, penalty, count,
-    best, flows,
+    planes0, planes1, height, width, proposals, expected, spacing, step, reach, limit, radius, lanes, count, best, flows
 ):  # fmt: skip
     """Find the most similar offsets at every point of a frame.
 
@@ -113,22 +130,20 @@ def search_tiles(
     proposals : (places down, places across, 2) int32
         Motion (dx, dy) at places `spacing` pixels apart, the first at spacing / 2.
     expected : (places down, places across, 2) int32
-        The motion from which distance is counted.
+        Motion that every point there keeps, however similar it is, if it is among the proposals or none.
     spacing, step : int
         Distances between places and between points, pixels; `step` divides TILE.
     reach, limit : int
-        How far around each proposal to search, and the largest offset.
+        How far around each proposal to search, along x and y together, and the largest offset.
     radius : int
         r of the patch, which has (2r + 1) x (2r + 1) pixels.
     lanes : int
         At least TILE + 2 radius, a multiple of LANES.
-    penalty : float32
-        What a pixel of distance from the expected motion costs, in units of similarity (0 to 1).
     count : (points down, points across) int32 out
         How many offsets each point has, at least one. One that is better than a listed neighbour takes its place, so
         that most are local maxima.
     best : (points down, points across, capacity) float32 out
-        Mean similarity less the penalty, at points `step` pixels apart, the first at step / 2; falling.
+        Mean similarity, at points `step` pixels apart, the first at step / 2; falling.
     flows : (points down, points across, capacity, 2) float32 out
         Whole pixels.
     """
@@ -142,7 +157,7 @@ def search_tiles(
     per_tile = TILE // step
     tiles_across = (width + TILE - 1) // TILE
     tiles = (height + TILE - 1) // TILE * tiles_across
-    capacity = min((2 * limit + 1) ** 2, ((2 * reach + 1) * ((TILE + 2 * AROUND) // spacing + 2)) ** 2)
+    capacity = min((2 * limit + 1) ** 2, 1 + ((2 * reach + 1) * ((TILE + 2 * AROUND) // spacing + 2)) ** 2)
     for number in prange((tiles + TOGETHER - 1) // TOGETHER):
         chunk = np.int64(number)  # the loop's own index is unsigned
         seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
@@ -150,7 +165,7 @@ def search_tiles(
         # sums of each column from the tile's top, of no row at first
         running = np.zeros((TILE + 2 * radius + 1) * lanes, np.int32)
         column, totals = np.empty(lanes, np.int32), np.empty(TILE, np.int32)
-        likely = np.empty((per_tile, per_tile, 2), np.int32)
+        likely, kept = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
         for tile in range(chunk * TOGETHER, min((chunk + 1) * TOGETHER, tiles)):
             top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
             bottom, right = min(top + TILE, height), min(left + TILE, width)
@@ -176,6 +191,7 @@ def search_tiles(
                 for q in range(across):
                     place_x = min(((first_across + q) * step + step // 2) // spacing, places_across - 1)
                     likely[p, q, 0], likely[p, q, 1] = expected[place_y, place_x, 0], expected[place_y, place_x, 1]
+                    kept[p, q] = -1
             # the last points of a frame may lie beyond its edge
             reached = max(bottom, top + down * step)
             for k in range(proposed):
@@ -204,12 +220,18 @@ def search_tiles(
                         column[i] = running[below + i] - running[above + i]
                     sum_patches(column, size, step, across, totals)
                     for q in range(across):
-                        apart = abs(dx - likely[p, q, 0]) + abs(dy - likely[p, q, 1])
-                        value = np.float32(totals[q]) * share - penalty * np.float32(apart)
+                        value = np.float32(totals[q]) * share
+                        if dx == likely[p, q, 0] and dy == likely[p, q, 1]:
+                            kept[p, q] = value
                         insert_offset(
                             np.float32(dx), np.float32(dy), value, Index(first_down + p), Index(first_across + q),
                             count, best, flows,
                         )  # fmt: skip
             for p in range(down):
                 for q in range(across):
+                    if kept[p, q] >= 0:
+                        keep_offset(
+                            likely[p, q, 0], likely[p, q, 1], kept[p, q], first_down + p, first_across + q, count, best,
+                            flows,
+                        )  # fmt: skip
                     count[first_down + p, first_across + q] = max(count[first_down + p, first_across + q], 1)

@@ -2,10 +2,11 @@
 
 A small copy of the frames is searched in full; each finer level searches only around what the coarser one found in
 the neighbourhood of a tile. The data term is the report's at every level; the components are chosen to see low
-contrast, and an offset pays a little for its distance from the coarser level's proposal, which holds flat areas
-together. In a repeated pattern many offsets are equally similar. So every point keeps several, and semi-global matching
-chooses among them, at every level from the coarsest on: what has gone wrong there is lost below. A patch that is larger
-than a thing goes with the background, so what is explained in neither frame gets a second look with small patches.
+contrast. In flat areas and repeated patterns many offsets are equally similar. So every point keeps several, and
+semi-global matching chooses among them, at every level from the coarsest on: what has gone wrong there is lost below.
+What the coarser level expects is always one of them, on the coarsest no motion, or noise would agree on nothing. A
+patch that is larger than a thing goes with the background, so what is explained in neither frame gets a second look
+with small patches.
 
 Other estimators may have a say. What they find is made exact in the same way and kept beside the search's own result:
 no estimator is right everywhere, and which one is shows only in the in-between frame.
@@ -88,10 +89,8 @@ class CoarseToFine:
         r of the patch, 1 to 10, the same at every level.
     v : float
         Width of the similarity measure, for colours in [0, 1].
-    penalty : float
-        What a pixel of distance from the coarser level's proposal costs, in units of similarity.
     labels : int
-        Offsets that each point keeps, to choose from.
+        Offsets that each point keeps, to choose from: the most similar ones, and what the coarser level expects.
     smoothness : float
         What a change of motion between neighbouring points costs at most, in units of similarity.
     steepness : float
@@ -115,9 +114,8 @@ class CoarseToFine:
     reach: float = 1 / 8
     patch_radius: int = 5
     v: float = 0.09
-    penalty: float = 0.004
-    labels: int = 6
-    smoothness: float = 0.5
+    labels: int = 7
+    smoothness: float = 0.8
     steepness: float = 4
     coarsest_side: int = 60
     step: int = 8
@@ -129,8 +127,6 @@ class CoarseToFine:
             raise OptionError(f"reach must be above 0 and at most 1 of the frame, not {self.reach}.")
         if not 1 <= self.patch_radius <= 10:
             raise OptionError(f"--patch-radius must be 1 to 10 pixels for this method, not {self.patch_radius}.")
-        if not self.penalty >= 0:
-            raise OptionError(f"penalty must be at least 0, not {self.penalty}.")
         if self.labels < 1:
             raise OptionError(f"labels must be at least 1, not {self.labels}.")
         if not self.smoothness >= 0:
@@ -171,7 +167,8 @@ class CoarseToFine:
                 [flow * 2 for flow in proposals],
                 spacing,
                 step,
-                reach=int(level == len(levels0) - 2),
+                # where a pixel off is many in the end, and where nothing below mends it
+                reach=int(level in (last, len(levels0) - 2)),
             )
         ends = levels0[last], levels1[last]
         foreign = [
@@ -206,7 +203,7 @@ class CoarseToFine:
         """Search for every offset at every pixel; what is found then is tried by all points of a tile."""
         components = image0.once(contrast_components), image1.once(contrast_components)
         limit = self._limit(image0.pixels)
-        fields = search_fused(*components, limit, self.patch_radius, "box", self.v, self.penalty)
+        fields = search_fused(*components, limit, self.patch_radius, "box", self.v)
         found = [field.flow for field in fields]
         return self._search(image0, image1, [np.zeros_like(flow) for flow in found], found, 1, COARSEST_STEP, reach=0)
 
@@ -239,7 +236,6 @@ class CoarseToFine:
                 self._limit(image0.pixels),
                 self.patch_radius,
                 lanes,
-                np.float32(self.penalty),
                 count,
                 similarity,
                 flows,
