@@ -167,7 +167,7 @@ class MotionOptions:
     Parameters
     ----------
     method
-        nlm, nlm-fast, nlm-best (slower), blend or nearest;
+        nlm, nlm-fast, blend or nearest;
         the report's: nlm-exhaustive, nlm-brute-force,
         nlm-passes (the same in passes of OpenCV);
         with --vectors: reproject-image, reproject-scene;

@@ -38,7 +38,6 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(others=(Dis("ultrafast"),)), Fuse()),
         "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse(step=16, enough=0.95)),
-        "nlm-best": Interpolator(CoarseToFine(others=(Dis("medium"),)), Fuse()),
         "nlm-exhaustive": plain(ExhaustiveSearch(), Reproject()),
         "nlm-brute-force": plain(ExhaustiveSearch(), Reproject(search="brute-force")),
         "nlm-passes": plain(ExhaustiveSearch(implementation="passes"), Reproject()),
@@ -266,7 +265,7 @@ def interpolate_with_confidence(
     frame0, frame1, t
         As for `interpolate`; t lies between the frames, in (0, 1).
     method : str or Interpolator
-        One that fuses: ``nlm``, ``nlm-fast``, ``nlm-best``, ``dis``, ``farneback`` or ``tvl1``. Scene cuts are not
+        One that fuses: ``nlm``, ``nlm-fast``, ``dis``, ``farneback`` or ``tvl1``. Scene cuts are not
         looked for.
 
     Returns
@@ -290,7 +289,7 @@ def interpolate_with_confidence(
     """
     interpolator = find_method(method) if isinstance(method, str) else method
     if not isinstance(interpolator.synthesizer, Fuse):
-        raise OptionError(f"The method {method!r} does not know its confidence; take nlm, nlm-fast or nlm-best.")
+        raise OptionError(f"The method {method!r} does not know its confidence; take nlm or nlm-fast.")
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
     image0, image1 = (PreparedImage(image) for image in _with_channels(frame0, frame1))

@@ -32,7 +32,6 @@ NAMED = {
     "dis": ("#5d9563", "#78b17d"),
     "minterpolate": ("#ae548d", "#be6199"),
     "blend": ("#604b08", "#f3d078"),
-    "nlm-best": ("#8460cc", "#9180e8"),
     "nlm-exhaustive": ("#399dba", "#46a5c5"),
     "nlm-brute-force": ("#673225", "#a37f4e"),
     "nearest": ("#464153", "#bbcfd7"),
