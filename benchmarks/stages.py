@@ -44,7 +44,6 @@ STAGES = {
     "components, padded": Stage(NLM, "contrast_planes"),
     "coarse search": Stage(NLM, "search_fused"),
     "tile search": Stage(NLM, "search_tiles", width_of=lambda planes0, planes1, height, width, *_: width),
-    "DIS": Stage("fpsboost.motion.opencv", "Dis.estimate"),
     "smoothing of offsets": Stage(NLM, "smooth_labels"),
     "choice of offsets": Stage(NLM, "choose_labels"),
     "second look: measuring": Stage(NLM, "measure_points"),

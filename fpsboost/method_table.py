@@ -36,7 +36,7 @@ plain = partial(Interpolator, curved=False, relight=False, overlays=False)
 
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
-        "nlm": Interpolator(CoarseToFine(others=(Dis("ultrafast"),)), Fuse()),
+        "nlm": Interpolator(CoarseToFine(), Fuse()),
         "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse(step=16, enough=0.95)),
         "nlm-exhaustive": plain(ExhaustiveSearch(), Reproject()),
         "nlm-brute-force": plain(ExhaustiveSearch(), Reproject(search="brute-force")),

@@ -96,12 +96,12 @@ def test_thin_letters_stay(thick, shift, otherwise, colour, seed):
 
 @pytest.mark.parametrize("shift", [(12, 0), (12, -4), (0, 12)])
 def test_a_word_stays(shift):
-    """Whichever way the background goes: right to less than two levels, and at most a third of the error."""
+    """Whichever way the background goes: right to two and a half levels, and at most a third of the error."""
     mask = word()
     for seed in (1, 2):
         at = panning(shift, mask, seed=seed)
         kept, moved = (off_by(image, at(0.5))[mask].mean() for image in kept_and_moved(at))
-        assert kept < 1.75
+        assert kept < 2.5
         assert kept < moved / 3
 
 

@@ -8,8 +8,8 @@ What the coarser level expects is always one of them, on the coarsest no motion,
 patch that is larger than a thing goes with the background, so what is explained in neither frame gets a second look
 with small patches.
 
-Other estimators may have a say. What they find is made exact in the same way and kept beside the search's own result:
-no estimator is right everywhere, and which one is shows only in the in-between frame.
+Other estimators may have a say, though the default asks none. What they find is made exact in the same way and kept
+beside the search's own result, for the in-between frame to choose.
 """
 
 from __future__ import annotations
@@ -114,8 +114,8 @@ class CoarseToFine:
     reach: float = 1 / 8
     patch_radius: int = 5
     v: float = 0.09
-    labels: int = 7
-    smoothness: float = 0.8
+    labels: int = 8
+    smoothness: float = 1
     steepness: float = 4
     coarsest_side: int = 60
     step: int = 8
