@@ -38,9 +38,10 @@ from fpsboost.frame import Image
 from fpsboost.interpolator import InBetween, Interpolator, Pair
 from fpsboost.kernels.candidates import list_candidates
 from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.similarity import colour_scale
 from fpsboost.method_table import methods
 from fpsboost.motion import MotionEstimator, nlm
-from fpsboost.motion.colour import colour_components, padded_planes
+from fpsboost.motion.colour import Planes, colour_components, padded_planes, with_levels
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
 from fpsboost.prepared import PreparedImage
@@ -65,12 +66,13 @@ class WholePixels:
 
 def whole_pixels(field: MotionField) -> MotionField:
     """The field with every vector rounded."""
-    return replace(field, flow=np.rint(field.flow), alternatives=tuple(np.rint(each) for each in field.alternatives))
+    return replace(field, flow=np.rint(field.flow))
 
 
-def plain_planes(image: Image, padding: int, scale: float) -> NDArray[Any]:
+def plain_planes(image: Image, padding: int, v: float) -> Planes:
     """Like `fpsboost.motion.colour.contrast_planes`, of the report's plain colours."""
-    return padded_planes(colour_components(image), padding, 0, 2 * LANES, scale)
+    values = padded_planes(colour_components(image), padding, 0, 2 * LANES, colour_scale(v))
+    return with_levels(values, v, np.zeros(3, np.float32))
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,18 @@ class PlainColours:
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         with patch.multiple(nlm, contrast_components=colour_components, contrast_planes=plain_planes):
+            return self.inner.estimate(image0, image1)
+
+
+@dataclass(frozen=True)
+class Unfiltered:
+    """The default search on halves that are nothing but means of four pixels."""
+
+    inner: nlm.CoarseToFine
+
+    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        with patch.object(nlm.cv2, "GaussianBlur", lambda image, *_, **__: image):
             return self.inner.estimate(image0, image1)
 
 
@@ -102,9 +116,9 @@ class Looking:
 class OneDirection(fuse.Fuse):
     """The default synthesizer with candidates from the first frame's motion alone."""
 
-    def _all_voters(self, transition: Transition) -> tuple[list[fuse.Voters], list[fuse.Voters]]:
-        voters0, _ = super()._all_voters(transition)
-        return voters0, []
+    def _all_voters(self, transition: Transition) -> tuple[fuse.Voters, fuse.Voters]:
+        voters0, voters1 = super()._all_voters(transition)
+        return voters0, voters1._replace(trust=np.zeros_like(voters1.trust))
 
 
 @dataclass(frozen=True)
@@ -143,9 +157,8 @@ class NextPairOnly(Interpolator):
 
 
 MOTION: dict[str, dict[str, Any]] = {
-    "no second opinion": {"others": ()},
     "every point chooses alone": {"smoothness": 0.0},
-    "smoothness of the search doubled": {"smoothness": 1.6},
+    "smoothness of the search doubled": {"smoothness": 2.0},
     "a change of motion costs half": {"steepness": 8.0},
     "one offset a point": {"labels": 1},
     "three offsets a point": {"labels": 3},
@@ -194,6 +207,7 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
         "plain colours": replace(full, estimator=PlainColours(search)),
         "plain colours, v = 0.25": replace(full, estimator=PlainColours(replace(search, v=0.25))),
         **{name: replace(full, estimator=each) for name, each in changed(search, MOTION).items()},
+        "halves not filtered": replace(full, estimator=Unfiltered(search)),
         "no second look": replace(full, estimator=Looking(search, 0)),
         "one second look": replace(full, estimator=Looking(search, 1)),
         "DIS instead of the search": replace(full, estimator=Dis()),

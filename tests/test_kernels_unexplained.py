@@ -6,18 +6,18 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from truth import noise
+from twins import level_similarity
 
-from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.similarity import colour_scale
+from fpsboost.kernels.levels import SIXTEEN
 from fpsboost.kernels.unexplained import measure_points, search_unexplained
-from fpsboost.motion.colour import padded_planes
 
-PADDING, RADIUS, V = 12, 1, 0.25
+PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
 
 
 def planes(image):
-    """Padded planes of the components."""
-    return padded_planes(image, PADDING, 0, LANES, colour_scale(V))
+    """Padded planes in levels."""
+    padded = np.pad(image, ((PADDING, PADDING), (PADDING, PADDING + SIXTEEN), (0, 0)), "edge")
+    return np.ascontiguousarray(padded.transpose(2, 0, 1))
 
 
 def places(size, step):
@@ -33,14 +33,14 @@ def patch_similarity(image0, image1, here, there):
         for k in range(-RADIUS, RADIUS + 1):
             first = image0[min(max(here[0] + j, 0), height - 1), min(max(here[1] + k, 0), width - 1)]
             second = image1[min(max(there[0] + j, 0), height - 1), min(max(there[1] + k, 0), width - 1)]
-            total += np.exp(-((first.astype(float) - second) ** 2).sum() / (2 * V * V))
+            total += level_similarity(first, second, int(MOST))
     return total / (2 * RADIUS + 1) ** 2
 
 
 def measured(image0, image1, step, flow):
     """What the kernel measures."""
     known = np.empty(flow.shape[:2], np.float32)
-    measure_points(planes(image0), planes(image1), PADDING, *image0.shape[:2], step, RADIUS, LANES, flow, known)
+    measure_points(planes(image0), planes(image1), MOST, PADDING, *image0.shape[:2], step, RADIUS, flow, known)
     return known
 
 
@@ -48,7 +48,7 @@ def measured(image0, image1, step, flow):
 @given(st.integers(1, 14), st.integers(1, 17), st.integers(2, 5), st.integers(0, 2**32))
 def test_points_are_measured_as_by_plain_loops(height, width, step, seed):
     """Similarity of small patches at both ends of any motion; one that leads out of the frame ends at its edge."""
-    image0, image1 = (noise(height, width, 3, np.float32, seed + k) for k in (0, 1))
+    image0, image1 = (noise(height, width, 3, np.uint8, seed + k) for k in (0, 1))
     rows, columns = places((height, width), step)
     flow = np.random.default_rng(seed).uniform(-6, 6, (rows.size, columns.size, 2)).astype(np.float32)
     known = measured(image0, image1, step, flow)
@@ -65,7 +65,7 @@ def test_points_are_measured_as_by_plain_loops(height, width, step, seed):
 def test_the_best_unexplained_place_is_found(height, width, step, seed):
     """Among places near unexplained points of the other frame the most similar, if it is that much better."""
     random = np.random.default_rng(seed)
-    image0, image1 = (noise(height, width, 3, np.float32, seed + k) for k in (0, 1))
+    image0, image1 = (noise(height, width, 3, np.uint8, seed + k) for k in (0, 1))
     rows, columns = places((height, width), step)
     shape = rows.size, columns.size
     known, elsewhere = random.random(shape).astype(np.float32), random.random(shape).astype(np.float32)
@@ -74,13 +74,13 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
     both = planes(image0), planes(image1)
     search_unexplained(
         *both,
+        MOST,
         PADDING,
         height,
         width,
         step,
         limit,
         RADIUS,
-        LANES,
         known * np.float32(0.1),
         elsewhere,
         enough,
@@ -109,11 +109,11 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
 
 def test_what_is_explained_stays():
     """Points that are similar enough keep their motion bit by bit, and so do all if the other frame is explained."""
-    image0, image1 = (noise(20, 24, 3, np.float32, seed) for seed in (1, 2))
+    image0, image1 = (noise(20, 24, 3, np.uint8, seed) for seed in (1, 2))
     for known, elsewhere in ((1.0, 0.0), (0.0, 1.0)):
         flow = np.random.default_rng(1).random((5, 6, 2)).astype(np.float32)
         before = flow.copy()
         shares = (np.full((5, 6), share, np.float32) for share in (known, elsewhere))
         limits = np.float32(0.6), np.float32(0.2)
-        search_unexplained(planes(image0), planes(image1), PADDING, 20, 24, 4, 6, RADIUS, LANES, *shares, *limits, flow)
+        search_unexplained(planes(image0), planes(image1), MOST, PADDING, 20, 24, 4, 6, RADIUS, *shares, *limits, flow)
         np.testing.assert_array_equal(flow, before)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,20 @@ def pixel_similarity(a: Array, b: Array, v: float) -> Array:
     return np.exp(-((np.asarray(a, float) - np.asarray(b, float)) ** 2) / (2 * v * v)).prod(axis=-1)
 
 
-def patch_scores(image0: Array, image1: Array, radius: int, weights: Array, v: float, repeat_target: bool) -> Array:
+def level_similarity(a: Array, b: Array, most: int) -> Array:
+    """One less the sum of absolute differences, which `most` levels bring to 0."""
+    return (1 - np.abs(np.asarray(a, float) - np.asarray(b, float)).sum(axis=-1) / most).clip(0)
+
+
+def patch_scores(
+    image0: Array,
+    image1: Array,
+    radius: int,
+    weights: Array,
+    v: float,
+    repeat_target: bool,
+    similarity: Callable[[Array, Array, Any], Array] = pixel_similarity,
+) -> Array:
     """Weighted patch similarity of every pixel of frame 0 under every offset: (H, W, 2 R + 1, 2 R + 1) of [dy, dx].
 
     Pixels repeat beyond the edges. Targets out of frame 1 score -1, or are compared too with `repeat_target`.
@@ -61,7 +75,7 @@ def patch_scores(image0: Array, image1: Array, radius: int, weights: Array, v: f
                         continue
                     top, left = y + dy + radius, x + dx + radius
                     other = padded1[top : top + size, left : left + size]
-                    scores[y, x, dy + radius, dx + radius] = (weights * pixel_similarity(patch, other, v)).sum()
+                    scores[y, x, dy + radius, dx + radius] = (weights * similarity(patch, other, v)).sum()
     return scores
 
 
@@ -494,7 +508,7 @@ def spline_window(coefficients: Array, beyond: int, y: float, x: float, side: in
 
 
 def refined(components0: Array, components1: Array, step: int, damping: float, largest: float, flow: Array) -> Array:
-    """One weighted least-squares step of the motion at points `step` pixels apart; windows of 16 x 8, edges repeat."""
+    """One weighted least-squares step of the motion at points `step` pixels apart; windows of 8 x 8, edges repeat."""
     height, width = components0.shape[:2]
     both = components0.astype(float), components1.astype(float)
 
@@ -505,18 +519,18 @@ def refined(components0: Array, components1: Array, step: int, damping: float, l
     for row in range(flow.shape[0]):
         for point in range(flow.shape[1]):
             y0 = min(row * step + step // 2, height - 1) - 4
-            x0 = min(point * step + step // 2, width - 1) - 8
+            x0 = min(point * step + step // 2, width - 1) - 4
             dx, dy = (int(value) for value in flow[row, point])
             matrix, vector = damping * np.eye(2), np.zeros(2)
             for y in range(y0, y0 + 8):
-                for x in range(x0, x0 + 16):
+                for x in range(x0, x0 + 8):
                     change = pixel(1, y + dy, x + dx) - pixel(0, y, x)
                     # twice the central difference of each frame, together four times the gradient
                     along_x = pixel(0, y, x + 1) - pixel(0, y, x - 1)
                     along_x = along_x + pixel(1, y + dy, x + dx + 1) - pixel(1, y + dy, x + dx - 1)
                     along_y = pixel(0, y + 1, x) - pixel(0, y - 1, x)
                     along_y = along_y + pixel(1, y + dy + 1, x + dx) - pixel(1, y + dy - 1, x + dx)
-                    weight = (1 + (change**2).sum() / 16) ** -4
+                    weight = (1 + (change**2).sum() / 32) ** -4
                     gradient = np.array([along_x, along_y])
                     matrix += weight * gradient @ gradient.T
                     vector += weight * gradient @ change

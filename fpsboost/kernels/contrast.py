@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.levels import WHITE
 from fpsboost.kernels.tiles import Index
 
 
@@ -88,3 +89,25 @@ def finish_planes(luma, local_mean, scale, padding, planes):
             for x in range(planes.shape[2]):
                 planes[c, above, x] = planes[c, padding, x]
                 planes[c, below, x] = planes[c, padding + height - 1, x]
+
+
+@njit(parallel=True, cache=True, **FINITE_JIT)
+def quantise_planes(planes, scale, shifts, levels):
+    """Planes in bytes, rounded and clipped.
+
+    Parameters
+    ----------
+    planes : (C, H, W) float32
+    scale : float32
+        Levels of 1.
+    shifts : (C,) float32
+        Level of 0 in each plane.
+    levels : (C, H, W) uint8 out
+    """
+    count, height, width = planes.shape
+    nothing, white = np.float32(0), np.float32(WHITE)
+    for number in prange(count * height):
+        c, y = np.int64(number) // height, np.int64(number) % height
+        shift = shifts[c] + np.float32(0.5)
+        for x in range(width):
+            levels[c, y, x] = np.uint8(min(max(planes[c, y, x] * scale + shift, nothing), white))

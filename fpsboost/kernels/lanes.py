@@ -42,17 +42,18 @@ def _emit(context, builder, signature, arguments):
     fma = cgutils.get_or_insert_function(builder.module, _FMA, f"llvm.fma.v{EIGHT}f32")
     sums = None
     for weight in weights:
-        values = builder.load(_address(context, builder, signature.args[0], source, begin), align=4)
+        values = builder.load(address_of(context, builder, signature.args[0], source, begin, _VECTOR), align=4)
         spread = _spread(builder, weight)
         sums = builder.fmul(values, spread) if sums is None else builder.call(fma, [values, spread, sums])
         begin = builder.add(begin, step)
-    builder.store(sums, _address(context, builder, signature.args[7], out, target), align=4)
+    builder.store(sums, address_of(context, builder, signature.args[7], out, target, _VECTOR), align=4)
     return context.get_dummy_value()
 
 
-def _address(context, builder, kind, array, index):
+def address_of(context, builder, kind, array, index, element):
+    """Of an element of a flat array of type `kind`, as a pointer to the LLVM type `element`."""
     data = context.make_array(kind)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
+    return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
 
 
 def _spread(builder, value):

@@ -6,6 +6,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload
 
+from fpsboost.kernels.lanes import address_of
+
 
 def prefetch(flat, place):
     """Fetch the cache line of an element of a flat array; changes nothing, and the place need not exist."""
@@ -18,8 +20,7 @@ def _instruction(typing, flat, place):
 
 
 def _emit(context, builder, signature, arguments):
-    flat = context.make_array(signature.args[0])(context, builder, arguments[0])
-    address = builder.bitcast(builder.gep(flat.data, [arguments[1]]), ir.IntType(8).as_pointer())
+    address = address_of(context, builder, signature.args[0], *arguments, ir.IntType(8))
     integer = ir.IntType(32)
     kind = ir.FunctionType(ir.VoidType(), [address.type, integer, integer, integer])
     function = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)

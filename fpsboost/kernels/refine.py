@@ -14,8 +14,11 @@ from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.prefetch import prefetch
 from fpsboost.kernels.tiles import Index
 
-WIDE, HIGH = 16, 8
-"""Of the window, pixels: as wide as one vector."""
+WIDE, HIGH = 8, 8
+"""Of the window, pixels."""
+
+TAIL = np.float32(1 / 32)
+"""How fast the weight of a pixel falls: slower than its similarity, as the fraction of a pixel is not known yet."""
 
 
 @njit(forceinline=True, **FINITE_JIT)
@@ -35,18 +38,25 @@ def weighted_products(flat0, flat1, p0, p1, stride, plane):
         yt = fma(along_y, change, yt)
         p0 += plane
         p1 += plane
-    # falls slower than the similarity itself: the fraction of a pixel is not known yet
-    weight = fma(squares, np.float32(0.0625), np.float32(1))
+    weight = fma(squares, TAIL, np.float32(1))
     weight *= weight
     weight = np.float32(1) / (weight * weight)
     return weight * xx, weight * xy, weight * yy, weight * xt, weight * yt
 
 
 @njit(forceinline=True, **FINITE_JIT)
-def two_rows(flat0, flat1, p0, p1, stride, plane):
+def sum_two(flat0, flat1, p0, p1, stride, plane):
     """Sums of the products of a pixel and the one below."""
     first = weighted_products(flat0, flat1, p0, p1, stride, plane)
     second = weighted_products(flat0, flat1, p0 + stride, p1 + stride, stride, plane)
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2], first[3] + second[3], first[4] + second[4]
+
+
+@njit(forceinline=True, **FINITE_JIT)
+def sum_four(flat0, flat1, p0, p1, stride, plane):
+    """The same of a pixel and the three below."""
+    first = sum_two(flat0, flat1, p0, p1, stride, plane)
+    second = sum_two(flat0, flat1, p0 + stride + stride, p1 + stride + stride, stride, plane)
     return first[0] + second[0], first[1] + second[1], first[2] + second[2], first[3] + second[3], first[4] + second[4]
 
 
@@ -54,27 +64,20 @@ def two_rows(flat0, flat1, p0, p1, stride, plane):
 def add_window(flat0, flat1, start0, start1, stride, plane, wide, damping):
     """Sums of the products over a window, with `damping` added to those of the squared gradients.
 
-    Two rows at a time, because adding up the lanes of five vectors costs as much as a row. These sums, and nothing
+    Four rows at a time, because adding up the lanes of five vectors costs more than a row. These sums, and nothing
     else, may be reordered, which makes them vectors.
     """
-    sum_xx, sum_xy, sum_yy, sum_xt, sum_yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
-    for _ in range(0, HIGH, 2):
-        xx, xy, yy, xt, yt = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
-        for i in range(Index(wide)):
-            more = two_rows(flat0, flat1, start0 + i, start1 + i, stride, plane)
-            xx += more[0]
-            xy += more[1]
-            yy += more[2]
-            xt += more[3]
-            yt += more[4]
-        sum_xx += xx
-        sum_xy += xy
-        sum_yy += yy
-        sum_xt += xt
-        sum_yt += yt
-        start0 += stride + stride
-        start1 += stride + stride
-    return sum_xx, sum_xy, sum_yy, sum_xt, sum_yt
+    xx, xy, yy, xt, yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
+    below = Index(4) * stride
+    for i in range(Index(wide)):
+        upper = sum_four(flat0, flat1, start0 + i, start1 + i, stride, plane)
+        lower = sum_four(flat0, flat1, start0 + below + i, start1 + below + i, stride, plane)
+        xx += upper[0] + lower[0]
+        xy += upper[1] + lower[1]
+        yy += upper[2] + lower[2]
+        xt += upper[3] + lower[3]
+        yt += upper[4] + lower[4]
+    return xx, xy, yy, xt, yt
 
 
 @njit(inline="always", **FINITE_JIT)

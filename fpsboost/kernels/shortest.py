@@ -10,9 +10,30 @@ import numpy as np
 from numba import njit, prange
 
 from fpsboost.kernels.jit import FINITE_JIT
-from fpsboost.kernels.similarity import UNIT
+from fpsboost.kernels.similarity import UNIT, similarity
 from fpsboost.kernels.tiles import Index
-from fpsboost.kernels.unexplained import compare_patches
+
+
+@njit(inline="always", **FINITE_JIT)
+def compare_patches(flat0, flat1, plane, stride, start0, start1, radius, lanes, columns):
+    """Sum of the similarities of two patches, given where their first pixels are; `columns` is room for `lanes`."""
+    columns[:] = 0
+    for _ in range(2 * radius + 1):
+        for i in range(Index(lanes)):
+            columns[i] += similarity(
+                flat0[start0 + i],
+                flat0[start0 + plane + i],
+                flat0[start0 + plane + plane + i],
+                flat1[start1 + i],
+                flat1[start1 + plane + i],
+                flat1[start1 + plane + plane + i],
+            )
+        start0 += stride
+        start1 += stride
+    total = np.int32(0)
+    for i in range(2 * radius + 1):
+        total += columns[i]
+    return total
 
 
 @njit(inline="always", **FINITE_JIT)

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit, prange
 
 from fpsboost.kernels.jit import FINITE_JIT, LANES
-from fpsboost.kernels.similarity import UNIT, similarity
+from fpsboost.kernels.levels import SIXTEEN, compare_sixteen
 
 TILE = 32
 """Side of a tile, pixels."""
@@ -117,14 +117,17 @@ def keep_offset(dx, dy, value, row, column, count, best, flows):
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def search_tiles(
-    planes0, planes1, height, width, proposals, expected, spacing, step, reach, limit, radius, lanes, count, best, flows
+    planes0, planes1, most, height, width, proposals, expected, spacing, step, reach, limit, radius, every, count, best,
+    flows,
 ):  # fmt: skip
     """Find the most similar offsets at every point of a frame.
 
     Parameters
     ----------
-    planes0, planes1 : (3, H + 2 p, W + 2 p + lanes or more) float32 with p = PADDING + radius
-        Components with repeated edges, scaled by `colour_scale`.
+    planes0, planes1 : (3, H + 2 p, W + 2 p + LANES or more) uint8 with p = PADDING + radius
+        Components in levels, with repeated edges.
+    most : int
+        Similarity of two equal pixels; see `fpsboost.kernels.levels`.
     height, width : int
         H and W.
     proposals : (places down, places across, 2) int32
@@ -137,8 +140,8 @@ def search_tiles(
         How far around each proposal to search, along x and y together, and the largest offset.
     radius : int
         r of the patch, which has (2r + 1) x (2r + 1) pixels.
-    lanes : int
-        At least TILE + 2 radius, a multiple of LANES.
+    every : int
+        1, or 2 to compare every second row of the patches; then `step` is a multiple of 4.
     count : (points down, points across) int32 out
         How many offsets each point has, at least one. One that is better than a listed neighbour takes its place, so
         that most are local maxima.
@@ -148,7 +151,9 @@ def search_tiles(
         Whole pixels.
     """
     size, padding = 2 * radius + 1, PADDING + radius
-    share = np.float32(1 / (UNIT * size * size))
+    lanes = (TILE + 2 * radius + SIXTEEN - 1) // SIXTEEN * SIXTEEN
+    compared = (size + every - 1) // every  # rows of a patch
+    share = np.float32(1 / (most * size * compared))
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
@@ -163,8 +168,8 @@ def search_tiles(
         seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
         offsets = np.empty((2, capacity), np.int32)
         # sums of each column from the tile's top, of no row at first
-        running = np.zeros((TILE + 2 * radius + 1) * lanes, np.int32)
-        column, totals = np.empty(lanes, np.int32), np.empty(TILE, np.int32)
+        running = np.zeros((TILE + 2 * radius + 1) * lanes, np.uint16)
+        column, totals = np.empty(lanes, np.uint16), np.empty(TILE, np.int32)
         likely, kept = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
         for tile in range(chunk * TOGETHER, min((chunk + 1) * TOGETHER, tiles)):
             top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
@@ -198,24 +203,17 @@ def search_tiles(
                 dy, dx = offsets[0, k], offsets[1, k]
                 if min(top + dy, left + dx) < -TILE or reached + dy > height + TILE or right + dx > width + TILE:
                     continue  # hardly anything of the tile would be inside
-                for row in range(reached - top + 2 * radius):
+                for row in range((reached - top + 2 * radius + every - 1) // every):
                     # the patch around the tile's first pixel begins here, in padded coordinates
-                    y0, x0 = top - radius + padding + row, left - radius + padding
+                    y0, x0 = top - radius + padding + row * every, left - radius + padding
                     start0 = Index(y0 * stride + x0)
                     start1 = Index((y0 + dy) * stride + x0 + dx)
                     above, here = Index(row * lanes), Index((row + 1) * lanes)
-                    for i in range(Index(lanes)):
-                        running[here + i] = running[above + i] + similarity(
-                            flat0[start0 + i],
-                            flat0[start0 + plane + i],
-                            flat0[start0 + plane + plane + i],
-                            flat1[start1 + i],
-                            flat1[start1 + plane + i],
-                            flat1[start1 + plane + plane + i],
-                        )
+                    for i in range(Index(0), Index(lanes), Index(SIXTEEN)):
+                        compare_sixteen(flat0, start0 + i, flat1, start1 + i, plane, most, running, above + i, here + i)
                 for p in range(down):
-                    above = Index((p * step + step // 2) * lanes)
-                    below = above + Index(size * lanes)
+                    above = Index((p * step + step // 2) // every * lanes)
+                    below = above + Index(compared * lanes)
                     for i in range(Index(lanes)):
                         column[i] = running[below + i] - running[above + i]
                     sum_patches(column, size, step, across, totals)

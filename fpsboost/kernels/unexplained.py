@@ -11,76 +11,44 @@ import numpy as np
 from numba import njit, prange
 
 from fpsboost.kernels.jit import FINITE_JIT
-from fpsboost.kernels.similarity import UNIT, similarity
+from fpsboost.kernels.levels import SIXTEEN, compare_one, compare_sixteen
 from fpsboost.kernels.tiles import Index
 
 
 @njit(**FINITE_JIT)
-def compare_row(flat0, flat1, plane, stride, start0, start1, radius, wide, count, share, most, total):
-    """Sums of similarities of the patch around one place and those around `wide` places in a row.
+def compare_row(flat0, flat1, plane, alike, stride, start0, start1, radius, count, share, most, total):
+    """Sums of similarities of the patch around one place and those around SIXTEEN places in a row.
 
     Gives up, and says so, once none of the first `count` sums, times `share`, can be above `most` whatever the rest is.
     """
-    for i in range(Index(wide)):
-        total[i] = 0
+    total[:] = 0
     for j in range(-radius, radius + 1):
         for k in range(-radius, radius + 1):
-            here, there = Index(start0 + j * stride + k), Index(start1 + j * stride + k)
-            first, second, third = flat0[here], flat0[here + plane], flat0[here + plane + plane]
-            for i in range(Index(wide)):
-                total[i] += similarity(
-                    first,
-                    second,
-                    third,
-                    flat1[there + i],
-                    flat1[there + plane + i],
-                    flat1[there + plane + plane + i],
-                )
+            here, there = start0 + j * stride + k, start1 + j * stride + k
+            compare_one(flat0, here, flat1, there, plane, alike, total, 0, 0)
         highest = np.int32(0)
         for i in range(Index(count)):
-            highest = max(highest, total[i])
-        if np.float32(highest + (radius - j) * (2 * radius + 1) * UNIT) * share <= most:
+            highest = max(highest, np.int32(total[i]))
+        if np.float32(highest + (radius - j) * (2 * radius + 1) * alike) * share <= most:
             return False
     return True
 
 
-@njit(inline="always", **FINITE_JIT)
-def compare_patches(flat0, flat1, plane, stride, start0, start1, radius, lanes, columns):
-    """Sum of the similarities of two patches, given where their first pixels are; `columns` is room for `lanes`."""
-    columns[:] = 0
-    for _ in range(2 * radius + 1):
-        for i in range(Index(lanes)):
-            columns[i] += similarity(
-                flat0[start0 + i],
-                flat0[start0 + plane + i],
-                flat0[start0 + plane + plane + i],
-                flat1[start1 + i],
-                flat1[start1 + plane + i],
-                flat1[start1 + plane + plane + i],
-            )
-        start0 += stride
-        start1 += stride
-    total = np.int32(0)
-    for i in range(2 * radius + 1):
-        total += columns[i]
-    return total
-
-
 @njit(parallel=True, cache=True, **FINITE_JIT)
-def measure_points(planes0, planes1, padding, height, width, step, radius, lanes, flow, known):
+def measure_points(planes0, planes1, alike, padding, height, width, step, radius, flow, known):
     """Similarity of small patches at both ends of every point's motion.
 
     Parameters
     ----------
-    planes0, planes1 : (3, H + 2 padding, W + 2 padding or more) float32
-        Components with repeated edges, scaled by `colour_scale`; padding is larger than the radius.
+    planes0, planes1 : (3, H + 2 padding, W + 2 padding or more) uint8
+        Components in levels, with repeated edges; padding is larger than the radius.
+    alike : uint8
+        Similarity of two equal pixels; see `fpsboost.kernels.levels`.
     padding, height, width : int
     step : int
         Distance of the points, pixels.
     radius : int
-        r of the small patch.
-    lanes : int
-        LANES; at least 2r + 1.
+        r of the small patch, at most 7.
     flow : (points down, points across, 2) float32
     known : (points down, points across) float32 out
         0 to 1.
@@ -88,34 +56,39 @@ def measure_points(planes0, planes1, padding, height, width, step, radius, lanes
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
-    share = np.float32(1 / (UNIT * (2 * radius + 1) ** 2))
+    share = np.float32(1 / (alike * (2 * radius + 1) ** 2))
     for number in prange(flow.shape[0]):
         row = np.int64(number)
-        columns = np.empty(lanes, np.int32)
+        columns = np.empty(SIXTEEN, np.uint16)
         for point in range(flow.shape[1]):
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             there_y = min(max(y + int(np.rint(flow[row, point, 1])), 0), height - 1)
             there_x = min(max(x + int(np.rint(flow[row, point, 0])), 0), width - 1)
             start0 = Index((y - radius + padding) * stride + x - radius + padding)
             start1 = Index((there_y - radius + padding) * stride + there_x - radius + padding)
-            total = compare_patches(flat0, flat1, plane, Index(stride), start0, start1, radius, lanes, columns)
+            columns[:] = 0
+            for _ in range(2 * radius + 1):
+                compare_sixteen(flat0, start0, flat1, start1, plane, alike, columns, 0, 0)
+                start0 += Index(stride)
+                start1 += Index(stride)
+            total = np.int32(0)
+            for i in range(2 * radius + 1):
+                total += columns[i]
             known[row, point] = np.float32(total) * share
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
 def search_unexplained(
-    planes0, planes1, padding, height, width, step, limit, radius, lanes, known, elsewhere, enough, better, flow
+    planes0, planes1, alike, padding, height, width, step, limit, radius, known, elsewhere, enough, better, flow
 ):  # fmt: skip
     """Replace the motion of points that it does not explain by one that leads to where nothing is explained either.
 
     Parameters
     ----------
-    planes0, planes1, padding, height, width, step, radius
+    planes0, planes1, alike, padding, height, width, step, radius
         As for `measure_points`.
     limit : int
         Largest offset.
-    lanes : int
-        LANES; at least the step.
     known, elsewhere : (points down, points across) float32
         What `measure_points` gives for this frame and for the other one.
     enough : float32
@@ -128,11 +101,11 @@ def search_unexplained(
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
-    share = np.float32(1 / (UNIT * (2 * radius + 1) ** 2))
+    share = np.float32(1 / (alike * (2 * radius + 1) ** 2))
     rows, columns = known.shape
     for number in prange(rows):
         row = np.int64(number)
-        total = np.empty(lanes, np.int32)
+        total = np.empty(SIXTEEN, np.uint16)
         for point in range(columns):
             if known[row, point] >= enough:
                 continue
@@ -151,7 +124,7 @@ def search_unexplained(
                     begin = other_point
                     while (
                         other_point < behind
-                        and (other_point + 1 - begin) * step <= lanes
+                        and (other_point + 1 - begin) * step <= SIXTEEN
                         and elsewhere[other_row, other_point] < enough
                     ):
                         other_point += 1
@@ -160,7 +133,7 @@ def search_unexplained(
                         start1 = (there_y + padding) * stride + first + padding
                         count = last - first + 1
                         if not compare_row(
-                            flat0, flat1, plane, stride, start0, start1, radius, lanes, count, share, most, total
+                            flat0, flat1, plane, alike, stride, start0, start1, radius, count, share, most, total
                         ):
                             continue
                         for i in range(count):

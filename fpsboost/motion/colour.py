@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image, has_alpha
-from fpsboost.kernels.contrast import finish_planes, split_colours
+from fpsboost.kernels.contrast import finish_planes, quantise_planes, split_colours
 from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.levels import level_scale
 from fpsboost.kernels.memory import aligned_empty
+from fpsboost.kernels.similarity import colour_scale
 
 Components = NDArray[Any]
 """(H, W, 3) float32."""
 
 HIGHLIGHTS = np.float32(0.5)
 """Twice as bright as white looks brighter by 0.35, as twice as bright as a middle gray does."""
+
+SIGNED = np.array([0, 128, 0], np.float32)
+"""Level of 0 in each plane: the high-pass is as often below as above."""
 
 BRIGHTEST = np.float32(1e6)
 """Times white, for looking at motion."""
@@ -87,24 +92,35 @@ def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
     return np.dstack([luma * 0.5, high_pass, chroma])
 
 
-def contrast_planes(image: Image, padding: int, scale: float, high_pass_size: int = 9) -> NDArray[Any]:
-    """`padded_planes` of `contrast_components`, in one go.
+class Planes(NamedTuple):
+    """Components as the kernels compare them: planes with repeated edges."""
+
+    values: NDArray[Any]
+    """(3, H + 2 padding, W + 2 padding or more) float32, scaled by `fpsboost.kernels.similarity.colour_scale`."""
+    levels: NDArray[Any]
+    """The same in uint8, scaled by `fpsboost.kernels.levels.level_scale`."""
+
+
+def contrast_planes(image: Image, padding: int, v: float, high_pass_size: int = 9) -> Planes:
+    """`contrast_components` for the kernels, in one go.
 
     Parameters
     ----------
     image : (H, W, C) uint8, uint16 or float32
     padding : int
         Pixels on every side; the right has room for a few vectors more.
-    scale : float
-        Factor on every value.
+    v : float
+        Width of the similarity measure.
     high_pass_size : int
         As in `contrast_components`.
 
     Returns
     -------
-    (3, H + 2 padding, W + 2 padding or more) float32, contiguous
+    Planes
+        Contiguous.
     """
     height, width = image.shape[:2]
+    scale = colour_scale(v)
     if image.dtype == np.float32:
         image, white = seen(image), 1
     else:
@@ -114,7 +130,28 @@ def contrast_planes(image: Image, padding: int, scale: float, high_pass_size: in
     split_colours(image, np.float32(1 / white), np.float32(scale), padding, luma, planes)
     local_mean = cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))
     finish_planes(luma, local_mean.reshape(luma.shape), np.float32(scale), padding, planes)
-    return planes
+    return with_levels(planes, v, SIGNED)
+
+
+def with_levels(values: NDArray[Any], v: float, shifts: NDArray[Any]) -> Planes:
+    """Planes, and the same in bytes.
+
+    Parameters
+    ----------
+    values : (3, H, W) float32
+        Scaled by `fpsboost.kernels.similarity.colour_scale`.
+    v : float
+        Width of the similarity measure.
+    shifts : (3,) float32
+        Level of 0 in each plane.
+
+    Returns
+    -------
+    Planes
+    """
+    levels = np.empty(values.shape, np.uint8)
+    quantise_planes(values, np.float32(level_scale(v) / colour_scale(v)), shifts, levels)
+    return Planes(values, levels)
 
 
 def normalised(image: Image) -> NDArray[Any]:

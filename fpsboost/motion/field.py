@@ -21,15 +21,12 @@ class MotionField:
         ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``, ``field10``).
     similarity : (H, W) float32
         How alike the patches at both ends are, in [0, 1]; 1 everywhere where an estimator does not know.
-    alternatives : tuple of (H, W, 2) float32
-        Other vectors that may hold instead, from none to a few a pixel.
     search_radius : int or None
         Largest motion that was searched for, pixels in x and in y, where an estimator chose it for these frames.
     """
 
     flow: NDArray[Any]
     similarity: NDArray[Any]
-    alternatives: tuple[NDArray[Any], ...] = ()
     search_radius: int | None = None
 
 

@@ -7,9 +7,6 @@ semi-global matching chooses among them, at every level from the coarsest on: wh
 What the coarser level expects is always one of them, on the coarsest no motion, or noise would agree on nothing. A
 patch that is larger than a thing goes with the background, so what is explained in neither frame gets a second look
 with small patches.
-
-Other estimators may have a say, though the default asks none. What they find is made exact in the same way and kept
-beside the search's own result, for the in-between frame to choose.
 """
 
 from __future__ import annotations
@@ -24,15 +21,13 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, check_pair
-from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.levels import truncation
 from fpsboost.kernels.refine import WIDE, refine_points
 from fpsboost.kernels.semi_global import choose_labels, smooth_labels
-from fpsboost.kernels.similarity import colour_scale
-from fpsboost.kernels.tiles import PADDING, TILE, search_tiles
+from fpsboost.kernels.tiles import PADDING, search_tiles
 from fpsboost.kernels.unexplained import measure_points, search_unexplained
-from fpsboost.motion import MotionEstimator
-from fpsboost.motion.colour import contrast_components, contrast_planes
-from fpsboost.motion.field import MotionField, at_points
+from fpsboost.motion.colour import Planes, contrast_components, contrast_planes, normalised
+from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
 
@@ -70,7 +65,7 @@ STEPS = 2
 SMALL_RADIUS = 2
 """r of the patch that looks for small things."""
 
-ENOUGH = np.float32(0.5), np.float32(0.4)
+ENOUGH = np.float32(0.75), np.float32(0.7)
 """Similarity of a small patch that explains what is seen, for each level that gets a second look, coarsest first."""
 
 BETTER = np.float32(0.2)
@@ -102,8 +97,6 @@ class CoarseToFine:
         Distance of the points that have a vector of their own, pixels: 1, 2, 4, 8, 16 or 32.
     finest_level : int
         Where the search ends: 0 at the frames themselves, 1 at half their size.
-    others : tuple of MotionEstimator
-        Estimators whose motion is kept as an alternative.
 
     Raises
     ------
@@ -120,7 +113,6 @@ class CoarseToFine:
     coarsest_side: int = 60
     step: int = 8
     finest_level: int = 0
-    others: tuple[MotionEstimator, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.reach <= 1:
@@ -169,35 +161,16 @@ class CoarseToFine:
                 step,
                 # where a pixel off is many in the end, and where nothing below mends it
                 reach=int(level in (last, len(levels0) - 2)),
+                every=2 if level == last and step % 4 == 0 else 1,
             )
-        ends = levels0[last], levels1[last]
-        foreign = [
-            self._made_exact(*ends, other.estimate(image0, image1), found, step, 2**last) for other in self.others
-        ]
-        size, spacing = image0.pixels.shape[:2], step * 2**last
+        size, spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
         field01, field10 = (
             MotionField(
-                _spread(points.flow * np.float32(2**last), size, spacing),
-                _spread(points.similarity.clip(0, 1), size, spacing),
-                tuple(_spread(flow, size, spacing) for flow in alternatives),
+                _spread(points.flow * scale, size, spacing), _spread(points.similarity.clip(0, 1), size, spacing)
             )
-            for points, *alternatives in zip(found, *foreign, strict=True)
+            for points in found
         )
         return field01, field10
-
-    def _made_exact(
-        self,
-        image0: PreparedImage,
-        image1: PreparedImage,
-        fields: tuple[MotionField, MotionField],
-        found: list[Points],
-        step: int,
-        scale: int,
-    ) -> list[NDArray[Any]]:
-        """Another estimator's motion at the points of a level that is `scale` times smaller, refined as our own."""
-        flows = [at_points(field.flow, step * scale) / np.float32(scale) for field in fields]
-        self._refine(image0, image1, flows, [points.flow for points in found], step)
-        return [flow * np.float32(scale) for flow in flows]
 
     def _search_coarsest(self, image0: PreparedImage, image1: PreparedImage) -> list[Points]:
         """Search for every offset at every pixel; what is found then is tried by all points of a tile."""
@@ -216,17 +189,18 @@ class CoarseToFine:
         spacing: int,
         step: int,
         reach: int,
+        every: int = 1,
     ) -> list[Points]:
         """Search one level in both directions around proposals, at points `step` apart; see `search_tiles`."""
         size = image0.pixels.shape[:2]
-        lanes = -(-(TILE + 2 * self.patch_radius) // LANES) * LANES
         found = []
         for likely, proposed, pair in zip(expected, proposals, self._both_ways(image0, image1), strict=True):
             shape = -(-size[0] // step), -(-size[1] // step)
             count, similarity = np.empty(shape, np.int32), np.empty((*shape, self.labels), np.float32)
             flows = np.empty((*shape, self.labels, 2), np.float32)
             search_tiles(
-                *pair,
+                *(planes.levels for planes in pair),
+                self._alike,
                 *size,
                 np.rint(proposed).astype(np.int32),
                 np.rint(likely).astype(np.int32),
@@ -235,7 +209,7 @@ class CoarseToFine:
                 reach,
                 self._limit(image0.pixels),
                 self.patch_radius,
-                lanes,
+                every,
                 count,
                 similarity,
                 flows,
@@ -267,12 +241,14 @@ class CoarseToFine:
         pairs = self._both_ways(image0, image1)
         known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
         for flow, pair, similarity in zip(flows, pairs, known, strict=True):
-            measure_points(*pair, padding, *size, step, SMALL_RADIUS, LANES, flow, similarity)
+            levels = (planes.levels for planes in pair)
+            measure_points(*levels, self._alike, padding, *size, step, SMALL_RADIUS, flow, similarity)
         looked = [flow.copy() for flow in flows]
         around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # least of the neighbours'
         for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
+            levels = (planes.levels for planes in pair)
             search_unexplained(
-                *pair, padding, *size, step, limit, SMALL_RADIUS, LANES, here, there, enough, BETTER, flow
+                *levels, self._alike, padding, *size, step, limit, SMALL_RADIUS, here, there, enough, BETTER, flow
             )
         self._refine(image0, image1, looked, flows, step)
         return looked
@@ -288,14 +264,20 @@ class CoarseToFine:
         """Make motion in both directions exact, in place."""
         size, padding = image0.pixels.shape[:2], PADDING + self.patch_radius
         for flow, refined, pair in zip(flows, known, self._both_ways(image0, image1), strict=True):
-            refine_points(*pair, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, refined, flow)
+            values = (planes.values for planes in pair)
+            refine_points(*values, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, refined, flow)
 
-    def _both_ways(self, image0: PreparedImage, image1: PreparedImage) -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
-        """The planes that the kernels compare, from frame 0 to frame 1 and back."""
+    def _both_ways(self, image0: PreparedImage, image1: PreparedImage) -> tuple[tuple[Planes, Planes], ...]:
+        """What the kernels compare, from frame 0 to frame 1 and back."""
         planes0, planes1 = (
-            image.once(contrast_planes, PADDING + self.patch_radius, colour_scale(self.v)) for image in (image0, image1)
+            image.once(contrast_planes, PADDING + self.patch_radius, self.v) for image in (image0, image1)
         )
         return (planes0, planes1), (planes1, planes0)
+
+    @property
+    def _alike(self) -> np.uint8:
+        """The similarity of two equal pixels."""
+        return np.uint8(truncation(self.v))
 
     def _limit(self, image: Image) -> int:
         longer_side: int = max(image.shape[:2])
@@ -316,10 +298,15 @@ def _spread(points: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArra
 
 
 def pyramid(image: Image, coarsest_side: int) -> list[PreparedImage]:
-    """The image and its halves, until the longer side would fall below `coarsest_side`; at most five levels."""
-    levels = [image]
+    """The image and its halves, until the longer side would fall below `coarsest_side`; at most five levels.
+
+    What is finer than a half can show is filtered out first, or patterns would show in it as others that move otherwise
+    (Burt and Adelson 1983, doi:10.1109/TCOM.1983.1095851).
+    """
+    levels = [normalised(image) if image.dtype == np.float32 else image]  # what is no number would spread
     while len(levels) < 5 and max(levels[-1].shape[:2]) >= 2 * coarsest_side:
         height, width = levels[-1].shape[:2]
-        half = cv2.resize(levels[-1], ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
+        smooth = cv2.GaussianBlur(levels[-1], (5, 5), 0, borderType=cv2.BORDER_REPLICATE)  # 1, 4, 6, 4, 1
+        half = cv2.resize(smooth, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
         levels.append(half.reshape(half.shape[0], half.shape[1], -1))
     return [PreparedImage(level) for level in levels]

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.shortest import find_shortest
-from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING
 from fpsboost.motion.colour import contrast_planes, small_copy
 from fpsboost.motion.field import MotionField, at_points, point_places, round_trip
@@ -141,9 +140,7 @@ def expected_motion(image0: PreparedImage, image1: PreparedImage) -> float:
         image0, image1 = (PreparedImage(image.once(small_copy, LONGER_SIDE)) for image in (image0, image1))
     regular = Dis("medium").estimate(image0, image1)
     detailed = CoarseToFine(reach=LARGEST_MOTION, step=STEP).estimate(image0, image1)
-    planes0, planes1 = (
-        image.once(contrast_planes, PADDING + PATCH_RADIUS, colour_scale(V)) for image in (image0, image1)
-    )
+    planes0, planes1 = (image.once(contrast_planes, PADDING + PATCH_RADIUS, V).values for image in (image0, image1))
     size = image0.pixels.shape[:2]
     largest = 0.0
     for planes, there, back in (((planes0, planes1), 0, 1), ((planes1, planes0), 1, 0)):

@@ -41,7 +41,7 @@ def accelerations_at_points(
     away: tuple[MotionField, MotionField] | None,
     ratio: float,
     spacing: int,
-) -> list[NDArray[Any]]:
+) -> NDArray[Any]:
     """How motion changes at the frame that two pairs share, at points `spacing` apart.
 
     Parameters
@@ -57,21 +57,13 @@ def accelerations_at_points(
 
     Returns
     -------
-    list of (rows, columns, 3) float32
-        One for the field's motion and for each of its alternatives: 1 where vectors in both directions lead there and
-        back, and the acceleration in pixels per interval squared; else 0. Alternatives that the neighbour lacks take
-        its motion.
+    (rows, columns, 3) float32
+        1 where vectors in both directions lead there and back, and the acceleration in pixels per interval squared;
+        else 0.
     """
     y, x = point_places(onward[0].flow.shape, spacing)
-    found = [np.zeros((y.size, x.size, 3), np.float32) for _ in (onward[0].flow, *onward[0].alternatives)]
+    changes = np.zeros((y.size, x.size, 3), np.float32)
     if away is not None:
-        vectors, others = _motions(*onward), _motions(*away)
-        others += others[:1] * (len(vectors) - len(others))
-        for pair, neighbour, changes in zip(vectors, others[: len(vectors)], found, strict=True):
-            find_accelerations(*pair, *neighbour, y, x, ratio, np.float32(CONSISTENT), changes)
-    return found
-
-
-def _motions(there: MotionField, back: MotionField) -> list[tuple[NDArray[Any], NDArray[Any]]]:
-    """A field's vectors and those back, then its alternatives'."""
-    return list(zip((there.flow, *there.alternatives), (back.flow, *back.alternatives), strict=True))
+        flows = (field.flow for field in (*onward, *away))
+        find_accelerations(*flows, y, x, ratio, np.float32(CONSISTENT), changes)
+    return changes

@@ -27,9 +27,6 @@ from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_ra
 CAPACITY = 48
 """Motions that are told apart around one node, at most."""
 
-ALTERNATIVE_TRUST = np.float32(0.5)
-"""What votes of other estimators count: they are a second opinion, and may be wrong about a whole surface."""
-
 STILL_VOTES = np.float32(0.25)
 """Votes of no motion at all."""
 
@@ -95,7 +92,7 @@ class Fuse:
     support: float = 24
     tolerance: float = 0.5
     most: int = 15
-    least: float = 0.02
+    least: float = 0.04
     width: float = 0.3
     sharpness: float = 18
     enough: float = 0.98
@@ -159,7 +156,7 @@ class Fuse:
             yield Fused(_as_image(mean, transition, t), confidence)
 
     def _candidates(
-        self, voters: Sequence[Sequence[Voters]], size: tuple[int, int], t: float
+        self, voters: tuple[Voters, Voters], size: tuple[int, int], t: float
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """How many motions each node has, which, and their weights."""
         height, width = size
@@ -167,29 +164,25 @@ class Fuse:
         count = np.zeros(nodes, np.int32)
         votes, sums = np.zeros((*nodes, CAPACITY), np.float32), np.zeros((*nodes, CAPACITY, SUMS), np.float32)
         for each, sign, time in zip(voters, (1, -1), (t, 1 - t), strict=True):
-            for vectors, gradients, accelerations, trust in each:
-                collect_candidates(
-                    vectors,
-                    gradients,
-                    accelerations,
-                    trust,
-                    np.float32(sign),
-                    np.float32(time),
-                    self.step,
-                    np.float32(self.support),
-                    np.float32(self.tolerance),
-                    height,
-                    width,
-                    count,
-                    votes,
-                    sums,
-                )
+            collect_candidates(
+                *each,
+                np.float32(sign),
+                np.float32(time),
+                self.step,
+                np.float32(self.support),
+                np.float32(self.tolerance),
+                height,
+                width,
+                count,
+                votes,
+                sums,
+            )
         room = self.most + 1  # and no motion
         motions, weights = np.zeros((*nodes, room, MOTION), np.float32), np.empty((*nodes, room), np.float32)
         list_candidates(count, votes, sums, STILL_VOTES, STEADY, LEAST_SHARE, np.float32(self.least), motions, weights)
         return count, motions, weights
 
-    def _all_voters(self, transition: Transition) -> tuple[list[Voters], list[Voters]]:
+    def _all_voters(self, transition: Transition) -> tuple[Voters, Voters]:
         """What the points of each frame vote for: motion towards the other, and how it changes there."""
         field01, field10 = transition.field01, transition.field10
         before, after = transition.before, transition.after
@@ -198,28 +191,20 @@ class Fuse:
         away1 = (after.field01, after.field10) if after else None
         changes0 = accelerations_at_points((field01, field10), away0, before.ratio if before else 1, self.step)
         changes1 = accelerations_at_points((field10, field01), away1, after.ratio if after else 1, self.step)
-        for change in (*changes0, *changes1):
-            change[..., 1:] *= share
+        for changes in (changes0, changes1):
+            changes[..., 1:] *= share
         return self._voters(field01, field10, changes0), self._voters(field10, field01, changes1)
 
-    def _voters(self, field: MotionField, other: MotionField, changes: list[NDArray[Any]]) -> list[Voters]:
-        """Every motion of a frame with what the vote of each of its points counts.
+    def _voters(self, field: MotionField, other: MotionField, changes: NDArray[Any]) -> Voters:
+        """A frame's motion with what the vote of each of its points counts.
 
         As much as its patches are alike, where that is known, and the less the farther from its beginning the way there
         and back ends: what is hidden in the other frame is found again by chance only, and somewhere else.
         """
-        y, x = point_places(field.flow.shape, self.step)
-        flows, returns = (field.flow, *field.alternatives), (other.flow, *other.alternatives)
-        voters = []
-        for flow, back, change in zip(flows, returns, changes, strict=True):
-            vectors = at_points(flow, self.step)
-            astray = round_trip(vectors, y, x, back) / np.float32(ASTRAY)
-            voters.append(Voters(vectors, motion_gradients(vectors, self.step), change, 1 / (1 + astray * astray)))
-        first, *others = voters
-        return [
-            first._replace(trust=first.trust * at_points(field.similarity, self.step)),
-            *(each._replace(trust=each.trust * ALTERNATIVE_TRUST) for each in others),
-        ]
+        vectors = at_points(field.flow, self.step)
+        astray = round_trip(vectors, *point_places(field.flow.shape, self.step), other.flow) / np.float32(ASTRAY)
+        trust = at_points(field.similarity, self.step) / (1 + astray * astray)
+        return Voters(vectors, motion_gradients(vectors, self.step), changes, trust)
 
 
 def _samples(image: Image) -> NDArray[Any]:
