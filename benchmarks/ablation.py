@@ -41,7 +41,7 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.method_table import methods
 from fpsboost.motion import MotionEstimator, nlm
-from fpsboost.motion.colour import Planes, colour_components, padded_planes, with_levels
+from fpsboost.motion.colour import BORDER, Planes, colour_components, padded_planes, with_levels
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
 from fpsboost.prepared import PreparedImage
@@ -71,8 +71,8 @@ def whole_pixels(field: MotionField) -> MotionField:
 
 def plain_planes(image: Image, padding: int, v: float) -> Planes:
     """Like `fpsboost.motion.colour.contrast_planes`, of the report's plain colours."""
-    values = padded_planes(colour_components(image), padding, 0, 2 * LANES, colour_scale(v))
-    return with_levels(values, v, np.zeros(3, np.float32))
+    values = padded_planes(colour_components(image), BORDER, 0, 2 * LANES, colour_scale(v))
+    return with_levels(values, image.shape[:2], padding, v, np.zeros(3, np.float32))
 
 
 @dataclass(frozen=True)

@@ -53,11 +53,12 @@ def test_the_truncation_is_four_widths(v, most):
 
 
 def test_planes_are_rounded_and_clipped():
-    """To the nearest level; what is beyond black or white is black or white."""
-    planes = np.float32([[[-1, 0, 0.499, 0.501, 100.2, 300]], [[-200, -128, -0.6, 0, 126.6, 400]]])
-    levels = np.empty(planes.shape, np.uint8)
-    quantise_planes(planes, np.float32(1), np.float32([0, 128]), levels)
-    assert levels.tolist() == [[[0, 0, 0, 1, 100, 255]], [[0, 0, 127, 128, 255, 255]]]
+    """To the nearest level; what is beyond black or white is black or white, and beyond the frame as at its edge."""
+    frame = np.float32([[[-1, 0, 0.499, 0.501, 100.2, 300]], [[-200, -128, -0.6, 0, 126.6, 400]]])
+    planes, levels = np.pad(frame, ((0, 0), (1, 1), (1, 3))), np.empty((2, 5, 12), np.uint8)
+    quantise_planes(planes, 1, 1, 6, np.float32(1), np.float32([0, 128]), 2, levels)
+    expected = np.uint8([[[0, 0, 0, 1, 100, 255]], [[0, 0, 127, 128, 255, 255]]])
+    np.testing.assert_array_equal(levels, np.pad(expected, ((0, 0), (2, 2), (2, 4)), "edge"))
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

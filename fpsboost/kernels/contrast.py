@@ -92,22 +92,35 @@ def finish_planes(luma, local_mean, scale, padding, planes):
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
-def quantise_planes(planes, scale, shifts, levels):
-    """Planes in bytes, rounded and clipped.
+def quantise_planes(planes, inner, height, width, scale, shifts, outer, levels):
+    """Planes in bytes, rounded and clipped, with repeated edges.
 
     Parameters
     ----------
-    planes : (C, H, W) float32
+    planes : (C, height + 2 inner, width + 2 inner or more) float32
+    inner, height, width : int
+        How far in the frame begins, and its size.
     scale : float32
         Levels of 1.
     shifts : (C,) float32
         Level of 0 in each plane.
-    levels : (C, H, W) uint8 out
+    outer : int
+        How far in the frame begins in the levels.
+    levels : (C, height + 2 outer, width + 2 outer or more) uint8 out
     """
-    count, height, width = planes.shape
+    count, rows, _ = levels.shape
     nothing, white = np.float32(0), np.float32(WHITE)
     for number in prange(count * height):
         c, y = np.int64(number) // height, np.int64(number) % height
-        shift = shifts[c] + np.float32(0.5)
+        values, row = planes[c, inner + y, inner:], levels[c, outer + y]
+        frame, shift = row[outer:], shifts[c] + np.float32(0.5)
         for x in range(width):
-            levels[c, y, x] = np.uint8(min(max(planes[c, y, x] * scale + shift, nothing), white))
+            frame[x] = np.uint8(min(max(values[x] * scale + shift, nothing), white))
+        row[:outer] = row[outer]
+        row[outer + width :] = row[outer + width - 1]
+    for number in prange(count * (rows - height)):
+        c, y = np.int64(number) // (rows - height), np.int64(number) % (rows - height)
+        if y < outer:
+            levels[c, y] = levels[c, outer]
+        else:
+            levels[c, y + height] = levels[c, outer + height - 1]

@@ -153,7 +153,7 @@ def search_tiles(
     size, padding = 2 * radius + 1, PADDING + radius
     lanes = (TILE + 2 * radius + SIXTEEN - 1) // SIXTEEN * SIXTEEN
     compared = (size + every - 1) // every  # rows of a patch
-    share = np.float32(1 / (most * size * compared))
+    share = np.float32(1 / (np.int64(most) * size * compared))
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)

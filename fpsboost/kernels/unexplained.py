@@ -24,12 +24,12 @@ def compare_row(flat0, flat1, plane, alike, stride, start0, start1, radius, coun
     total[:] = 0
     for j in range(-radius, radius + 1):
         for k in range(-radius, radius + 1):
-            here, there = start0 + j * stride + k, start1 + j * stride + k
+            here, there = Index(start0 + j * stride + k), Index(start1 + j * stride + k)
             compare_one(flat0, here, flat1, there, plane, alike, total, 0, 0)
         highest = np.int32(0)
         for i in range(Index(count)):
             highest = max(highest, np.int32(total[i]))
-        if np.float32(highest + (radius - j) * (2 * radius + 1) * alike) * share <= most:
+        if np.float32(highest + (radius - j) * (2 * radius + 1) * np.int64(alike)) * share <= most:
             return False
     return True
 
@@ -56,7 +56,7 @@ def measure_points(planes0, planes1, alike, padding, height, width, step, radius
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
-    share = np.float32(1 / (alike * (2 * radius + 1) ** 2))
+    share = np.float32(1 / (np.int64(alike) * (2 * radius + 1) ** 2))
     for number in prange(flow.shape[0]):
         row = np.int64(number)
         columns = np.empty(SIXTEEN, np.uint16)
@@ -101,7 +101,7 @@ def search_unexplained(
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
-    share = np.float32(1 / (alike * (2 * radius + 1) ** 2))
+    share = np.float32(1 / (np.int64(alike) * (2 * radius + 1) ** 2))
     rows, columns = known.shape
     for number in prange(rows):
         row = np.int64(number)

@@ -92,13 +92,17 @@ def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
     return np.dstack([luma * 0.5, high_pass, chroma])
 
 
+BORDER = 16
+"""How far around the frame the values of `Planes` go on, pixels: a window farther out would see nothing else."""
+
+
 class Planes(NamedTuple):
     """Components as the kernels compare them: planes with repeated edges."""
 
     values: NDArray[Any]
-    """(3, H + 2 padding, W + 2 padding or more) float32, scaled by `fpsboost.kernels.similarity.colour_scale`."""
+    """(3, H + 2 BORDER, W + 2 BORDER or more) float32, scaled by `fpsboost.kernels.similarity.colour_scale`."""
     levels: NDArray[Any]
-    """The same in uint8, scaled by `fpsboost.kernels.levels.level_scale`."""
+    """(3, H + 2 padding, W + 2 padding or more) uint8, scaled by `fpsboost.kernels.levels.level_scale`."""
 
 
 def contrast_planes(image: Image, padding: int, v: float, high_pass_size: int = 9) -> Planes:
@@ -108,7 +112,7 @@ def contrast_planes(image: Image, padding: int, v: float, high_pass_size: int = 
     ----------
     image : (H, W, C) uint8, uint16 or float32
     padding : int
-        Pixels on every side; the right has room for a few vectors more.
+        Pixels on every side of the levels; the right has room for a few vectors more.
     v : float
         Width of the similarity measure.
     high_pass_size : int
@@ -126,20 +130,24 @@ def contrast_planes(image: Image, padding: int, v: float, high_pass_size: int = 
     else:
         white = np.iinfo(image.dtype).max
     luma = np.empty((height, width), np.float32)
-    planes = aligned_empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.float32)
-    split_colours(image, np.float32(1 / white), np.float32(scale), padding, luma, planes)
+    planes = aligned_empty((3, height + 2 * BORDER, width + 2 * BORDER + 2 * LANES), np.float32)
+    split_colours(image, np.float32(1 / white), np.float32(scale), BORDER, luma, planes)
     local_mean = cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))
-    finish_planes(luma, local_mean.reshape(luma.shape), np.float32(scale), padding, planes)
-    return with_levels(planes, v, SIGNED)
+    finish_planes(luma, local_mean.reshape(luma.shape), np.float32(scale), BORDER, planes)
+    return with_levels(planes, (height, width), padding, v, SIGNED)
 
 
-def with_levels(values: NDArray[Any], v: float, shifts: NDArray[Any]) -> Planes:
+def with_levels(values: NDArray[Any], size: tuple[int, int], padding: int, v: float, shifts: NDArray[Any]) -> Planes:
     """Planes, and the same in bytes.
 
     Parameters
     ----------
-    values : (3, H, W) float32
+    values : (3, H + 2 BORDER, W + 2 BORDER or more) float32
         Scaled by `fpsboost.kernels.similarity.colour_scale`.
+    size : int, int
+        H and W.
+    padding : int
+        Pixels on every side of the levels; the right has room for a few vectors more.
     v : float
         Width of the similarity measure.
     shifts : (3,) float32
@@ -149,8 +157,10 @@ def with_levels(values: NDArray[Any], v: float, shifts: NDArray[Any]) -> Planes:
     -------
     Planes
     """
-    levels = np.empty(values.shape, np.uint8)
-    quantise_planes(values, np.float32(level_scale(v) / colour_scale(v)), shifts, levels)
+    height, width = size
+    levels = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
+    scale = np.float32(level_scale(v) / colour_scale(v))
+    quantise_planes(values, BORDER, height, width, scale, shifts, padding, levels)
     return Planes(values, levels)
 
 

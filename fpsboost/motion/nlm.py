@@ -26,7 +26,7 @@ from fpsboost.kernels.refine import WIDE, refine_points
 from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 from fpsboost.kernels.tiles import PADDING, search_tiles
 from fpsboost.kernels.unexplained import measure_points, search_unexplained
-from fpsboost.motion.colour import Planes, contrast_components, contrast_planes, normalised
+from fpsboost.motion.colour import BORDER, Planes, contrast_components, contrast_planes, normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
@@ -166,7 +166,8 @@ class CoarseToFine:
         size, spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
         field01, field10 = (
             MotionField(
-                _spread(points.flow * scale, size, spacing), _spread(points.similarity.clip(0, 1), size, spacing)
+                _spread(points.flow * scale, size, spacing),
+                _spread(points.similarity.clip(0, 1), size, spacing),
             )
             for points in found
         )
@@ -262,10 +263,10 @@ class CoarseToFine:
         step: int,
     ) -> None:
         """Make motion in both directions exact, in place."""
-        size, padding = image0.pixels.shape[:2], PADDING + self.patch_radius
+        size = image0.pixels.shape[:2]
         for flow, refined, pair in zip(flows, known, self._both_ways(image0, image1), strict=True):
             values = (planes.values for planes in pair)
-            refine_points(*values, padding, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, refined, flow)
+            refine_points(*values, BORDER, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, refined, flow)
 
     def _both_ways(self, image0: PreparedImage, image1: PreparedImage) -> tuple[tuple[Planes, Planes], ...]:
         """What the kernels compare, from frame 0 to frame 1 and back."""

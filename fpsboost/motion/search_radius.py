@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.shortest import find_shortest
 from fpsboost.kernels.tiles import PADDING
-from fpsboost.motion.colour import contrast_planes, small_copy
+from fpsboost.motion.colour import BORDER, contrast_planes, small_copy
 from fpsboost.motion.field import MotionField, at_points, point_places, round_trip
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
@@ -171,7 +171,7 @@ def _compare(
     find_shortest(
         planes0,
         planes1,
-        PADDING + PATCH_RADIUS,
+        BORDER,
         *size,
         STEP,
         PATCH_RADIUS,
