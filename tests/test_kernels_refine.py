@@ -147,3 +147,10 @@ def test_compiling_and_loading_from_the_cache_give_the_same_bits(tmp_path):
         for _ in range(2)
     )
     assert first == second
+
+
+def test_what_noise_explains_by_chance_is_no_motion():
+    """Most vectors between frames of nothing but noise stay as they are."""
+    components = [noise(80, 80, 3, np.float32, seed) for seed in (1, 2)]
+    still = np.zeros((*points((80, 80), 8), 2), np.float32)
+    assert (refine(*components, 8, still) == 0).mean() > 0.8

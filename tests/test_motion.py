@@ -328,6 +328,22 @@ def test_pyramids_halve_down_to_the_coarsest_side(size, expected):
         assert max(levels[-1].pixels.shape[:2]) >= min(60, max(size))
 
 
+@pytest.mark.parametrize("period", [2.2, 2.5, 3])
+def test_no_pattern_turns_into_another_in_a_half(period):
+    """Stripes that half as many pixels cannot show are gray there, and do not move otherwise than they do."""
+    stripes = np.uint8(127.5 + 100 * np.cos(2 * np.pi * np.arange(256) / period))[np.newaxis, :, np.newaxis]
+    half = pyramid(np.repeat(stripes, 128, axis=0), 60)[1].pixels[:, 4:-4]
+    assert half.std() < 0.05 * stripes.std()
+
+
+def test_what_is_no_number_stays_where_it_is():
+    """In the smaller copies it is black, and does not spread."""
+    image = np.full((128, 256, 3), 0.5, np.float32)
+    image[60, 100], image[20, 30] = np.nan, np.inf
+    for level in pyramid(image, 60):
+        assert np.isfinite(level.pixels).all()
+
+
 @pytest.mark.parametrize(("width", "size", "shift"), [(320, 20, 16), (320, 32, 30), (640, 16, 16), (640, 32, 30)])
 def test_a_small_thing_over_a_still_background_is_found(width, size, shift):
     """Even where its patches hold more of the background than of itself in all the smaller copies of the frames."""

@@ -521,7 +521,7 @@ def refined(components0: Array, components1: Array, step: int, damping: float, l
             y0 = min(row * step + step // 2, height - 1) - 4
             x0 = min(point * step + step // 2, width - 1) - 4
             dx, dy = (int(value) for value in flow[row, point])
-            matrix, vector = damping * np.eye(2), np.zeros(2)
+            matrix, vector, squares = damping * np.eye(2), np.zeros(2), 0.0
             for y in range(y0, y0 + 8):
                 for x in range(x0, x0 + 8):
                     change = pixel(1, y + dy, x + dx) - pixel(0, y, x)
@@ -534,7 +534,12 @@ def refined(components0: Array, components1: Array, step: int, damping: float, l
                     gradient = np.array([along_x, along_y])
                     matrix += weight * gradient @ gradient.T
                     vector += weight * gradient @ change
-            out[row, point] += np.clip(-4 * np.linalg.solve(matrix, vector), -largest, largest)
+                    squares += weight * (change**2).sum()
+            move = np.linalg.solve(matrix, vector)
+            # of 64 pixels that do not move, two numbers explain a 31st of the rest by chance
+            explained = float(move @ vector)
+            belief = max(0.0, 1 - max(squares - explained, 0.0) / 31 / max(explained, 1e-20))
+            out[row, point] += np.clip(-4 * belief * move, -largest, largest)
     return out
 
 

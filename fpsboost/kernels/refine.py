@@ -23,7 +23,7 @@ TAIL = np.float32(1 / 32)
 
 @njit(forceinline=True, **FINITE_JIT)
 def weighted_products(flat0, flat1, p0, p1, stride, plane):
-    """Products of one pixel's gradients (xx, xy, yy) and of gradient and change (xt, yt), by its similarity."""
+    """Products of one pixel's gradients (xx, xy, yy), of gradient and change (xt, yt), and of change, by similarity."""
     squares, xx, xy, yy = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
     xt, yt, one = np.float32(0), np.float32(0), Index(1)
     for _ in range(3):
@@ -41,7 +41,20 @@ def weighted_products(flat0, flat1, p0, p1, stride, plane):
     weight = fma(squares, TAIL, np.float32(1))
     weight *= weight
     weight = np.float32(1) / (weight * weight)
-    return weight * xx, weight * xy, weight * yy, weight * xt, weight * yt
+    return weight * xx, weight * xy, weight * yy, weight * xt, weight * yt, weight * squares
+
+
+@njit(forceinline=True, **FINITE_JIT)
+def add(first, second):
+    """Sums of six products."""
+    return (
+        first[0] + second[0],
+        first[1] + second[1],
+        first[2] + second[2],
+        first[3] + second[3],
+        first[4] + second[4],
+        first[5] + second[5],
+    )
 
 
 @njit(forceinline=True, **FINITE_JIT)
@@ -49,7 +62,7 @@ def sum_two(flat0, flat1, p0, p1, stride, plane):
     """Sums of the products of a pixel and the one below."""
     first = weighted_products(flat0, flat1, p0, p1, stride, plane)
     second = weighted_products(flat0, flat1, p0 + stride, p1 + stride, stride, plane)
-    return first[0] + second[0], first[1] + second[1], first[2] + second[2], first[3] + second[3], first[4] + second[4]
+    return add(first, second)
 
 
 @njit(forceinline=True, **FINITE_JIT)
@@ -57,17 +70,17 @@ def sum_four(flat0, flat1, p0, p1, stride, plane):
     """The same of a pixel and the three below."""
     first = sum_two(flat0, flat1, p0, p1, stride, plane)
     second = sum_two(flat0, flat1, p0 + stride + stride, p1 + stride + stride, stride, plane)
-    return first[0] + second[0], first[1] + second[1], first[2] + second[2], first[3] + second[3], first[4] + second[4]
+    return add(first, second)
 
 
 @njit(nogil=True, error_model="numpy", fastmath={"reassoc"})
 def add_window(flat0, flat1, start0, start1, stride, plane, wide, damping):
     """Sums of the products over a window, with `damping` added to those of the squared gradients.
 
-    Four rows at a time, because adding up the lanes of five vectors costs more than a row. These sums, and nothing
+    Four rows at a time, because adding up the lanes of six vectors costs more than a row. These sums, and nothing
     else, may be reordered, which makes them vectors.
     """
-    xx, xy, yy, xt, yt = damping, np.float32(0), damping, np.float32(0), np.float32(0)
+    xx, xy, yy, xt, yt, tt = damping, np.float32(0), damping, np.float32(0), np.float32(0), np.float32(0)
     below = Index(4) * stride
     for i in range(Index(wide)):
         upper = sum_four(flat0, flat1, start0 + i, start1 + i, stride, plane)
@@ -77,7 +90,19 @@ def add_window(flat0, flat1, start0, start1, stride, plane, wide, damping):
         yy += upper[2] + lower[2]
         xt += upper[3] + lower[3]
         yt += upper[4] + lower[4]
-    return xx, xy, yy, xt, yt
+        tt += upper[5] + lower[5]
+    return xx, xy, yy, xt, yt, tt
+
+
+@njit(inline="always", **FINITE_JIT)
+def significance(explained, change):
+    """How much of a step is to be believed, 0 to 1, given how much of the squared change it explains.
+
+    Two free numbers explain some of any noise: so much is no evidence of motion (the positive-part shrinkage of James
+    and Stein 1961).
+    """
+    rest = max(change - explained, np.float32(0)) * np.float32(1 / (WIDE * HIGH / 2 - 1))
+    return max(explained - rest, np.float32(0)) / max(explained, np.float32(1e-20))
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -135,13 +160,14 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
                 ahead = Index(2 * step + WIDE - 1)
                 prefetch_rows(flat0, start0 + ahead, Index(stride), plane)
                 prefetch_rows(flat1, start1 + ahead, Index(stride), plane)
-                xx, xy, yy, xt, yt = add_window(flat0, flat1, start0, start1, Index(stride), plane, wide, damping)
+                xx, xy, yy, xt, yt, tt = add_window(flat0, flat1, start0, start1, Index(stride), plane, wide, damping)
                 # along a straight edge rounding would leave nothing or less of the determinant
                 determinant = max(xx * yy - xy * xy, damping * (xx + yy) * np.float32(0.5))
+                along_x, along_y = (yy * xt - xy * yt) / determinant, (xx * yt - xy * xt) / determinant
                 # gradients were summed over four pixels
-                factor = np.float32(-4) / determinant
-                flow[row, point, 0] = dx + min(max(factor * (yy * xt - xy * yt), -largest), largest)
-                flow[row, point, 1] = dy + min(max(factor * (xx * yt - xy * xt), -largest), largest)
+                factor = np.float32(-4) * significance(along_x * xt + along_y * yt, tt)
+                flow[row, point, 0] = dx + min(max(factor * along_x, -largest), largest)
+                flow[row, point, 1] = dy + min(max(factor * along_y, -largest), largest)
                 x, y = np.rint(flow[row, point, 0]), np.rint(flow[row, point, 1])
                 if x == dx and y == dy:
                     break

@@ -1,12 +1,12 @@
-"""The default search: the report's patch similarity, coarse to fine.
+"""The default search: patch similarity, coarse to fine.
 
-A small copy of the frames is searched in full; each finer level searches only around what the coarser one found in
-the neighbourhood of a tile. The data term is the report's at every level; the components are chosen to see low
-contrast. In flat areas and repeated patterns many offsets are equally similar. So every point keeps several, and
-semi-global matching chooses among them, at every level from the coarsest on: what has gone wrong there is lost below.
-What the coarser level expects is always one of them, on the coarsest no motion, or noise would agree on nothing. A
-patch that is larger than a thing goes with the background, so what is explained in neither frame gets a second look
-with small patches.
+A small copy of the frames is searched in full, by the report's similarity; each finer level searches only around what
+the coarser one found in the neighbourhood of a tile, by a linear form of it (`fpsboost.kernels.levels`). The components
+are chosen to see low contrast. In flat areas and repeated patterns many offsets are equally similar. So every point
+keeps several, and semi-global matching chooses among them, at every level from the coarsest on: what has gone wrong
+there is lost below. What the coarser level expects is always one of them, on the coarsest no motion, or noise would
+agree on nothing. A patch that is larger than a thing goes with the background, so what is explained in neither frame
+gets a second look with small patches.
 """
 
 from __future__ import annotations
