@@ -91,7 +91,7 @@ class Fuse:
     step: int = 8
     support: float = 24
     tolerance: float = 0.5
-    most: int = 15
+    most: int = 12
     least: float = 0.04
     width: float = 0.3
     sharpness: float = 18
