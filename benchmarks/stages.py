@@ -43,7 +43,7 @@ STAGES = {
     "components, coarsest": Stage(NLM, "contrast_components"),
     "components, padded": Stage(NLM, "contrast_planes"),
     "coarse search": Stage(NLM, "search_fused"),
-    "tile search": Stage(NLM, "search_tiles", width_of=lambda planes0, planes1, height, width, *_: width),
+    "tile search": Stage(NLM, "search_tiles", width_of=lambda planes0, planes1, most, height, width, *_: width),
     "smoothing of offsets": Stage(NLM, "smooth_labels"),
     "choice of offsets": Stage(NLM, "choose_labels"),
     "second look: measuring": Stage(NLM, "measure_points"),
