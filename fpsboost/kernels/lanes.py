@@ -43,7 +43,7 @@ def _emit(context, builder, signature, arguments):
     sums = None
     for weight in weights:
         values = builder.load(address_of(context, builder, signature.args[0], source, begin, _VECTOR), align=4)
-        spread = _spread(builder, weight)
+        spread = spread_value(builder, weight, _VECTOR)
         sums = builder.fmul(values, spread) if sums is None else builder.call(fma, [values, spread, sums])
         begin = builder.add(begin, step)
     builder.store(sums, address_of(context, builder, signature.args[7], out, target, _VECTOR), align=4)
@@ -56,9 +56,11 @@ def address_of(context, builder, kind, array, index, element):
     return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
 
 
-def _spread(builder, value):
-    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(ir.IntType(32), EIGHT), [0] * EIGHT))
+def spread_value(builder, value, vector):
+    """A vector of type `vector` with one value in all places."""
+    integer = ir.IntType(32)
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(integer, 0))
+    return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(integer, vector.count), [0] * vector.count))
 
 
 @overload(filter_eight, inline="always")

@@ -11,7 +11,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from fpsboost.kernels.lanes import address_of
+from fpsboost.kernels.lanes import address_of, spread_value
 
 SIXTEEN = 16
 """Pixels of a vector."""
@@ -24,7 +24,6 @@ TRUNCATION = 4
 
 _BYTE, _BYTES = ir.IntType(8), ir.VectorType(ir.IntType(8), SIXTEEN)
 _WORDS = ir.VectorType(ir.IntType(16), SIXTEEN)
-_FIRST = ir.Constant(ir.VectorType(ir.IntType(32), SIXTEEN), [0] * SIXTEEN)
 
 
 def level_scale(v: float) -> float:
@@ -104,21 +103,17 @@ def _emit(context, builder, signature, arguments, *, one):
             cgutils.get_or_insert_function(builder.module, function, f"llvm.{name}.v{SIXTEEN}i8"), values
         )
 
-    def spread(value):
-        vector = builder.insert_element(ir.Constant(_BYTES, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-        return builder.shuffle_vector(vector, vector, _FIRST)
-
     differences = None
     for _ in range(3):
         if one:
-            a = spread(builder.load(address_of(context, builder, kind0, first, place0, _BYTE)))
+            a = spread_value(builder, builder.load(address_of(context, builder, kind0, first, place0, _BYTE)), _BYTES)
         else:
             a = builder.load(address_of(context, builder, kind0, first, place0, _BYTES), align=1)
         b = builder.load(address_of(context, builder, kind1, second, place1, _BYTES), align=1)
         apart = builder.sub(call("umax", a, b), call("umin", a, b))
         differences = apart if differences is None else call("uadd.sat", differences, apart)
         place0, place1 = builder.add(place0, plane), builder.add(place1, plane)
-    alike = builder.zext(call("usub.sat", spread(most), differences), _WORDS)
+    alike = builder.zext(call("usub.sat", spread_value(builder, most, _BYTES), differences), _WORDS)
     known = builder.load(address_of(context, builder, kind_sums, sums, before, _WORDS), align=2)
     builder.store(builder.add(known, alike), address_of(context, builder, kind_sums, sums, after, _WORDS), align=2)
     return context.get_dummy_value()
