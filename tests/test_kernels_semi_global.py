@@ -13,8 +13,9 @@ from twins import smoothed
 from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 
 
-def smooth(motions, energies, smoothness, slope, room=0):
+def smooth(motions, energies, smoothness, slope, room=0, ties=None):
     """Lists of labels as the kernel takes them, whatever lies behind each; the costs as lists again."""
+    ties = np.ones(motions.shape, np.float32) if ties is None else ties
     capacity = max(len(each) for each in energies.ravel()) + room
     count = np.zeros(motions.shape, np.int32)
     numbers = np.full((*motions.shape, capacity, 2), np.float32(1e6))
@@ -23,7 +24,7 @@ def smooth(motions, energies, smoothness, slope, room=0):
         count[place] = len(energies[place])
         numbers[place][: count[place]], energy[place][: count[place]] = motions[place], energies[place]
     costs = np.full_like(energy, np.nan)
-    smooth_labels(count, numbers, energy, np.float32(smoothness), np.float32(slope), costs)
+    smooth_labels(count, numbers, energy, ties, np.float32(smoothness), np.float32(slope), costs)
     for place in np.ndindex(motions.shape):
         assert not costs[place][count[place] :].any()
     found = np.empty(motions.shape, object)
@@ -50,8 +51,9 @@ def choice(costs):
     st.integers(1, 4), st.integers(1, 5), st.integers(1, 4), st.sampled_from([0, 0.5, 3]), st.sampled_from([0, 0.1, 1])
 )
 def test_costs_equal_their_slow_twin(rows, columns, most, smoothness, slope):
-    """For any lattice and lists of any length, also without smoothness or slope; behind the lists lies 0."""
+    """For any lattice, ties and lists of any length, also without smoothness or slope; behind the lists lies 0."""
     random = np.random.default_rng([rows, columns, most])
+    ties = random.choice(np.array([0, 0.25, 1], np.float32), (rows, columns))
     lengths = random.integers(1, most + 1, (rows, columns))
     motions, energies = lattice(
         rows,
@@ -59,8 +61,8 @@ def test_costs_equal_their_slow_twin(rows, columns, most, smoothness, slope):
         lambda row, column: random.integers(-8, 9, (lengths[row, column], 2)).tolist(),
         lambda row, column: random.random(lengths[row, column]).tolist(),
     )
-    found = smooth(motions, energies, smoothness, slope, room=2)
-    expected = smoothed(motions, energies, smoothness, slope)
+    found = smooth(motions, energies, smoothness, slope, room=2, ties=ties)
+    expected = smoothed(motions, energies, ties, smoothness, slope)
     for place in np.ndindex(rows, columns):
         np.testing.assert_allclose(found[place], expected[place], atol=1e-5)
 
@@ -106,11 +108,14 @@ def test_nodes_that_cannot_tell_follow_one_that_can():
 
 
 def test_a_lone_node_goes_along_but_an_object_does_not():
-    """What a node says alone is not heard; what many say together holds to its very edge."""
+    """What a node says alone is not heard, unless it is tied loosely; what many say holds to its very edge."""
     motions, lone = lattice(
         7, 8, lambda *_: [[0, 0], [9, 2]], lambda row, column: [0.2, 0.0] if (row, column) == (3, 3) else [0.0, 0.2]
     )
     assert choice(smooth(motions, lone, 0.5, 0.1)) == [[0] * 8] * 7
+    ties = np.ones((7, 8), np.float32)
+    ties[3, 3] = 0.25
+    assert choice(smooth(motions, lone, 0.5, 0.1, ties=ties))[3] == [0] * 3 + [1] + [0] * 4
     _, half = lattice(7, 8, lambda *_: [], lambda row, column: [0.2, 0.0] if column >= 4 else [0.0, 0.2])
     assert choice(smooth(motions, half, 0.5, 0.1)) == [[0] * 4 + [1] * 4] * 7
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+import cv2
 import numba
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from fpsboost.motion.colour import colour_components, contrast_components, padde
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.nlm import CoarseToFine, pyramid
 from fpsboost.motion.opencv import Dis, Farneback, Still, TvL1
+from fpsboost.prepared import PreparedImage
 from fpsboost.scenes import CutDetector
 
 estimators: dict[str, MotionEstimator] = {
@@ -353,6 +355,20 @@ def test_a_small_thing_over_a_still_background_is_found(width, size, shift):
     np.testing.assert_allclose(field01.flow[middle, middle], (shift, 0), atol=0.1)
     np.testing.assert_allclose(field10.flow[middle, middle + shift], (-shift, 0), atol=0.1)
     np.testing.assert_allclose(field01.flow[30, 30], (0, 0), atol=0.1)
+
+
+@pytest.mark.parametrize("width", [18, 24])
+@pytest.mark.parametrize("shift", [(14, 27), (-30, 6), (20, -20), (2, 28)])
+def test_a_small_disc_keeps_its_motion_to_the_finest_level(width, shift):
+    """Plain, and of a few points only, it is found by the second look; its detailed surroundings must not win again."""
+    random = np.random.default_rng(1)
+    waves = [cv2.GaussianBlur(random.normal(size=(240, 400, 3)), (0, 0), s) * s for s in (1, 3, 9)]
+    ground = (110 + 40 * sum(waves) / np.std(sum(waves))).clip(0, 255).astype(np.uint8)
+    middles = (200, 120), (200 + shift[0], 120 + shift[1])
+    images = [cv2.circle(ground.copy(), middle, width // 2, (30, 200, 230), -1, cv2.LINE_AA) for middle in middles]
+    field, _ = CoarseToFine().estimate(*(PreparedImage(image) for image in images))
+    inner = slice(120 - width // 4, 120 + width // 4), slice(200 - width // 4, 200 + width // 4)
+    assert np.mean(np.abs(field.flow[inner] - np.float32(shift)).max(axis=-1) < 1.5) > 0.6
 
 
 @pytest.mark.parametrize("gain", [4, 100])

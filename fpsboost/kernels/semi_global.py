@@ -15,7 +15,7 @@ from fpsboost.kernels.tiles import Index
 
 
 @njit(**FINITE_JIT)
-def walk(count, motions, energy, smoothness, slope, costs, total):
+def walk(count, motions, energy, ties, smoothness, slope, costs, total):
     """Add the costs of the paths that lead along a line of nodes, there and back.
 
     Parameters
@@ -23,6 +23,7 @@ def walk(count, motions, energy, smoothness, slope, costs, total):
     count : (length,) int32
     motions : (length, labels, 2 or more) float32
     energy : (length, labels) float32
+    ties : (length,) float32
     smoothness, slope : float32
         As for `smooth_labels`.
     costs : (length, labels) float32
@@ -37,22 +38,24 @@ def walk(count, motions, energy, smoothness, slope, costs, total):
         for n in range(length):
             here = Index(n if direction == 0 else length - 1 - n)
             known = Index(count[before] if n else 0)  # labels that a path can come from
+            tie = min(ties[here], ties[before])
+            limit, rise = tie * smoothness, tie * slope
             least = costs[before, Index(0)]
             for other in range(Index(1), known):
                 least = min(least, costs[before, other])
             for k in range(Index(count[here])):
-                cheapest = smoothness if known else np.float32(0)
+                cheapest = limit if known else np.float32(0)
                 for other in range(known):
                     change = abs(motions[here, k, 0] - motions[before, other, 0])
                     change += abs(motions[here, k, 1] - motions[before, other, 1])
-                    cheapest = min(cheapest, costs[before, other] - least + min(slope * change, smoothness))
+                    cheapest = min(cheapest, costs[before, other] - least + min(rise * change, limit))
                 costs[here, k] = energy[here, k] + cheapest
                 total[here, k] += share * costs[here, k]
             before = here
 
 
 @njit(parallel=True, cache=True, **FINITE_JIT)
-def smooth_labels(count, motions, energy, smoothness, slope, total):
+def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
     """Costs of all labels once their neighbours have been heard.
 
     Parameters
@@ -63,6 +66,8 @@ def smooth_labels(count, motions, energy, smoothness, slope, total):
         ``(dx, dy)`` of each label, pixels; anything else behind.
     energy : (rows, columns, capacity) float32
         Cost of each label by itself.
+    ties : (rows, columns) float32
+        Share of the smoothness that holds a node to its neighbours; between two nodes, the smaller one.
     smoothness : float32
         Cost of a change of motion between neighbours, at most.
     slope : float32
@@ -75,7 +80,7 @@ def smooth_labels(count, motions, energy, smoothness, slope, total):
     for number in prange(rows):
         row = np.int64(number)
         costs = np.empty((columns, capacity), np.float32)
-        walk(count[row], motions[row], energy[row], smoothness, slope, costs, total[row])
+        walk(count[row], motions[row], energy[row], ties[row], smoothness, slope, costs, total[row])
     for number in prange(columns):
         column = np.int64(number)
         costs = np.empty((rows, capacity), np.float32)
@@ -83,6 +88,7 @@ def smooth_labels(count, motions, energy, smoothness, slope, total):
             count[:, column],
             motions[:, column],
             energy[:, column],
+            ties[:, column],
             smoothness,
             slope,
             costs,

@@ -6,7 +6,8 @@ are chosen to see low contrast. In flat areas and repeated patterns many offsets
 keeps several, and semi-global matching chooses among them, at every level from the coarsest on: what has gone wrong
 there is lost below. What the coarser level expects is always one of them, on the coarsest no motion, or noise would
 agree on nothing. A patch that is larger than a thing goes with the background, so what is explained in neither frame
-gets a second look with small patches.
+gets a second look with small patches. What is found so, and is found from the other frame, too, holds on less to its
+surroundings from then on.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, check_pair
 from fpsboost.kernels.levels import truncation
+from fpsboost.kernels.points import measure_trips
 from fpsboost.kernels.refine import WIDE, refine_points
 from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 from fpsboost.kernels.tiles import PADDING, search_tiles
@@ -70,6 +72,12 @@ ENOUGH = np.float32(0.75), np.float32(0.7)
 
 BETTER = np.float32(0.2)
 """What another motion must add to it."""
+
+COMES_BACK = 1
+"""How near to where it began the way there and back of such a motion must end, pixels, to be believed."""
+
+LOOSE = np.float32(0.25)
+"""Share of the smoothness that holds a believed one to its neighbours: an island of few points pays for its shore."""
 
 
 @dataclass(frozen=True)
@@ -142,21 +150,21 @@ class CoarseToFine:
         found, step = self._search_coarsest(levels0[-1], levels1[-1]), COARSEST_STEP
         for level in range(len(levels0) - 2, last - 1, -1):
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
-            proposals = [points.flow for points in found]
+            proposals, ties = [points.flow for points in found], [_firm(points.flow) for points in found]
             looks = len(levels0) - 2 - level
             if 1 <= looks <= len(ENOUGH):
                 coarser = levels0[level + 1], levels1[level + 1]
                 if looks == 1:
                     found = [_denser(points, coarser[0].pixels.shape) for points in found]
                     spacing = 2 * DENSE_STEP
-                proposals = self._second_look(
-                    *coarser, [points.flow for points in found], spacing // 2, ENOUGH[looks - 1]
-                )
+                proposals = [points.flow for points in found]
+                proposals, ties = self._second_look(*coarser, proposals, spacing // 2, ENOUGH[looks - 1])
             found = self._search(
                 levels0[level],
                 levels1[level],
                 [points.flow * 2 for points in found],
                 [flow * 2 for flow in proposals],
+                ties,
                 spacing,
                 step,
                 # where a pixel off is many in the end, and where nothing below mends it
@@ -179,7 +187,8 @@ class CoarseToFine:
         limit = self._limit(image0.pixels)
         fields = search_fused(*components, limit, self.patch_radius, "box", self.v)
         found = [field.flow for field in fields]
-        return self._search(image0, image1, [np.zeros_like(flow) for flow in found], found, 1, COARSEST_STEP, reach=0)
+        still, ties = [np.zeros_like(flow) for flow in found], [_firm(flow) for flow in found]
+        return self._search(image0, image1, still, found, ties, 1, COARSEST_STEP, reach=0)
 
     def _search(
         self,
@@ -187,16 +196,20 @@ class CoarseToFine:
         image1: PreparedImage,
         expected: list[NDArray[Any]],
         proposals: list[NDArray[Any]],
+        ties: list[NDArray[Any]],
         spacing: int,
         step: int,
         reach: int,
         every: int = 1,
     ) -> list[Points]:
-        """Search one level in both directions around proposals, at points `step` apart; see `search_tiles`."""
+        """Search one level in both directions around proposals, at points `step` apart; see `search_tiles`.
+
+        `ties`, for each proposal, is the share of the smoothness that holds its points to their neighbours.
+        """
         size = image0.pixels.shape[:2]
         found = []
-        for likely, proposed, pair in zip(expected, proposals, self._both_ways(image0, image1), strict=True):
-            shape = -(-size[0] // step), -(-size[1] // step)
+        shape = -(-size[0] // step), -(-size[1] // step)
+        for likely, proposed, tie, pair in zip(expected, proposals, ties, self._both_ways(image0, image1), strict=True):
             count, similarity = np.empty(shape, np.int32), np.empty((*shape, self.labels), np.float32)
             flows = np.empty((*shape, self.labels, 2), np.float32)
             search_tiles(
@@ -215,16 +228,22 @@ class CoarseToFine:
                 similarity,
                 flows,
             )
-            found.append(self._chosen(count, similarity, flows, step))
+            rows, columns = (
+                np.minimum((np.arange(points) * step + step // 2) // spacing, places - 1)
+                for points, places in zip(shape, tie.shape, strict=True)
+            )
+            found.append(self._chosen(count, similarity, flows, tie[np.ix_(rows, columns)], step))
         unknown = [np.full_like(points.flow, FAR) for points in found]
         self._refine(image0, image1, [points.flow for points in found], unknown, step)
         return found
 
-    def _chosen(self, count: NDArray[Any], similarity: NDArray[Any], flows: NDArray[Any], step: int) -> Points:
+    def _chosen(
+        self, count: NDArray[Any], similarity: NDArray[Any], flows: NDArray[Any], ties: NDArray[Any], step: int
+    ) -> Points:
         """Of every point's offsets the one that goes best with the neighbours' and is similar, too."""
         costs = np.empty_like(similarity)
         slope = self.smoothness / (self.steepness * step)
-        smooth_labels(count, flows, -similarity, np.float32(self.smoothness), np.float32(slope), costs)
+        smooth_labels(count, flows, -similarity, ties, np.float32(self.smoothness), np.float32(slope), costs)
         points = Points(np.empty((*count.shape, 2), np.float32), np.empty(count.shape, np.float32))
         choose_labels(count, costs, flows, similarity, *points)
         return points
@@ -236,8 +255,8 @@ class CoarseToFine:
         flows: list[NDArray[Any]],
         step: int,
         enough: np.float32,
-    ) -> list[NDArray[Any]]:
-        """Motion of small things, too, where that of their surroundings does not explain what is seen."""
+    ) -> tuple[list[NDArray[Any]], list[NDArray[Any]]]:
+        """Motion of small things, too, where that of their surroundings does not explain what is seen; and its ties."""
         size, padding, limit = image0.pixels.shape[:2], PADDING + self.patch_radius, self._limit(image0.pixels)
         pairs = self._both_ways(image0, image1)
         known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
@@ -252,7 +271,13 @@ class CoarseToFine:
                 *levels, self._alike, padding, *size, step, limit, SMALL_RADIUS, here, there, enough, BETTER, flow
             )
         self._refine(image0, image1, looked, flows, step)
-        return looked
+        ties = []
+        for flow, replaced, back in zip(flows, looked, looked[::-1], strict=True):
+            (rows, columns), distance, apart = flow.shape[:2], _firm(flow), np.float32(step)
+            measure_trips(replaced / apart, np.arange(rows), np.arange(columns), back / apart, distance)
+            believed = (np.abs(replaced - flow).max(axis=2) > 1) & (distance * apart <= COMES_BACK)
+            ties.append(np.where(believed, LOOSE, np.float32(1)))
+        return looked, ties
 
     def _refine(
         self,
@@ -283,6 +308,11 @@ class CoarseToFine:
     def _limit(self, image: Image) -> int:
         longer_side: int = max(image.shape[:2])
         return math.ceil(self.reach * longer_side) + 1
+
+
+def _firm(flow: NDArray[Any]) -> NDArray[Any]:
+    """Ties of points that hold on to their neighbours as all do."""
+    return np.ones(flow.shape[:2], np.float32)
 
 
 def _denser(points: Points, size: tuple[int, ...]) -> Points:
