@@ -158,7 +158,7 @@ def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
     for there, back in both_ways:
         end_y, end_x = y[:, np.newaxis] + there.flow[..., 1], x + there.flow[..., 0]
         outside = (end_x < -0.5) | (end_x > width - 0.5) | (end_y < -0.5) | (end_y > height - 0.5)
-        hidden |= outside | (round_trip(there.flow, y, x, back.flow) > ASTRAY)
+        hidden |= outside | (round_trip(there.flow, y, x, back) > ASTRAY)
     flat, repeated = find_alike(case.truth)
     areas = {
         "hidden": hidden,

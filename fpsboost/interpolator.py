@@ -381,7 +381,7 @@ def _onward(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[Motion
 
 def _continued(away: MotionField, ratio: float) -> MotionField:
     """Motion on the other side of a frame, from that on this side."""
-    return MotionField(away.flow * np.float32(-ratio), away.similarity)
+    return replace(away, vectors=away.vectors * np.float32(-ratio))
 
 
 def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:

@@ -192,7 +192,7 @@ def _followed(thumbnail: Components, there: MotionField, back: MotionField) -> f
     for field in (there, back):
         dx, dy = np.moveaxis(field.flow[end_y, end_x].astype(np.intp), -1, 0)
         end_y, end_x = end_y + dy, end_x + dx
-    arrived = round_trip(there.flow, y[:, 0], x[0], back.flow) < FOUND_BACK
+    arrived = round_trip(there.flow, y[:, 0], x[0], back) < FOUND_BACK
     padded = cv2.copyMakeBorder(thumbnail, *(PATCH_RADIUS,) * 4, cv2.BORDER_REPLICATE)
     patches = sliding_window_view(padded, (2 * PATCH_RADIUS + 1,) * 2, axis=(0, 1))
     samples = patches[..., ::PATCH_RADIUS, ::PATCH_RADIUS]  # centre, corners and edges are enough to tell patches apart

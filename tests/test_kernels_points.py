@@ -25,7 +25,7 @@ def test_trips_equal_their_slow_twin(seed):
     there, back = field(seed), field(seed + 10)
     vectors = there[np.ix_(Y, X)]
     distance = np.empty((Y.size, X.size), np.float32)
-    measure_trips(vectors, Y, X, back, distance)
+    measure_trips(vectors, Y, X, back, 1, HEIGHT, WIDTH, distance)
     for i, j in np.ndindex(distance.shape):
         expected, _ = way_there_and_back(vectors[i, j], back, Y[i], X[j])
         assert distance[i, j] == np.float32(expected)
@@ -38,7 +38,7 @@ def test_accelerations_equal_their_slow_twin(ratio):
     there, away = field(1, motion, 0.7), field(2, -motion, 0.7)
     back, away_back = field(3, -motion, 0.7), field(4, motion, 0.7)
     changes = np.empty((Y.size, X.size, 3), np.float32)
-    find_accelerations(there, back, away, away_back, Y, X, ratio, np.float32(CONSISTENT), changes)
+    find_accelerations(there, back, away, away_back, 1, HEIGHT, WIDTH, Y, X, ratio, np.float32(CONSISTENT), changes)
     for i, j in np.ndindex(Y.size, X.size):
         onward, elsewhere = there[Y[i], X[j]], away[Y[i], X[j]]
         ways = way_there_and_back(onward, back, Y[i], X[j]), way_there_and_back(elsewhere, away_back, Y[i], X[j])

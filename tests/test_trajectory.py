@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from truth import accelerating, prepared
 
-from fpsboost.motion.field import MotionField, point_places
+from fpsboost.motion.field import MotionField, point_places, round_trip
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.trajectory import accelerations_at_points
 
@@ -102,3 +104,30 @@ def test_any_size_has_its_points(size, spacing):
     assert found.shape == (-(-size[0] // spacing), -(-size[1] // spacing), 3)
     assert (found[..., 0] == 1).all()
     assert not found[..., 1:].any()
+
+
+@settings(max_examples=30)
+@given(st.integers(1, 40), st.integers(1, 40), st.sampled_from([1, 2, 4, 8, 32]), st.sampled_from([1, 2, 8, 16]))
+def test_points_say_the_same_as_the_pixels_that_share_them(height, width, spacing, step):
+    """Whatever is asked of motion that many pixels share equals what is asked of each pixel's own."""
+    random, shape = np.random.default_rng([height, width]), (-(-height // spacing), -(-width // spacing))
+    coarse = [
+        MotionField(
+            random.integers(-2, 3, (*shape, 2)).astype(np.float32),
+            random.random(shape, np.float32),
+            spacing=spacing,
+            size=(height, width),
+        )
+        for _ in range(4)
+    ]
+    fine = [MotionField(field.flow, field.similarity) for field in coarse]
+    assert fine[0].shape == coarse[0].shape == (height, width)
+    for of_points, of_pixels in zip(coarse[0].at_points(step), fine[0].at_points(step), strict=True):
+        np.testing.assert_array_equal(of_points, of_pixels)
+    y, x = point_places((height, width), step)
+    vectors = coarse[0].at_points(step)[0]
+    np.testing.assert_array_equal(round_trip(vectors, y, x, coarse[1]), round_trip(vectors, y, x, fine[1]))
+    expected = accelerations_at_points((fine[0], fine[1]), (fine[2], fine[3]), 2, step)
+    for away in (coarse[2:], fine[2:]):  # the neighbouring pair's may be denser
+        found = accelerations_at_points((coarse[0], coarse[1]), (away[0], away[1]), 2, step)
+        np.testing.assert_array_equal(found, expected)

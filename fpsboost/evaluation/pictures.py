@@ -17,7 +17,7 @@ from fpsboost.evaluation.making import InterpolatorMaker, Maker
 from fpsboost.evaluation.metrics import absolute_error, as_shown
 from fpsboost.frame import Image
 from fpsboost.interpolator import Pair
-from fpsboost.motion.field import at_points
+from fpsboost.motion.field import point_places
 from fpsboost.motion.opencv import Still
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.fuse import Fuse
@@ -370,7 +370,7 @@ def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, 
         Drawn so many times as long.
     """
     shafts, tips = [], []
-    for row, vectors in enumerate(at_points(flow, spacing)):
+    for row, vectors in enumerate(flow[np.ix_(*point_places(flow.shape, spacing))]):
         for column, (dx, dy) in enumerate((vectors * stretch).tolist()):
             x, y = column * spacing + spacing // 2, row * spacing + spacing // 2
             if np.hypot(dx, dy) >= 1:

@@ -44,18 +44,18 @@ def find_gradients(vectors, spacing, gradients):
 
 
 @njit(inline="always", **JIT)
-def trip(dx, dy, back, y, x):
+def trip(dx, dy, back, spacing, height, width, y, x):
     """How far from its beginning a pixel's vector ends, there and back, and whether it leads into the frame."""
-    height, width, _ = back.shape
     landing_y, landing_x = np.rint(np.float64(y) + dy), np.rint(np.float64(x) + dx)
     nearest_y, nearest_x = min(max(int(landing_y), 0), height - 1), min(max(int(landing_x), 0), width - 1)
-    apart_x, apart_y = np.float64(dx + back[nearest_y, nearest_x, 0]), np.float64(dy + back[nearest_y, nearest_x, 1])
+    row, column = nearest_y // spacing, nearest_x // spacing
+    apart_x, apart_y = np.float64(dx + back[row, column, 0]), np.float64(dy + back[row, column, 1])
     inside = 0 <= landing_y < height and 0 <= landing_x < width
     return np.float32(math.sqrt(apart_x * apart_x + apart_y * apart_y)), inside
 
 
 @njit(cache=True, **JIT)
-def measure_trips(vectors, y, x, back, distance):
+def measure_trips(vectors, y, x, back, spacing, height, width, distance):
     """How far from where they began vectors end, there and back.
 
     Parameters
@@ -63,26 +63,29 @@ def measure_trips(vectors, y, x, back, distance):
     vectors : (rows, columns, 2) float32
         Motion of the pixels in rows `y` and columns `x`.
     y, x : (rows,), (columns,) int64
-    back : (H, W, 2) float32
-        Motion of the other frame; beyond its edges as at them.
+    back : (points down, points across, 2) float32
+        Motion of the other frame, one vector for `spacing` x `spacing` pixels; beyond its edges as at them.
+    spacing, height, width : int
     distance : (rows, columns) float32 out
         Pixels.
     """
     for i in range(y.size):
         for j in range(x.size):
-            distance[i, j], _ = trip(vectors[i, j, 0], vectors[i, j, 1], back, y[i], x[j])
+            distance[i, j], _ = trip(vectors[i, j, 0], vectors[i, j, 1], back, spacing, height, width, y[i], x[j])
 
 
 @njit(cache=True, **JIT)
-def find_accelerations(there, back, away, away_back, y, x, ratio, consistent, changes):
+def find_accelerations(there, back, away, away_back, spacing, height, width, y, x, ratio, consistent, changes):
     """How motion changes at the frame that two pairs share.
 
     Parameters
     ----------
-    there, back : (H, W, 2) float32
+    there, back : (points down, points across, 2) float32
         Motion from the shared frame to the other one of the pair, and back.
-    away, away_back : (H, W, 2) float32
+    away, away_back : (points down, points across, 2) float32
         The same to the other frame of the neighbouring pair.
+    spacing, height, width : int
+        All have one vector for `spacing` x `spacing` pixels of a frame.
     y, x : (rows,), (columns,) int64
         Rows and columns of the points.
     ratio : float
@@ -97,10 +100,11 @@ def find_accelerations(there, back, away, away_back, y, x, ratio, consistent, ch
     changes[:] = 0
     for i in range(y.size):
         for j in range(x.size):
-            dx, dy = there[y[i], x[j], 0], there[y[i], x[j], 1]
-            away_x, away_y = away[y[i], x[j], 0], away[y[i], x[j], 1]
-            apart, inside = trip(dx, dy, back, y[i], x[j])
-            away_apart, away_inside = trip(away_x, away_y, away_back, y[i], x[j])
+            row, column = y[i] // spacing, x[j] // spacing
+            dx, dy = there[row, column, 0], there[row, column, 1]
+            away_x, away_y = away[row, column, 0], away[row, column, 1]
+            apart, inside = trip(dx, dy, back, spacing, height, width, y[i], x[j])
+            away_apart, away_inside = trip(away_x, away_y, away_back, spacing, height, width, y[i], x[j])
             if inside and away_inside and apart <= consistent and away_apart <= consistent:
                 changes[i, j, 0] = 1
                 changes[i, j, 1] = (dx * duration + away_x) * factor

@@ -1,8 +1,9 @@
-"""A motion field: one vector and one similarity a pixel."""
+"""A motion field: the vectors of a frame's pixels, and how alike both ends of each are."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,23 +12,66 @@ from numpy.typing import NDArray
 from fpsboost.kernels.points import find_gradients, measure_trips
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MotionField:
     """Motion of every pixel of one frame towards another.
 
     Attributes
     ----------
-    flow : (H, W, 2) float32
+    vectors : (rows, columns, 2) float32
         ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``, ``field10``).
-    similarity : (H, W) float32
+    similarities : (rows, columns) float32
         How alike the patches at both ends are, in [0, 1]; 1 everywhere where an estimator does not know.
     search_radius : int or None
         Largest motion that was searched for, pixels in x and in y, where an estimator chose it for these frames.
+    spacing : int
+        Pixels along x and y that share a vector.
+    size : (H, W) or None
+        Of the frame; None where every pixel has a vector of its own.
     """
 
-    flow: NDArray[Any]
-    similarity: NDArray[Any]
+    vectors: NDArray[Any]
+    similarities: NDArray[Any]
     search_radius: int | None = None
+    spacing: int = 1
+    size: tuple[int, int] | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """``(H, W)`` of the frame."""
+        height, width = self.size or self.similarities.shape
+        return height, width
+
+    @cached_property
+    def flow(self) -> NDArray[Any]:
+        """(H, W, 2) float32, the vector of every pixel."""
+        return self._at_pixels(self.vectors)
+
+    @cached_property
+    def similarity(self) -> NDArray[Any]:
+        """(H, W) float32, the similarity of every pixel."""
+        return self._at_pixels(self.similarities)
+
+    def at_points(self, spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Vectors and similarities of the pixels at points `spacing` apart; see `point_places`.
+
+        Returns
+        -------
+        (rows, columns, 2), (rows, columns) float32
+        """
+        y, x = (places // self.spacing for places in point_places(self.shape, spacing))
+        vectors, similarities = (each.take(y, axis=0).take(x, axis=1) for each in (self.vectors, self.similarities))
+        return vectors, similarities
+
+    def _at_pixels(self, values: NDArray[Any]) -> NDArray[Any]:
+        return values if self.spacing == 1 else spread_points(values, self.shape, self.spacing)
+
+
+def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
+    """Give every pixel of a frame, or the finer points of `size`, what its point has."""
+    height, width = size[:2]
+    # rows last, which are copied as a whole
+    return values.repeat(spacing, axis=1)[:, :width].repeat(spacing, axis=0)[:height]
 
 
 def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -37,25 +81,7 @@ def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDA
     return y, x
 
 
-def at_points(flow: NDArray[Any], spacing: int) -> NDArray[Any]:
-    """What the pixels at points `spacing` apart have; see `point_places`.
-
-    Parameters
-    ----------
-    flow : (H, W, 2) or (H, W)
-    spacing : int
-        Pixels.
-
-    Returns
-    -------
-    (rows, columns, 2) or (rows, columns)
-    """
-    y, x = point_places(flow.shape, spacing)
-    points: NDArray[Any] = flow.take(y, axis=0).take(x, axis=1)  # six times as fast as both at once
-    return points
-
-
-def round_trip(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
+def round_trip(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: MotionField) -> NDArray[Any]:
     """How far from where they began vectors end, there and back.
 
     Parameters
@@ -64,8 +90,8 @@ def round_trip(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: ND
         Motion of the pixels in rows `y` and columns `x`.
     y : (rows,) int
     x : (columns,) int
-    back : (H, W, 2) float32
-        Motion of the other frame; beyond its edges as at them.
+    back : MotionField
+        Of the other frame; beyond its edges as at them.
 
     Returns
     -------
@@ -73,7 +99,7 @@ def round_trip(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: ND
         Pixels.
     """
     distance = np.empty(vectors.shape[:2], np.float32)
-    measure_trips(vectors, y, x, back, distance)
+    measure_trips(vectors, y, x, back.vectors, back.spacing, *back.shape, distance)
     return distance
 
 

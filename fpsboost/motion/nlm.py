@@ -29,7 +29,7 @@ from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 from fpsboost.kernels.tiles import PADDING, search_tiles
 from fpsboost.kernels.unexplained import measure_points, search_unexplained
 from fpsboost.motion.colour import BORDER, Planes, contrast_components, contrast_planes, normalised
-from fpsboost.motion.field import MotionField
+from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
 
@@ -171,12 +171,9 @@ class CoarseToFine:
                 reach=int(level in (last, len(levels0) - 2)),
                 every=2 if level == last and step % 4 == 0 else 1,
             )
-        size, spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
+        (height, width), spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
         field01, field10 = (
-            MotionField(
-                _spread(points.flow * scale, size, spacing),
-                _spread(points.similarity.clip(0, 1), size, spacing),
-            )
+            MotionField(points.flow * scale, points.similarity.clip(0, 1), spacing=spacing, size=(height, width))
             for points in found
         )
         return field01, field10
@@ -274,7 +271,8 @@ class CoarseToFine:
         ties = []
         for flow, replaced, back in zip(flows, looked, looked[::-1], strict=True):
             (rows, columns), distance, apart = flow.shape[:2], _firm(flow), np.float32(step)
-            measure_trips(replaced / apart, np.arange(rows), np.arange(columns), back / apart, distance)
+            places = np.arange(rows), np.arange(columns)
+            measure_trips(replaced / apart, *places, back / apart, 1, rows, columns, distance)
             believed = (np.abs(replaced - flow).max(axis=2) > 1) & (distance * apart <= COMES_BACK)
             ties.append(np.where(believed, LOOSE, np.float32(1)))
         return looked, ties
@@ -318,14 +316,7 @@ def _firm(flow: NDArray[Any]) -> NDArray[Any]:
 def _denser(points: Points, size: tuple[int, ...]) -> Points:
     """Points COARSE_STEP apart as points DENSE_STEP apart."""
     shape = -(-size[0] // DENSE_STEP), -(-size[1] // DENSE_STEP)
-    return Points(*(_spread(each, shape, COARSE_STEP // DENSE_STEP) for each in points))
-
-
-def _spread(points: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
-    """Every pixel takes what its point has."""
-    height, width = size
-    # rows last, which are copied as a whole
-    return points.repeat(spacing, axis=1)[:, :width].repeat(spacing, axis=0)[:height]
+    return Points(*(spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in points))
 
 
 def pyramid(image: Image, coarsest_side: int) -> list[PreparedImage]:

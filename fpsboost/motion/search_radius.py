@@ -25,7 +25,7 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.shortest import find_shortest
 from fpsboost.kernels.tiles import PADDING
 from fpsboost.motion.colour import BORDER, contrast_planes, small_copy
-from fpsboost.motion.field import MotionField, at_points, point_places, round_trip
+from fpsboost.motion.field import MotionField, point_places, round_trip
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
 from fpsboost.motion.vectors import RenderedMotion, VectorFolder
@@ -144,11 +144,11 @@ def expected_motion(image0: PreparedImage, image1: PreparedImage) -> float:
     size = image0.pixels.shape[:2]
     largest = 0.0
     for planes, there, back in (((planes0, planes1), 0, 1), ((planes1, planes0), 1, 0)):
-        compared = _compare(*planes, size, regular[there].flow, AROUND)
+        compared = _compare(*planes, size, regular[there], AROUND)
         certain = _round_trip(regular[there], regular[back], size) <= ROUND_TRIP
         certain &= compared.own >= MIN_SIMILARITY
         longest = _longest_of_neighbours(np.where(certain, compared.shortest, 0))
-        gain = _compare(*planes, size, detailed[there].flow, 0).own - compared.best
+        gain = _compare(*planes, size, detailed[there], 0).own - compared.best
         round_trips = _round_trip(detailed[there], detailed[back], size)
         things = _longest_of_things(detailed[there], round_trips, gain, compared.best < EXPLAINED)
         largest = max(largest, longest, things)
@@ -164,9 +164,9 @@ class _Compared(NamedTuple):
 
 
 def _compare(
-    planes0: NDArray[Any], planes1: NDArray[Any], size: tuple[int, ...], flow: NDArray[Any], around: int
+    planes0: NDArray[Any], planes1: NDArray[Any], size: tuple[int, ...], field: MotionField, around: int
 ) -> _Compared:
-    points = at_points(flow, STEP)
+    points, _ = field.at_points(STEP)
     results = _Compared(*(np.empty(points.shape[:2], np.float32) for _ in range(3)))
     find_shortest(
         planes0,
@@ -185,7 +185,7 @@ def _compare(
 
 
 def _round_trip(there: MotionField, back: MotionField, size: tuple[int, ...]) -> NDArray[Any]:
-    return round_trip(at_points(there.flow, STEP), *point_places(size, STEP), back.flow)
+    return round_trip(there.at_points(STEP)[0], *point_places(size, STEP), back)
 
 
 def _longest_of_neighbours(lengths: NDArray[Any]) -> float:
@@ -199,7 +199,7 @@ def _longest_of_things(
     field: MotionField, round_trips: NDArray[Any], gain: NDArray[Any], unexplained: NDArray[Any]
 ) -> float:
     """The largest motion of things that move by themselves, of which the regular field knows nothing."""
-    lengths = np.abs(at_points(field.flow, STEP)).max(axis=-1)
+    lengths = np.abs(field.at_points(STEP)[0]).max(axis=-1)
     gained = unexplained & (gain >= TOLERANCE) & (round_trips <= 1 + 0.05 * lengths)
     count, labels = cv2.connectedComponents(unexplained.astype(np.uint8))
     points, gains = (np.bincount(labels[mask], minlength=count) for mask in (unexplained, gained))

@@ -61,9 +61,13 @@ def accelerations_at_points(
         1 where vectors in both directions lead there and back, and the acceleration in pixels per interval squared;
         else 0.
     """
-    y, x = point_places(onward[0].flow.shape, spacing)
+    y, x = point_places(onward[0].shape, spacing)
     changes = np.zeros((y.size, x.size, 3), np.float32)
     if away is not None:
-        flows = (field.flow for field in (*onward, *away))
-        find_accelerations(*flows, y, x, ratio, np.float32(CONSISTENT), changes)
+        fields = *onward, *away
+        if len({field.spacing for field in fields}) == 1:
+            vectors, shared = [field.vectors for field in fields], onward[0].spacing
+        else:
+            vectors, shared = [field.flow for field in fields], 1
+        find_accelerations(*vectors, shared, *onward[0].shape, y, x, ratio, np.float32(CONSISTENT), changes)
     return changes

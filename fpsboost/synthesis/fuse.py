@@ -19,7 +19,7 @@ from fpsboost.kernels.fuse import SPARE, finish_mean, fuse_candidates, patch_sha
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
-from fpsboost.motion.field import MotionField, at_points, motion_gradients, point_places, round_trip
+from fpsboost.motion.field import MotionField, motion_gradients, point_places, round_trip
 from fpsboost.motion.trajectory import ONE_SIDED, TWO_SIDED, accelerations_at_points
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
@@ -201,9 +201,9 @@ class Fuse:
         As much as its patches are alike, where that is known, and the less the farther from its beginning the way there
         and back ends: what is hidden in the other frame is found again by chance only, and somewhere else.
         """
-        vectors = at_points(field.flow, self.step)
-        astray = round_trip(vectors, *point_places(field.flow.shape, self.step), other.flow) / np.float32(ASTRAY)
-        trust = at_points(field.similarity, self.step) / (1 + astray * astray)
+        vectors, similarities = field.at_points(self.step)
+        astray = round_trip(vectors, *point_places(field.shape, self.step), other) / np.float32(ASTRAY)
+        trust = similarities / (1 + astray * astray)
         return Voters(vectors, motion_gradients(vectors, self.step), changes, trust)
 
 

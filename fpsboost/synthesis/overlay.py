@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fpsboost.frame import Image
 from fpsboost.kernels.overlay import STANDS_OUT, mark_overlay
 from fpsboost.motion.colour import gray, normalised
-from fpsboost.motion.field import MotionField, at_points
+from fpsboost.motion.field import MotionField
 from fpsboost.prepared import PreparedImage
 
 SPACING = 32
@@ -57,7 +57,7 @@ def find_overlay(
     (H, W) bool
     """
     grays = [image.once(gray) for image in (image0, image1, before, after)]
-    motion = at_points(field01.flow, SPACING)
+    motion, _ = field01.at_points(SPACING)
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), AROUND) for axis in (0, 1)])
     marks = np.empty_like(grays[0])
     mark_overlay(*grays, surroundings, SPACING, SHORTEST, SAME, DIFFERENT, marks)
