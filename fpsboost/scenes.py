@@ -192,13 +192,14 @@ def _followed(thumbnail: Components, there: MotionField, back: MotionField) -> f
     for field in (there, back):
         dx, dy = np.moveaxis(field.flow[end_y, end_x].astype(np.intp), -1, 0)
         end_y, end_x = end_y + dy, end_x + dx
-    arrived = round_trip(there.flow, y[:, 0], x[0], back) < FOUND_BACK
+    looks_the_same = np.ones((height, width), np.float32)
+    elsewhere = round_trip(there.flow, y[:, 0], x[0], back) >= FOUND_BACK
     padded = cv2.copyMakeBorder(thumbnail, *(PATCH_RADIUS,) * 4, cv2.BORDER_REPLICATE)
     patches = sliding_window_view(padded, (2 * PATCH_RADIUS + 1,) * 2, axis=(0, 1))
     samples = patches[..., ::PATCH_RADIUS, ::PATCH_RADIUS]  # centre, corners and edges are enough to tell patches apart
-    apart = np.square(samples[end_y, end_x] - samples).sum(axis=2)
-    looks_the_same = np.exp(-apart / (2 * SAME_V**2)).mean(axis=(2, 3))
-    return float((there.similarity * np.maximum(looks_the_same, arrived)).mean())
+    apart = np.square(samples[end_y[elsewhere], end_x[elsewhere]] - samples[elsewhere]).sum(axis=1)
+    looks_the_same[elsewhere] = np.exp(-apart / (2 * SAME_V**2)).mean(axis=(1, 2))
+    return float((there.similarity * looks_the_same).mean())
 
 
 @dataclass(frozen=True)

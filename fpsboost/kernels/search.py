@@ -88,6 +88,7 @@ def sum_window_across(column, weights, size, width, price, total):
         total[x] = value
 
 
+@lru_cache(maxsize=32)
 def rank_offsets(search_radius: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Order all offsets by length, so that the smallest motion wins a tie.
 
@@ -101,13 +102,14 @@ def rank_offsets(search_radius: int) -> tuple[NDArray[np.int32], NDArray[np.floa
     ranks : (2R + 1, 2R + 1) int32
         Rank of the offset (dx, dy) at ``[dy + R, dx + R]``; 0 is no motion.
     offsets : ((2R + 1)^2, 2) float32
-        ``(dx, dy)`` of every rank.
+        ``(dx, dy)`` of every rank. Both are shared by all callers and not to be written to.
     """
     dy, dx = np.mgrid[-search_radius : search_radius + 1, -search_radius : search_radius + 1]
     order = np.argsort((dx * dx + dy * dy).ravel(), kind="stable")
     ranks = np.empty(order.size, np.int32)
     ranks[order] = np.arange(order.size)
     offsets = np.stack([dx.ravel()[order], dy.ravel()[order]], axis=-1).astype(np.float32)
+    ranks.flags.writeable = offsets.flags.writeable = False
     return ranks.reshape(dx.shape), offsets
 
 
