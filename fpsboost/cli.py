@@ -127,6 +127,7 @@ def convert(
                 overwrite=options.overwrite,
                 resume=options.resume,
                 limit=limit,
+                threads=options.threads,
                 observer=reporter,
             )
         reporter.say_summary(summary)

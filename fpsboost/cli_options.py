@@ -337,6 +337,8 @@ class RunOptions:
         Go on where the same run was stopped, if it was.
     max_memory
         Refuse what needs more: 8G; else what is available.
+    threads
+        Pairs of frames to work on side by side; else one a core.
     verbose
         Say what is used; show a traceback if something fails.
     quiet
@@ -347,6 +349,7 @@ class RunOptions:
     in_place: bool = False
     resume: bool = False
     max_memory: Annotated[str | None, Parameter(metavar="SIZE")] = None
+    threads: Annotated[int | None, Parameter(metavar="N")] = None
     verbose: bool = False
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"])] = False
 

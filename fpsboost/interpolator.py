@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
@@ -22,7 +21,7 @@ from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Still
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.motion.vectors import RenderedMotion
-from fpsboost.prepared import PreparedImage
+from fpsboost.prepared import PreparedImage, Results
 from fpsboost.scenes import CutDetector, CutPolicy
 from fpsboost.synthesis import Synthesizer, Transition
 from fpsboost.synthesis.blend import Blend, Nearest
@@ -83,15 +82,22 @@ class Pair:
         check_pair(image0.pixels, image1.pixels)
         self.image0, self.image1, self.duration = image0, image1, duration
         self._interpolator = interpolator
+        self._results = Results()
 
-    @cached_property
+    @property
     def lighting(self) -> Lighting | None:
         """How the light changes from one to the other; None where it does not."""
+        return self._results.once("lighting", self._find_lighting)
+
+    def _find_lighting(self) -> Lighting | None:
         return find_lighting(self.image0, self.image1) if self._interpolator.relight else None
 
-    @cached_property
+    @property
     def in_one_light(self) -> tuple[PreparedImage, PreparedImage]:
         """The two frames, both in the light of the first."""
+        return self._results.once("in_one_light", self._put_in_one_light)
+
+    def _put_in_one_light(self) -> tuple[PreparedImage, PreparedImage]:
         if self.lighting is None:
             return self.image0, self.image1
         return (
@@ -99,12 +105,15 @@ class Pair:
             PreparedImage(self.lighting.undo(self.image1.pixels), self.image1.place, self.image1.moment),
         )
 
-    @cached_property
+    @property
     def likeness(self) -> float:
         """How much of the two can be found in each other, 0 to 1; 1 where scene cuts are not looked for.
 
         Where the light changes, in the light of either: dim pictures all look alike, but not in the brighter one's.
         """
+        return self._results.once("likeness", self._measure_likeness)
+
+    def _measure_likeness(self) -> float:
         cuts = self._interpolator.cuts
         if cuts is None:
             return 1.0
@@ -140,22 +149,27 @@ class Pair:
             *([pair(self.image0, after.image1)] if after else []),
         ]
 
-    @cached_property
+    @property
     def fields(self) -> tuple[MotionField, MotionField]:
         """Motion in both directions."""
+        return self._results.once("fields", self._estimate)
+
+    def _estimate(self) -> tuple[MotionField, MotionField]:
         fields = self._interpolator.estimator.estimate(*self.in_one_light)
-        self.in_one_light[0].forget()  # in a sequence, the pair before has had its motion: saves memory
+        if self.lighting is not None:  # these belong to no other pair: saves memory
+            for image in self.in_one_light:
+                image.forget()
         return fields
 
     @property
     def search_radius(self) -> int | None:
         """Largest motion that was searched for, pixels; None where an estimator has no such limit or none has run."""
-        return self.fields[0].search_radius if "fields" in self.__dict__ else None
+        return self.fields[0].search_radius if "fields" in self._results else None
 
     def settle(self) -> None:
         """Keep only what the next pair asks for: called once its own frames are made, saves memory."""
         self.image0.forget()
-        self.__dict__.pop("in_one_light", None)
+        self._results.forget("in_one_light")
 
 
 @dataclass(frozen=True)
@@ -297,8 +311,10 @@ class Interpolator:
             onward = self.at_cuts == "extrapolate"
             fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)
             return AT_CUTS[self.at_cuts].synthesize(Transition(pair.image0, pair.image1, *fields), times)
-        fields = pair.fields  # first: once the pair after has its own, the frame that the two share is forgotten
-        neighbours = (_neighbour(before, pair), _neighbour(after, pair)) if self.curved else ()
+        # the next pair's motion first: a thread that makes the frames of that one waits for it
+        following = _neighbour(after, pair) if self.curved else None
+        fields = pair.fields
+        neighbours = (_neighbour(before, pair), following) if self.curved else ()
         images = self.synthesizer.synthesize(Transition(*pair.in_one_light, *fields, *neighbours), times)
         if pair.lighting is not None:
             images = _relit(images, times, pair.lighting, pair.image0.pixels.dtype)

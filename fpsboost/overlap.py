@@ -1,12 +1,14 @@
-"""Reading ahead and writing behind: decode and encode run beside the computation, in bounded queues.
+"""What runs beside each other: decoder, encoder and computation, in bounded queues.
 
-Only codecs run in these two threads, never a parallel kernel. An error on either side surfaces in the caller, and no
-thread outlives the ``with`` block, however it is left.
+An error in any thread surfaces in the caller, and no thread outlives the ``with`` block, however it is left.
 """
 
 from __future__ import annotations
 
+import os
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from queue import Empty, Full, Queue
 from threading import Event, Thread
@@ -20,6 +22,49 @@ PATIENCE = 0.1
 
 def nothing() -> None:
     """Do nothing."""
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # no Linux
+        return os.cpu_count() or 1
+
+
+@contextmanager
+def side_by_side(threads: int) -> Generator[Callable[[Iterable[Callable[[], T]]], Iterator[T]]]:
+    """Run jobs in threads, a few at a time.
+
+    Parameters
+    ----------
+    threads : int
+        1 runs every job in the caller's own thread, when its result is asked for.
+
+    Yields
+    ------
+    callable
+        Takes an iterable of jobs, which is asked for the next one when there is room for it: one more than there are
+        threads are under way or wait to be fetched. Yields their results in order; raises what a job raised.
+    """
+    if threads == 1:
+        yield lambda jobs: (job() for job in jobs)
+        return
+    pool = ThreadPoolExecutor(threads, "fpsboost-pair")
+
+    def in_order(jobs: Iterable[Callable[[], T]]) -> Iterator[T]:
+        running: deque[Future[T]] = deque()
+        for job in jobs:
+            running.append(pool.submit(job))
+            if len(running) > threads:
+                yield running.popleft().result()
+        while running:
+            yield running.popleft().result()
+
+    try:
+        yield in_order
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 @contextmanager

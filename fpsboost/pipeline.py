@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import partial
 from itertools import chain, pairwise
 from typing import Literal, NamedTuple, Protocol, get_args
 
@@ -39,18 +40,21 @@ from fpsboost.media.video.reading import Reading
 from fpsboost.media.video.source import VideoSource
 from fpsboost.memory_limit import MemoryLimit
 from fpsboost.method_table import find_method
-from fpsboost.overlap import nothing, read_ahead, write_behind
+from fpsboost.overlap import available_cores, nothing, read_ahead, side_by_side, write_behind
 from fpsboost.pace import Pace, Rhythm, SlowSound, stretched
 from fpsboost.prepared import Moment, PreparedImage
 from fpsboost.scenes import DuplicateDetector
 from fpsboost.timing import ByRate, Schedule, Step, rising_moment
+
+PART = 4
+"""Output frames that are made in one go, at most."""
 
 READ_AHEAD = 4
 WRITE_BEHIND = 4
 
 Duplicates = Literal["interpolate", "keep"]
 
-SHAPES_NOTHING = ("input", "output", "overwrite", "resume", "limit", "observer")
+SHAPES_NOTHING = ("input", "output", "overwrite", "resume", "limit", "threads", "observer")
 """Arguments of `convert` that a run may change which goes on with another; every other one shapes the output."""
 
 
@@ -144,6 +148,7 @@ def convert(
     overwrite: bool = False,
     resume: bool = False,
     limit: MemoryLimit | None = None,
+    threads: int | None = None,
     observer: Observer | None = None,
 ) -> Summary:
     """Convert a clip to a higher frame rate.
@@ -195,6 +200,9 @@ def convert(
         nothing, start.
     limit : MemoryLimit, optional
         What may be taken: a clip that needs more is refused before it is decoded. What is available without it.
+    threads : int, optional
+        Pairs of frames that are worked on side by side; as many as there are cores without it. Frames are the same
+        with any number.
     observer : Observer, optional
         Told how it goes.
 
@@ -268,6 +276,7 @@ def convert(
                 duplicates=duplicates,
                 stretch=pace.stretch,
                 skip=there,
+                threads=threads,
             )
     # some are known only when everything has been put together
     summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
@@ -320,6 +329,7 @@ def boost(
     duplicates: Duplicates = "interpolate",
     stretch: Fraction = Fraction(1),
     skip: int = 0,
+    threads: int | None = None,
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
 
@@ -340,6 +350,9 @@ def boost(
         handed over in their turn, but where an image would have to be made, one of the source stands in for it.
     stretch : Fraction
         How many times as long the output lasts; the schedule does not know of it.
+    threads : int, optional
+        Pairs of frames that are worked on side by side; as many as there are cores without it. Frames are the same
+        with any number.
 
     Returns
     -------
@@ -348,17 +361,20 @@ def boost(
     Raises
     ------
     OptionError
-        There is no such way to treat duplicates.
+        There is no such way to treat duplicates, or `threads` is below 1.
     InputError
         Fewer than two frames, and whatever source and sink raise.
     """
     check_choice("--duplicates", duplicates, get_args(Duplicates))
+    if threads is not None and threads < 1:
+        raise OptionError(f"--threads must be at least 1, not {threads}.")
     detector = DuplicateDetector() if duplicates == "interpolate" and not interpolator.needs_every_frame else None
     summary = Summary(frames_there=skip)
     observer = observer or Silent()
     with (
         read_ahead(source, READ_AHEAD, _give_up(source)) as arriving,
         write_behind(sink.write, WRITE_BEHIND, _give_up(sink)) as write,
+        side_by_side(threads or available_cores()) as in_order,
     ):
         first = next(arriving, None)
         if first is not None:
@@ -367,7 +383,7 @@ def boost(
         begin = time.perf_counter()
         frames = arriving if first is None else chain([first], arriving)
         clip = _Clip(source.info, schedule, interpolator, summary, beginning(source), skip)
-        outputs = _output_frames(frames, clip, detector, sink.holds_last_frame)
+        outputs = _output_frames(frames, clip, detector, sink.holds_last_frame, in_order)
         for frame in stretched(_with_durations(outputs), stretch):
             write(frame)
             summary.frames_out += 1
@@ -401,6 +417,22 @@ class _Interval(NamedTuple):
     steps: list[list[Step]]
     end: Fraction
     pair: Pair
+
+
+class _Made(NamedTuple):
+    """Output frames of a part of an interval."""
+
+    interval: _Interval
+    frames: list[Frame]
+    new: int
+    """How many of them are none of the source's."""
+    scene_cut: bool
+    duplicates: int
+    """Frames of the interval that are interpolated across."""
+    begins: bool
+    """It is the first part of the interval."""
+    ends: bool
+    """It is the last one."""
 
 
 @dataclass
@@ -444,9 +476,9 @@ class _Clip:
                 yield self.interval(self.last, held)
             self.last = held
 
-    def skipped(self, steps: Sequence[Step]) -> int:
+    def skipped(self, frames: int) -> int:
         """How many of the next frames nobody looks at; asked for in order."""
-        count = min(self.skip, len(steps))
+        count = min(self.skip, frames)
         self.skip -= count
         return count
 
@@ -464,19 +496,25 @@ class _Clip:
 
 
 def _output_frames(
-    frames: Iterator[Frame], clip: _Clip, detector: DuplicateDetector | None, holds_last_frame: bool
+    frames: Iterator[Frame],
+    clip: _Clip,
+    detector: DuplicateDetector | None,
+    holds_last_frame: bool,
+    in_order: Callable[[Iterable[Callable[[], _Made]]], Iterator[_Made]],
 ) -> Generator[Frame, None, Fraction]:
-    """Yield the output frames without durations; return when the clip ends.
-
-    Runs one pair behind the source: how a pair's motion goes on is seen in the next.
-    """
-    shown = clip.shown(frames)
+    """Yield the output frames without durations; return when the clip ends."""
+    shown, summary = clip.shown(frames), clip.summary
     moments = one_by_one(shown) if detector is None else by_moments(shown, detector)
-    for before, interval, after in with_neighbours(clip.intervals(moments)):
-        yield from _between(interval, before, after, clip)
-        if interval.pair.search_radius is not None:
-            clip.summary.search_radii.add(interval.pair.search_radius)
-        interval.pair.settle()
+    for made in in_order(_jobs(clip, moments)):
+        summary.frames_made += made.new
+        if made.begins:
+            summary.duplicates += made.duplicates
+            summary.scene_cuts += made.scene_cut
+        yield from made.frames
+        if made.ends:
+            if made.interval.pair.search_radius is not None:
+                summary.search_radii.add(made.interval.pair.search_radius)
+            made.interval.pair.settle()
     if clip.last is None or clip.summary.frames_in < 2:
         count = "one frame" if clip.summary.frames_in else "no frame"
         raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
@@ -491,32 +529,48 @@ def _output_frames(
     return end
 
 
-def _between(interval: _Interval, before: _Interval | None, after: _Interval | None, clip: _Clip) -> Iterator[Frame]:
-    """The output frames from one held picture to the next."""
-    neighbours = [each and each.pair for each in (before, after)]
-    *repeats, last = zip(interval.held, interval.steps, strict=True)
-    if repeats and interval.pair.breaks_off(*neighbours):
+def _jobs(clip: _Clip, moments: Iterable[Held]) -> Iterator[Callable[[], _Made]]:
+    """What there is to be made, in order: a part of an interval each, so that many frames between two take no memory.
+
+    Runs one pair behind the source: how a pair's motion goes on is seen in the next.
+    """
+    for before, interval, after in with_neighbours(clip.intervals(moments)):
+        count = sum(map(len, interval.steps))
+        skipped = clip.skipped(count)
+        neighbours = before and before.pair, after and after.pair
+        for begin in range(0, max(count, 1), PART):
+            part = range(begin, min(begin + PART, count))
+            yield partial(_make, interval, neighbours, clip.interpolator, part, skipped)
+
+
+def _make(
+    interval: _Interval,
+    neighbours: tuple[Pair | None, Pair | None],
+    interpolator: Interpolator,
+    part: range,
+    skipped: int,
+) -> _Made:
+    """The output frames of a part of an interval; in place of the first `skipped`, any image."""
+    breaks_off = len(interval.held) > 1 and interval.pair.breaks_off(*neighbours)
+    if breaks_off:
         # nothing leads on from it, so it stays held until the last of its frames ends in the cut
-        for shown, steps in repeats:
-            clip.skipped(steps)
-            for step in steps:
-                clip.summary.frames_made += step.t > 0
-                yield replace(shown.frame, time=step.time)
-        shown, steps = last
+        shown = [(each, step) for each, steps in zip(interval.held, interval.steps, strict=True) for step in steps]
+        first_to_move = len(shown) - len(interval.steps[-1])
     else:
-        shown, steps = interval.held[0], _in_one(interval)
-        clip.summary.duplicates += len(repeats)
-    skipped = clip.skipped(steps)
-    inner = [step.t for step in steps[skipped:] if step.t > 0]
-    makes_any = any(step.t > 0 for step in steps)
-    images, scene_cut = clip.interpolator.between(interval.pair, inner, *neighbours) if makes_any else (iter(()), False)
-    clip.summary.scene_cuts += scene_cut
-    for index, step in enumerate(steps):
-        clip.summary.frames_made += step.time != shown.frame.time
-        if step.t == 0:
-            yield replace(shown.frame, time=step.time)
+        shown, first_to_move = [(interval.held[0], step) for step in _in_one(interval)], 0
+    moves = [index >= first_to_move and step.t > 0 for index, (_, step) in enumerate(shown)]
+    inner = [shown[index][1].t for index in part if moves[index] and index >= skipped]
+    images, scene_cut = interpolator.between(interval.pair, inner, *neighbours) if any(moves) else (iter(()), False)
+    frames = []
+    for index in part:
+        each, step = shown[index]
+        if moves[index]:
+            frames.append(Frame(each.frame.image if index < skipped else next(images), step.time))
         else:
-            yield Frame(shown.frame.image if index < skipped else next(images), step.time)
+            frames.append(replace(each.frame, time=step.time))
+    new = sum(shown[index][1].time != shown[index][0].frame.time for index in part)
+    duplicates = 0 if breaks_off else len(interval.held) - 1
+    return _Made(interval, frames, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown))
 
 
 def _in_one(interval: _Interval) -> list[Step]:

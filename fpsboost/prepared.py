@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from concurrent.futures import Future
 from fractions import Fraction
+from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
 from fpsboost.frame import Image
@@ -16,6 +18,43 @@ class Moment(NamedTuple):
 
     number: int
     seconds: Fraction
+
+
+class Results:
+    """What is computed once and asked for by several threads: the first one computes it, the others wait for it."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._futures: dict[Hashable, Future[Any]] = {}
+
+    def once(self, key: Hashable, compute: Callable[[], Result]) -> Result:
+        """What `compute` returns, computed when the key is first asked for."""
+        with self._lock:
+            future = self._futures.get(key)
+            is_first = future is None
+            if future is None:
+                future = self._futures[key] = Future()
+        if is_first:
+            try:
+                future.set_result(compute())
+            except BaseException as error:
+                self.forget(key)
+                future.set_exception(error)
+        result: Result = future.result()
+        return result
+
+    def forget(self, *keys: Hashable) -> None:
+        """Let go of these results, or of all; what is asked for again is computed again."""
+        with self._lock:
+            if not keys:
+                self._futures.clear()
+            for key in keys:
+                self._futures.pop(key, None)
+
+    def __contains__(self, key: Hashable) -> bool:
+        with self._lock:
+            future = self._futures.get(key)
+        return future is not None and future.done()
 
 
 class PreparedImage:
@@ -43,16 +82,25 @@ class PreparedImage:
         self.pixels = pixels
         self.place = place
         self.moment = moment
-        self._results: dict[tuple[Hashable, ...], Any] = {}
+        self._results = Results()
+        self._lock = Lock()
+        self._asked_once: set[Hashable] = set()
 
     def once(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
         """``function(pixels, *arguments)``, computed when it is first asked for."""
+        return self._results.once((function, *arguments), lambda: function(self.pixels, *arguments))
+
+    def for_both_pairs(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
+        """Like `once`, but forgotten when it is asked for again: by the other pair that the image is part of."""
+        result = self.once(function, *arguments)
         key = function, *arguments
-        if key not in self._results:
-            self._results[key] = function(self.pixels, *arguments)
-        result: Result = self._results[key]
+        with self._lock:
+            is_second = key in self._asked_once
+            self._asked_once ^= {key}
+        if is_second:
+            self._results.forget(key)
         return result
 
     def forget(self) -> None:
         """Let go of all results; what is asked for again is computed again."""
-        self._results.clear()
+        self._results.forget()

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
 import cv2
-import numba
 import numpy as np
 import pytest
 from truth import accelerating, affine, as_type, eroded, layers, moving_object, noise, prepared, translation, waves
@@ -361,13 +359,6 @@ def test_any_number_of_channels_is_followed(channels):
 # -------------------------------------------------------------------------------------------------------- curved paths
 
 
-@pytest.fixture
-def _threads() -> Iterator[None]:
-    count = numba.get_num_threads()
-    yield
-    numba.set_num_threads(count)
-
-
 def three_pairs(interpolator, **motion):
     """The pairs before, in and after the middle of an accelerating texture, and its truth at 1/2."""
     at = accelerating(96, 128, **motion)
@@ -472,23 +463,6 @@ def test_a_cut_is_no_neighbour():
     assert (images[0] != images[2]).any()
     for one, with_cut in zip(images[::2], images[1::2], strict=True):
         np.testing.assert_array_equal(one, with_cut)
-
-
-@pytest.mark.usefixtures("_threads")
-@pytest.mark.parametrize("scene", ["speeding up", "fading", "titled"])
-def test_the_number_of_threads_does_not_matter(scene):
-    """From three pairs to bent paths, through a fade and with a title, one thread and all give the same bits."""
-    results = []
-    for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS)):
-        numba.set_num_threads(count)
-        nlm = replace(methods["nlm"], cuts=None)
-        if scene == "speeding up":
-            (before, pair, after), _ = three_pairs(nlm, velocity=(4, -2), acceleration=(2, 1))
-        else:
-            before, pair, after = (nlm.pair(*each) for each in pairwise(prepared(*eventful(scene))))
-        results.append(list(nlm.between(pair, [0.3, 0.5], before, after).images))
-    for result in results[1:]:
-        np.testing.assert_array_equal(result, results[0])
 
 
 # -------------------------------------------------------------------------------------------- fading light and overlays

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import numba
 import numpy as np
 import pytest
 from truth import noise, translation
@@ -101,17 +100,3 @@ def test_steps_reach_the_end_of_the_range(pattern):
             image0, image1 = (each.astype(np.uint16) for each in (image, image - sign * 14))
             motion, _ = matched(image0, image1, 16, 7, pattern)
             assert motion[1, 1].tolist() == [sign * 7 * (axis == 0), sign * 7 * (axis == 1)]
-
-
-@every_pattern
-def test_the_number_of_threads_does_not_matter(pattern):
-    """One thread and all give the same bits, also for float sums."""
-    image0, image1 = (noise(33, 41, 3, np.float32, seed) for seed in (1, 2))
-    count = numba.get_num_threads()
-    results = []
-    for threads in (numba.config.NUMBA_NUM_THREADS, 1):
-        numba.set_num_threads(threads)
-        results.append(matched(image0, image1, 8, 3, pattern))
-    numba.set_num_threads(count)
-    for one, other in zip(*results, strict=True):
-        np.testing.assert_array_equal(one, other)

@@ -62,22 +62,20 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
     mean, confidence = np.zeros((channels, height, width), np.float32), np.full((height, width), np.nan, np.float32)
     weight_sum, similarity_sum = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     numbers = [np.float32(each) for each in (scale, sharpness, enough, negligible)]
-    for parity in (1, 0):
-        fuse_candidates(
-            samples(image0),
-            samples(image1),
-            height,
-            width,
-            np.float32(t),
-            *listed(candidates),
-            parity,
-            *numbers,
-            window_shape(),
-            patch_shares(),
-            mean,
-            weight_sum,
-            similarity_sum,
-        )
+    fuse_candidates(
+        samples(image0),
+        samples(image1),
+        height,
+        width,
+        np.float32(t),
+        *listed(candidates),
+        *numbers,
+        window_shape(),
+        patch_shares(),
+        mean,
+        weight_sum,
+        similarity_sum,
+    )
     finish_mean(weight_sum, similarity_sum, mean, confidence)
     return mean.transpose(1, 2, 0), confidence
 

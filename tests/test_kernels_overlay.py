@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -119,22 +116,3 @@ def test_motion_out_of_the_frame_says_nothing():
         image[5, 9] = 200
     for far in ((0, 6), (0, -7), (20, 0), (-10000, 10000), (3e7, 0)):
         assert (mark(images, steady((12, 20), 20, *far), 20) == STAYS).all()
-
-
-@pytest.fixture
-def _threads() -> Iterator[None]:
-    count = numba.get_num_threads()
-    yield
-    numba.set_num_threads(count)
-
-
-@pytest.mark.usefixtures("_threads")
-def test_the_number_of_threads_does_not_matter():
-    """One thread and all of them find the same."""
-    images, motion = clip(70, 45, 9), block_motion(70, 45, 16, 5, 9)
-    found = []
-    for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS)):
-        numba.set_num_threads(count)
-        found.append(mark(images, motion, 16))
-    for each in found[1:]:
-        np.testing.assert_array_equal(each, found[0])

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import cv2
-import numba
 import numpy as np
 import pytest
 from truth import affine, as_type, eroded, frozen, layers, moving_object, noise, prepared, translation
@@ -40,13 +38,6 @@ estimators: dict[str, MotionEstimator] = {
 every_estimator = pytest.mark.parametrize("estimator", estimators.values(), ids=estimators.keys())
 own = "nlm", "exhaustive"
 own_kernels = pytest.mark.parametrize("estimator", [estimators[name] for name in own], ids=own)
-
-
-@pytest.fixture
-def _threads() -> Iterator[None]:
-    count = numba.get_num_threads()
-    yield
-    numba.set_num_threads(count)
 
 
 def errors(field, flow) -> np.ndarray:
@@ -230,21 +221,6 @@ def test_the_type_of_the_pixels_does_not_matter(estimator, dtype):
     for field, other in zip(estimator.estimate(*clip.prepared), estimator.estimate(*prepared(*others)), strict=True):
         assert (errors(field, other.flow) <= 1e-3).mean() > 0.999
         np.testing.assert_allclose(field.similarity, other.similarity, atol=1e-4)
-
-
-@own_kernels
-@pytest.mark.usefixtures("_threads")
-def test_the_number_of_threads_does_not_matter(estimator):
-    """One thread, as many as there are, and a repeat give the same bits."""
-    clip = affine(400, 90, shift=(3, 2), degrees=1, seed=5)
-    results = []
-    for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS), 1):
-        numba.set_num_threads(count)
-        results.append(estimator.estimate(*clip.prepared))
-    for result in results[1:]:
-        for field, first in zip(result, results[0], strict=True):
-            np.testing.assert_array_equal(field.flow, first.flow)
-            np.testing.assert_array_equal(field.similarity, first.similarity)
 
 
 @pytest.mark.parametrize(

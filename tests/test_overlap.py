@@ -1,14 +1,15 @@
-"""Reading ahead and writing behind: order, errors, bounds, and no thread left over."""
+"""Reading ahead, computing side by side and writing behind: order, errors, bounds, and no thread left over."""
 
 from __future__ import annotations
 
 import itertools
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import pytest
 
-from fpsboost.overlap import read_ahead, write_behind
+from fpsboost.overlap import available_cores, read_ahead, side_by_side, write_behind
 
 
 class OnPurposeError(Exception):
@@ -257,3 +258,67 @@ def test_both_sides_end_when_one_fails(side):
 
     with pytest.raises(OnPurposeError):
         copy()
+
+
+@pytest.mark.parametrize("threads", [1, 2, 7])
+def test_results_come_in_the_order_of_the_jobs(threads):
+    """Whichever ends first, and none is lost."""
+    late = threading.Event()
+
+    def job(number: int) -> int:
+        if number == 0 and threads > 1:
+            assert late.wait(10)
+        if number == 1:
+            late.set()
+        return number
+
+    with side_by_side(threads) as in_order:
+        assert list(in_order(partial(job, number) for number in range(30))) == list(range(30))
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_no_more_jobs_are_taken_than_there_is_room_for(threads):
+    """One more than there are threads, before anything is fetched."""
+    taken = []
+
+    def jobs() -> Iterator[Callable[[], int]]:
+        for number in itertools.count():
+            taken.append(number)
+            yield partial(int, number)
+
+    with side_by_side(threads) as in_order:
+        results = in_order(jobs())
+        for number in range(20):
+            assert next(results) == number
+            assert len(taken) == number + (1 if threads == 1 else threads + 1)
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+@pytest.mark.parametrize("where", ["job", "jobs", "caller"])
+def test_an_error_beside_other_jobs_surfaces_in_its_turn(threads, where):
+    """After the results before it; whatever waits is dropped, and no thread is left."""
+
+    def job(number: int) -> int:
+        if where == "job" and number == 5:
+            raise OnPurposeError
+        return number
+
+    received = []
+
+    def fetch() -> None:
+        source = failing_after(5) if where == "jobs" else itertools.count()
+        with side_by_side(threads) as in_order:
+            for result in in_order(partial(job, number) for number in source):
+                received.append(result)
+                if where == "caller" and result == 4:
+                    raise OnPurposeError
+
+    with pytest.raises(OnPurposeError):
+        fetch()
+    assert received == list(range(len(received)))
+    assert where == "jobs" or len(received) == 5
+
+
+def test_there_is_a_core():
+    """At least the one that this runs on."""
+    assert available_cores() >= 1

@@ -453,8 +453,9 @@ def test_ctrl_c_in_the_loop_comes_through():
 @pytest.mark.parametrize("slow_side", ["source", "sink"])
 @pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
 @pytest.mark.parametrize(("duplicates", "limit"), [("keep", 12), ("interpolate", 20)])
-def test_memory_does_not_grow(slow_side, holds, duplicates, limit):
-    """Of 200 frames a dozen are alive at any time, and in a slow fade as many more as a held picture may consist of."""
+@pytest.mark.parametrize("threads", [1, 3])
+def test_memory_does_not_grow(slow_side, holds, duplicates, limit, threads):
+    """Of 200 frames a dozen are alive at any time, one more for each thread, and in a slow fade a held picture's."""
     alive: set[int] = set()
     most = 0
 
@@ -473,10 +474,38 @@ def test_memory_does_not_grow(slow_side, holds, duplicates, limit):
         def write(self, frame: Frame) -> None:
             time.sleep(0.001 if slow_side == "sink" else 0)
 
-    summary = boost(FakeSource(frames()), BLEND, ForgetfulSink(holds), ByFactor(Fraction(2)), duplicates=duplicates)
+    source, sink = FakeSource(frames()), ForgetfulSink(holds)
+    summary = boost(source, BLEND, sink, ByFactor(Fraction(2)), duplicates=duplicates, threads=threads)
     assert summary.frames_in == 200
-    assert most <= limit
+    assert most <= limit + threads
     assert not alive
+
+
+def test_the_number_of_threads_does_not_matter():
+    """Pictures that move, are held, fade and are cut: the same frames and the same counts, bit by bit."""
+    random = np.random.default_rng(1)
+    scenes = [cv2.GaussianBlur(random.random((90, 140, 3), np.float32), (0, 0), 2) for _ in range(2)]
+    pictures = [scenes[k // 6][10:58, 10 + 3 * (k % 6) : 74 + 3 * (k % 6)] * (1 - 0.05 * k) for k in range(11)]
+    images = [np.rint(picture / picture.max() * 255).astype(np.uint8) for picture in pictures]
+    order = [0, 1, 2, 2, 3, 3, 4, 5, 6, 7, 8, 9, 10]
+    frames = [Frame(images[k], Fraction(n, 25), Fraction(1, 25)) for n, k in enumerate(order)]
+    results = []
+    for threads in (1, 2, 5):
+        sink = FakeSink()
+        summary = boost(FakeSource(frames), methods["nlm"], sink, ByFactor(Fraction(5)), threads=threads)
+        results.append((sink.frames, replace(summary, seconds=0)))
+    for made, counts in results[1:]:
+        assert counts == results[0][1]
+        for frame, expected in zip(made, results[0][0], strict=True):
+            assert (frame.time, frame.duration) == (expected.time, expected.duration)
+            np.testing.assert_array_equal(frame.image, expected.image)
+    assert results[0][1].scene_cuts == 1
+
+
+def test_threads_below_one_are_refused():
+    """The sentence names the option."""
+    with pytest.raises(OptionError, match="--threads must be at least 1, not 0"):
+        boost(FakeSource(regular(3)), BLEND, FakeSink(), ByFactor(Fraction(2)), threads=0)
 
 
 # ------------------------------------------------------------------------------------------------------- whole files

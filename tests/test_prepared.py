@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import threading
 import weakref
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -15,7 +17,7 @@ from truth import affine, noise, prepared
 
 from fpsboost.method_table import methods
 from fpsboost.pipeline import Silent, convert
-from fpsboost.prepared import PreparedImage
+from fpsboost.prepared import PreparedImage, Results
 
 PER_FRAME = [
     "fpsboost.scenes.small_copy",
@@ -182,3 +184,33 @@ def test_a_settled_pair_serves_its_neighbours_as_before():
             pairs[0].settle()
         made += interpolator.between(pairs[1], [0.5], pairs[0], pairs[2]).images
     np.testing.assert_array_equal(*made)
+
+
+def test_what_both_pairs_have_had_is_forgotten():
+    """The second one gets the first one's, and a third would get its own."""
+    image = PreparedImage(np.arange(6))
+    first, second, third = (image.for_both_pairs(np.negative) for _ in range(3))
+    assert first is second
+    assert third is not second
+
+
+def test_threads_that_ask_at_once_get_one_result():
+    """The first one computes it, and the others wait for it."""
+    results, calls, asked, release = Results(), [], threading.Barrier(5), threading.Event()
+
+    def compute() -> object:
+        calls.append(1)
+        assert release.wait(10)
+        return object()
+
+    def ask() -> object:
+        asked.wait(10)
+        return results.once("key", compute)
+
+    with ThreadPoolExecutor(4) as pool:
+        futures = [pool.submit(ask) for _ in range(4)]
+        asked.wait(10)
+        release.set()
+        found = {id(future.result()) for future in futures}
+    assert len(found) == len(calls) == 1
+    assert "key" in results

@@ -598,7 +598,7 @@ def test_every_option_belongs_to_the_job(tmp_path, monkeypatch):
     with pytest.raises(StoppedError):
         convert(str(write_clip(tmp_path / "in.mp4")), str(tmp_path / "out.mp4"))
     arguments = set(convert.__annotations__) - {"return"}
-    assert set(noted) == arguments - {"input", "output", "overwrite", "limit", "observer"}
+    assert set(noted) == arguments - {"input", "output", "overwrite", "limit", "threads", "observer"}
 
 
 @pytest.mark.parametrize(

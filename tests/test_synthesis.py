@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numba
 import numpy as np
 import pytest
 from truth import Clip, affine, eroded, layers, moving_object, noise, prepared, translation
@@ -36,13 +35,6 @@ along_motion = pytest.mark.parametrize(
     ids=["fuse", "iterative", "brute-force", "paint"],
 )
 TIMES = (0.25, 0.5, 0.75)
-
-
-@pytest.fixture
-def _threads() -> Iterator[None]:
-    count = numba.get_num_threads()
-    yield
-    numba.set_num_threads(count)
 
 
 def true_fields(clip: Clip) -> tuple[MotionField, MotionField]:
@@ -227,24 +219,6 @@ def test_several_times_at_once_equal_one_at_a_time(synthesizer):
     for t, image in zip(TIMES, together, strict=True):
         (alone,) = made(synthesizer, clip, [t])
         np.testing.assert_array_equal(image, alone)
-
-
-@along_motion
-@pytest.mark.usefixtures("_threads")
-def test_the_number_of_threads_does_not_matter(synthesizer):
-    """One thread, as many as there are, and a repeat give the same bits."""
-    random = np.random.default_rng(1)
-    clip = translation(64, 80, 0, 0)
-    fields = [
-        MotionField(random.normal(size=(64, 80, 2)).astype(np.float32) * 5, random.random((64, 80), np.float32))
-        for _ in range(2)
-    ]
-    results = []
-    for count in (numba.config.NUMBA_NUM_THREADS, 1, min(2, numba.config.NUMBA_NUM_THREADS), 1):
-        numba.set_num_threads(count)
-        results.append(list(synthesizer.synthesize(Transition(*clip.prepared, *fields), TIMES)))
-    for result in results[1:]:
-        np.testing.assert_array_equal(result, results[0])
 
 
 @every_synthesizer

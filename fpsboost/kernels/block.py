@@ -7,7 +7,7 @@ rows of values, the channels of a pixel side by side, so that a row of a block i
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import JIT
 
@@ -30,7 +30,7 @@ def sum_of_differences(rows0, rows1, channels, block, dy, dx, limit, kind):
     return total
 
 
-@njit(parallel=True, cache=True, **JIT)
+@njit(cache=True, **JIT)
 def match_blocks(rows0, rows1, channels, block_size, search_range, offsets, turns, repeated, motion, difference):
     """Find every block of the first image in the second.
 
@@ -55,8 +55,8 @@ def match_blocks(rows0, rows1, channels, block_size, search_range, offsets, turn
     """
     height, width = rows0.shape[0], rows0.shape[1] // channels
     kind = difference.dtype.type
-    for number in prange(difference.size):
-        row, column = np.int64(number) // difference.shape[1], np.int64(number) % difference.shape[1]
+    for number in range(difference.size):
+        row, column = divmod(number, difference.shape[1])
         top, left = row * block_size, column * block_size
         bottom, right = min(top + block_size, height), min(left + block_size, width)
         best_y, best_x, least = np.int64(0), np.int64(0), kind(UNLIMITED)

@@ -10,15 +10,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import JIT
 
 CELL = 16
 """Distance of the nodes, pixels; each lies in the middle of a cell of this size."""
-
-BAND = 12
-"""Rows of nodes that a thread takes at once."""
 
 SUMS = 10
 """What is summed up for a candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and how
@@ -32,7 +29,7 @@ UNKNOWN = np.float32(0.1)
 """Share of a candidate's votes that count as votes for no acceleration."""
 
 
-@njit(parallel=True, cache=True, **JIT)
+@njit(cache=True, **JIT)
 def collect_candidates(
     vectors, gradients, accelerations, trust, sign, t, step, support, tolerance, height, width, count, votes, sums
 ):
@@ -70,62 +67,59 @@ def collect_candidates(
     one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1 / CELL)
     middle = np.float32(CELL / 2)
     curve = t * (one - t) * half
-    # each thread sees all motions and has nodes of its own: their candidates come in the same order
-    for number in prange((rows + BAND - 1) // BAND):
-        first, last = np.int64(number) * BAND, min((np.int64(number) + 1) * BAND, rows) - 1
-        for i in range(vectors.shape[0]):
-            y = np.float32(min(i * step + step // 2, height - 1)) + half  # cells begin before their first pixel
-            for j in range(vectors.shape[1]):
-                x = np.float32(min(j * step + step // 2, width - 1)) + half
-                known, ax, ay = accelerations[i, j, 0], accelerations[i, j, 1], accelerations[i, j, 2]
-                landing_x = x + t * vectors[i, j, 0] - curve * ax
-                landing_y = y + t * vectors[i, j, 1] - curve * ay
-                top = max(math.ceil((landing_y - middle - support) * per_cell), first)
-                bottom = min(math.floor((landing_y - middle + support) * per_cell), last)
-                left = max(math.ceil((landing_x - middle - support) * per_cell), 0)
-                right = min(math.floor((landing_x - middle + support) * per_cell), columns - 1)
-                for row in range(top, bottom + 1):
-                    down = one - abs(landing_y - middle - np.float32(row * CELL)) / support
-                    for column in range(left, right + 1):
-                        across = one - abs(landing_x - middle - np.float32(column * CELL)) / support
-                        # zoomed and turned motion is extended to the node
-                        apart_x = middle + np.float32(column * CELL) - landing_x
-                        apart_y = middle + np.float32(row * CELL) - landing_y
-                        dx = vectors[i, j, 0] + apart_x * gradients[i, j, 0, 0] + apart_y * gradients[i, j, 1, 0]
-                        dy = vectors[i, j, 1] + apart_x * gradients[i, j, 0, 1] + apart_y * gradients[i, j, 1, 1]
-                        dx, dy = sign * dx, sign * dy
-                        vote = trust[i, j] * down * across
-                        if vote <= 0:
-                            continue
-                        listed = count[row, column]
-                        k = 0
-                        while k < listed:
-                            share = votes[row, column, k]
-                            apart = abs(sums[row, column, k, 0] - dx * share)
-                            apart = max(apart, abs(sums[row, column, k, 1] - dy * share))
-                            if apart < tolerance * share:
-                                break
-                            k += 1
-                        if k == capacity:
-                            continue
-                        if k == listed:
-                            count[row, column] += 1
-                        votes[row, column, k] += vote
-                        sums[row, column, k, 0] += vote * dx
-                        sums[row, column, k, 1] += vote * dy
-                        turned = sign * vote
-                        sums[row, column, k, 6] += turned * gradients[i, j, 0, 0]
-                        sums[row, column, k, 7] += turned * gradients[i, j, 0, 1]
-                        sums[row, column, k, 8] += turned * gradients[i, j, 1, 0]
-                        sums[row, column, k, 9] += turned * gradients[i, j, 1, 1]
-                        vote *= known
-                        sums[row, column, k, 2] += vote
-                        sums[row, column, k, 3] += vote * ax
-                        sums[row, column, k, 4] += vote * ay
-                        sums[row, column, k, 5] += vote * (ax * ax + ay * ay)
+    for i in range(vectors.shape[0]):
+        y = np.float32(min(i * step + step // 2, height - 1)) + half  # cells begin before their first pixel
+        for j in range(vectors.shape[1]):
+            x = np.float32(min(j * step + step // 2, width - 1)) + half
+            known, ax, ay = accelerations[i, j, 0], accelerations[i, j, 1], accelerations[i, j, 2]
+            landing_x = x + t * vectors[i, j, 0] - curve * ax
+            landing_y = y + t * vectors[i, j, 1] - curve * ay
+            top = max(math.ceil((landing_y - middle - support) * per_cell), 0)
+            bottom = min(math.floor((landing_y - middle + support) * per_cell), rows - 1)
+            left = max(math.ceil((landing_x - middle - support) * per_cell), 0)
+            right = min(math.floor((landing_x - middle + support) * per_cell), columns - 1)
+            for row in range(top, bottom + 1):
+                down = one - abs(landing_y - middle - np.float32(row * CELL)) / support
+                for column in range(left, right + 1):
+                    across = one - abs(landing_x - middle - np.float32(column * CELL)) / support
+                    # zoomed and turned motion is extended to the node
+                    apart_x = middle + np.float32(column * CELL) - landing_x
+                    apart_y = middle + np.float32(row * CELL) - landing_y
+                    dx = vectors[i, j, 0] + apart_x * gradients[i, j, 0, 0] + apart_y * gradients[i, j, 1, 0]
+                    dy = vectors[i, j, 1] + apart_x * gradients[i, j, 0, 1] + apart_y * gradients[i, j, 1, 1]
+                    dx, dy = sign * dx, sign * dy
+                    vote = trust[i, j] * down * across
+                    if vote <= 0:
+                        continue
+                    listed = count[row, column]
+                    k = 0
+                    while k < listed:
+                        share = votes[row, column, k]
+                        apart = abs(sums[row, column, k, 0] - dx * share)
+                        apart = max(apart, abs(sums[row, column, k, 1] - dy * share))
+                        if apart < tolerance * share:
+                            break
+                        k += 1
+                    if k == capacity:
+                        continue
+                    if k == listed:
+                        count[row, column] += 1
+                    votes[row, column, k] += vote
+                    sums[row, column, k, 0] += vote * dx
+                    sums[row, column, k, 1] += vote * dy
+                    turned = sign * vote
+                    sums[row, column, k, 6] += turned * gradients[i, j, 0, 0]
+                    sums[row, column, k, 7] += turned * gradients[i, j, 0, 1]
+                    sums[row, column, k, 8] += turned * gradients[i, j, 1, 0]
+                    sums[row, column, k, 9] += turned * gradients[i, j, 1, 1]
+                    vote *= known
+                    sums[row, column, k, 2] += vote
+                    sums[row, column, k, 3] += vote * ax
+                    sums[row, column, k, 4] += vote * ay
+                    sums[row, column, k, 5] += vote * (ax * ax + ay * ay)
 
 
-@njit(parallel=True, cache=True, **JIT)
+@njit(cache=True, **JIT)
 def list_candidates(count, votes, sums, still_votes, spread, least_share, least, motions, weights):
     """The candidates of each node by falling votes, and no motion as the last.
 
@@ -150,8 +144,8 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
     """
     rows, columns, _ = votes.shape
     room = weights.shape[2]
-    for number in prange(rows * columns):
-        row, column = np.int64(number) // columns, np.int64(number) % columns
+    for number in range(rows * columns):
+        row, column = divmod(number, columns)
         waiting, node_sums, node_weights = votes[row, column].copy(), sums[row, column], weights[row, column]
         all_votes = waiting.sum() + still_votes
         listed = min(count[row, column], room - 1)

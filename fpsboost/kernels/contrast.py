@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.levels import WHITE
@@ -32,7 +32,7 @@ def split_row(pixels, channels, normalise, scale, luma, first, third):
         third[x] = chroma * scale
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def split_colours(image, normalise, scale, padding, luma, planes):
     """Luma, and the first and third plane: half luma and mean chroma.
 
@@ -51,8 +51,7 @@ def split_colours(image, normalise, scale, padding, luma, planes):
     """
     height, width, channels = image.shape
     rows = np.ascontiguousarray(image).reshape(height, width * channels)
-    for row in prange(height):
-        y = np.int64(row)
+    for y in range(height):
         first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
         if channels == 3:  # a constant for the compiler: pixels three values apart make vectors
             split_row(rows[y], 3, normalise, scale, luma[y], first, third)
@@ -60,7 +59,7 @@ def split_colours(image, normalise, scale, padding, luma, planes):
             split_row(rows[y], channels, normalise, scale, luma[y], first, third)
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def finish_planes(luma, local_mean, scale, padding, planes):
     """The second plane, twice the luma less its local mean, and repeated edges on all three.
 
@@ -74,8 +73,8 @@ def finish_planes(luma, local_mean, scale, padding, planes):
     """
     height, width = luma.shape
     twice = np.float32(2) * scale
-    for row in prange(height):
-        y = np.int64(row) + padding
+    for row in range(height):
+        y = row + padding
         for x in range(width):
             planes[1, y, padding + x] = twice * (luma[row, x] - local_mean[row, x])
         for c in range(3):
@@ -83,15 +82,15 @@ def finish_planes(luma, local_mean, scale, padding, planes):
                 planes[c, y, x] = planes[c, y, padding]
             for x in range(padding + width, planes.shape[2]):
                 planes[c, y, x] = planes[c, y, padding + width - 1]
-    for row in prange(padding):
-        above, below = np.int64(row), np.int64(row) + padding + height
+    for row in range(padding):
+        below = row + padding + height
         for c in range(3):
             for x in range(planes.shape[2]):
-                planes[c, above, x] = planes[c, padding, x]
+                planes[c, row, x] = planes[c, padding, x]
                 planes[c, below, x] = planes[c, padding + height - 1, x]
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def quantise_planes(planes, inner, height, width, scale, shifts, outer, levels):
     """Planes in bytes, rounded and clipped, with repeated edges.
 
@@ -110,16 +109,16 @@ def quantise_planes(planes, inner, height, width, scale, shifts, outer, levels):
     """
     count, rows, _ = levels.shape
     nothing, white = np.float32(0), np.float32(WHITE)
-    for number in prange(count * height):
-        c, y = np.int64(number) // height, np.int64(number) % height
+    for number in range(count * height):
+        c, y = divmod(number, height)
         values, row = planes[c, inner + y, inner:], levels[c, outer + y]
         frame, shift = row[outer:], shifts[c] + np.float32(0.5)
         for x in range(width):
             frame[x] = np.uint8(min(max(values[x] * scale + shift, nothing), white))
         row[:outer] = row[outer]
         row[outer + width :] = row[outer + width - 1]
-    for number in prange(count * (rows - height)):
-        c, y = np.int64(number) // (rows - height), np.int64(number) % (rows - height)
+    for number in range(count * (rows - height)):
+        c, y = divmod(number, rows - height)
         if y < outer:
             levels[c, y] = levels[c, outer]
         else:

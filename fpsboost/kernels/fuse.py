@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.candidates import CELL
 from fpsboost.kernels.fma import fma
@@ -246,12 +246,12 @@ def smallest(values, room):
     return room[:LANES].min()
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def fuse_candidates(
-    samples0, samples1, height, width, t, count, motions, weights, parity, scale, sharpness, enough, negligible,
-    shape, inverse, mean, weight_sum, similarity_sum,
+    samples0, samples1, height, width, t, count, motions, weights, scale, sharpness, enough, negligible, shape,
+    inverse, mean, weight_sum, similarity_sum,
 ):  # fmt: skip
-    """Add the windows of every second row of nodes to the in-between frame.
+    """Add the windows of all nodes to the in-between frame.
 
     Parameters
     ----------
@@ -263,8 +263,6 @@ def fuse_candidates(
     motions : (rows, columns, room, MOTION) float32
     weights : (rows, columns, room) float32
         See `fpsboost.kernels.candidates`.
-    parity : int
-        0 for the even rows, 1 for the odd ones, whose windows overlap those.
     scale : float32
         Factor on squared colour differences.
     sharpness : float32
@@ -286,16 +284,15 @@ def fuse_candidates(
     flat_similarities = similarity_sum.reshape(similarity_sum.size)
     rows_of_nodes, columns_of_nodes = count.shape
     one = np.float32(1)
-    for number in prange((rows_of_nodes - parity + 1) // 2):
-        row = 2 * np.int64(number) + parity
-        rows = np.empty((WINDOW + 3) * WINDOW, np.float32)
-        first, second = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
-        distance, mixed = np.empty(AREA, np.float32), np.empty((channels, AREA), np.float32)
-        padded, half_way = np.zeros(PADDED * PADDED, np.float32), np.zeros(PADDED * PADDED, np.float32)
-        similarity, weight = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
-        total, node_weights = np.empty((channels, AREA), np.float32), np.empty(AREA, np.float32)
-        node_similarities, most_similar = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
-        marks = np.empty((4, WINDOW), np.float32)
+    rows = np.empty((WINDOW + 3) * WINDOW, np.float32)
+    first, second = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
+    distance, mixed = np.empty(AREA, np.float32), np.empty((channels, AREA), np.float32)
+    padded, half_way = np.zeros(PADDED * PADDED, np.float32), np.zeros(PADDED * PADDED, np.float32)
+    similarity, weight = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
+    total, node_weights = np.empty((channels, AREA), np.float32), np.empty(AREA, np.float32)
+    node_similarities, most_similar = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
+    marks = np.empty((4, WINDOW), np.float32)
+    for row in range(rows_of_nodes):
         top = row * CELL - (WINDOW - CELL) // 2
         begin_y, end_y = max(-top, 0), min(height - top, WINDOW)
         for column in range(columns_of_nodes):
@@ -368,7 +365,7 @@ def patch_shares() -> np.ndarray:
     return (1 / np.outer(length, length)).ravel().astype(np.float32)
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def finish_mean(weight_sum, similarity_sum, mean, confidence):
     """Divide by the weights.
 
@@ -381,8 +378,7 @@ def finish_mean(weight_sum, similarity_sum, mean, confidence):
         Weighted mean similarity to the eighth power: what it would be with a v of about a third.
     """
     channels, height, width = mean.shape
-    for row in prange(height):
-        y = np.int64(row)
+    for y in range(height):
         for x in range(width):
             # a few levels of difference are nothing to the weights, but something to the eye
             trust = min(similarity_sum[y, x] / weight_sum[y, x], np.float32(1))
@@ -394,7 +390,7 @@ def finish_mean(weight_sum, similarity_sum, mean, confidence):
                 mean[c, y, x] /= weight_sum[y, x]
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def write_pixels(mean, scale, half, lowest, highest, straight_alpha, image):
     """Planes as an image of its own type.
 
@@ -408,8 +404,7 @@ def write_pixels(mean, scale, half, lowest, highest, straight_alpha, image):
     image : (H, W, C) out
     """
     channels, height, width = mean.shape
-    for row in prange(height):
-        y = np.int64(row)
+    for y in range(height):
         for c in range(channels):
             for x in range(width):
                 value = mean[c, y, x]

@@ -1,14 +1,9 @@
 """Compiler options of the kernels.
 
 Nothing is allowed that changes a number: no reordering of sums, so that results do not depend on how a loop was cut
-into vectors or threads, and no contraction (see `fpsboost.kernels.fma`).
+into vectors, and no contraction (see `fpsboost.kernels.fma`). Every kernel runs in one thread and lets go of Python's
+lock, so that pairs of frames can be worked on side by side (see `fpsboost.overlap`).
 """
-
-import os
-
-# A thread that waits for another must not spin: decoder, encoder and other programs want its core, and beside one of
-# them spinning made frames take five to ten times as long. Acts when numba starts its threads, if nobody chose before.
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 JIT = {"nogil": True, "error_model": "numpy", "fastmath": False}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import JIT
 from fpsboost.kernels.tiles import Index
@@ -17,7 +17,7 @@ def apart(one, other):
     return np.uint8(max(one, other) - min(one, other))
 
 
-@njit(parallel=True, cache=True, **JIT)
+@njit(cache=True, **JIT)
 def mark_overlay(image0, image1, before, after, motion, spacing, shortest, same, different, marks):
     """Find the pixels that stay as they are although what surrounds them moves.
 
@@ -37,8 +37,7 @@ def mark_overlay(image0, image1, before, after, motion, spacing, shortest, same,
         STAYS where a pixel stays the same; STANDS_OUT where, besides, it would not if it moved; else 0.
     """
     height, width = marks.shape
-    for row in prange(height):
-        y = np.int64(row)
+    for y in range(height):
         here, smallest = Index(y), np.empty(spacing, np.uint8)
         for column in range(motion.shape[1]):
             left, right = column * spacing, min((column + 1) * spacing, width)

@@ -7,7 +7,7 @@ window counts by its similarity, as in the search itself, so that another object
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT
@@ -115,7 +115,7 @@ def prefetch_rows(flat, place, stride, plane):
         place += stride
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def refine_points(planes0, planes1, padding, height, width, step, wide, damping, largest, steps, known, flow):
     """Move the vector of every point by the least-squares step of its window.
 
@@ -142,8 +142,7 @@ def refine_points(planes0, planes1, padding, height, width, step, wide, damping,
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
-    for number in prange(flow.shape[0]):
-        row = np.int64(number)
+    for row in range(flow.shape[0]):
         for point in range(flow.shape[1]):
             y0 = min(row * step + step // 2, height - 1) - HIGH // 2 + padding
             x0 = min(point * step + step // 2, width - 1) - WIDE // 2 + padding

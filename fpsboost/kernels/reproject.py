@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import JIT
 
@@ -35,7 +35,7 @@ def misses(flow, t, source_y, source_x, y, x):
     )
 
 
-@njit(parallel=True, cache=True, **JIT)
+@njit(cache=True, **JIT)
 def search_iteratively(flow, t, iterations, source, found):
     """Fixed-point search of Yang et al. 2011: q <- p - t m(q), first from q = p, until q lands on p.
 
@@ -54,8 +54,7 @@ def search_iteratively(flow, t, iterations, source, found):
     """
     height, width = flow.shape[:2]
     half = np.float32(0.5)
-    for row in prange(height):
-        y = np.int64(row)  # the loop's own index is unsigned, and mixing the two gives floats
+    for y in range(height):
         for x in range(width):
             source_y, source_x = y, x
             first = 0
@@ -108,7 +107,7 @@ def bin_landings(flow, t, starts, members):
         cursor[cell] += 1
 
 
-@njit(parallel=True, cache=True, **JIT)
+@njit(cache=True, **JIT)
 def search_nearest_landing(flow, t, search_radius, starts, members, source, found):
     """Exact brute force of the report: of all sources within the search radius, the one that lands nearest.
 
@@ -129,8 +128,7 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
     """
     height, width = flow.shape[:2]
     half = np.float32(0.5)
-    for row in prange(height):
-        y = np.int64(row)
+    for y in range(height):
         for x in range(width):
             nearest, shortest = FARTHEST, np.int64(0)
             winner = y * width + x
@@ -162,7 +160,7 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
             found[y, x] = abs(miss_x) <= half and abs(miss_y) <= half
 
 
-@njit(parallel=True, cache=True, **JIT)
+@njit(cache=True, **JIT)
 def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):
     """Colour every target from its two sources: blended in time, or from the only one that lands on it.
 
@@ -177,7 +175,7 @@ def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):
     out : (H, W, C), dtype of the images
     """
     height, width, channels = image0.shape
-    for y in prange(height):
+    for y in range(height):
         for x in range(width):
             weight = t
             if found0[y, x] and not found1[y, x]:

@@ -16,7 +16,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.kernels.box import slide_box, sum_box_across
@@ -25,9 +25,6 @@ from fpsboost.kernels.similarity import similarity
 
 STRIP = 640
 """Columns per pass: wide enough that the margins of a patch are cheap, narrow enough for the caches."""
-
-BAND = 192
-"""Largest number of rows per band."""
 
 GROUP = 2
 """Fours of offsets that go down the rows together: the rows they read stay in the first-level cache."""
@@ -147,99 +144,95 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     ring_rows = size if box else 2 * size
     weights = np.array(taps or (), np.float32)
 
-    @njit(parallel=True, cache=True, **FINITE_JIT)
+    @njit(cache=True, **FINITE_JIT)
     def search(planes0, planes1, height, width, ranks, prices, best01, winners01, best10, winners10):
         margin = size - 1
         search_radius = len(ranks) // 2
         shift = search_radius + 4
-        bands = (height + BAND - 1) // BAND
-        rows = (height + bands - 1) // bands
         # whole lanes keep every row aligned; cleared for every group, so no longer than it must be
         room = (min(STRIP, width) + margin + 3 * LANES - 1) // LANES * LANES
         last_four = search_radius // 4
+        rings = np.empty((4 * GROUP, ring_rows, room), dtype)
+        columns = np.empty((4 * GROUP, room + reach + LANES), dtype)
+        partial = np.empty(room + reach, dtype)
+        # what lies before the first pixel and behind the last is no candidate: the four read over the edge
+        totals = np.full((4, room + 2 * LANES), -1, dtype)
         for dy in range(-search_radius, search_radius + 1):
-            for number in prange(bands):
-                band = np.int64(number)  # the loop's own index is unsigned
-                top, bottom = max(band * rows, -dy), min((band + 1) * rows, height, height - dy)
-                if top >= bottom:
-                    continue
-                rings = np.empty((4 * GROUP, ring_rows, room), dtype)
-                columns = np.empty((4 * GROUP, room + reach + LANES), dtype)
-                partial = np.empty(room + reach, dtype)
-                # what lies before the first pixel and behind the last is no candidate: the four read over the edge
-                totals = np.full((4, room + 2 * LANES), -1, dtype)
-                for left in range(0, width, STRIP):
-                    pixels = min(STRIP, width - left)
-                    whole = (pixels + LANES - 1) // LANES * LANES
-                    spread = (pixels + margin + LANES - 1) // LANES * LANES
-                    for group in range(-last_four - 1, last_four + 1, GROUP):
-                        rings[:] = 0
-                        columns[:] = 0
-                        for row in range(top, bottom + margin):
-                            y = row - margin
-                            for four in range(group, min(group + GROUP, last_four + 1)):
-                                # the offset nearest to zero goes first, as its rank is lowest
-                                dx, step = (4 * four, 1) if four >= 0 else (4 * four + 3, -1)
-                                if abs(dx) > search_radius:
+            top, bottom = max(0, -dy), min(height, height - dy)
+            if top >= bottom:
+                continue
+            for left in range(0, width, STRIP):
+                pixels = min(STRIP, width - left)
+                whole = (pixels + LANES - 1) // LANES * LANES
+                spread = (pixels + margin + LANES - 1) // LANES * LANES
+                for group in range(-last_four - 1, last_four + 1, GROUP):
+                    rings[:] = 0
+                    columns[:] = 0
+                    for row in range(top, bottom + margin):
+                        y = row - margin
+                        for four in range(group, min(group + GROUP, last_four + 1)):
+                            # the offset nearest to zero goes first, as its rank is lowest
+                            dx, step = (4 * four, 1) if four >= 0 else (4 * four + 3, -1)
+                            if abs(dx) > search_radius:
+                                continue
+                            for which in range(4):
+                                offset = dx + step * which
+                                total = totals[which, LANES:]
+                                if abs(offset) > search_radius:
+                                    total[: whole + LANES] = -1
                                     continue
-                                for which in range(4):
-                                    offset = dx + step * which
-                                    total = totals[which, LANES:]
-                                    if abs(offset) > search_radius:
-                                        total[: whole + LANES] = -1
-                                        continue
-                                    ring, column = (
-                                        rings[4 * (four - group) + which],
-                                        columns[4 * (four - group) + which],
-                                    )
-                                    begin = left + shift + offset
-                                    # one slice a plane: a slice of all three would be strided and would not vectorise
-                                    a0 = planes0[0, row, left : left + spread]
-                                    a1 = planes0[1, row, left : left + spread]
-                                    a2 = planes0[2, row, left : left + spread]
-                                    b0 = planes1[0, row + dy, begin : begin + spread]
-                                    b1 = planes1[1, row + dy, begin : begin + spread]
-                                    b2 = planes1[2, row + dy, begin : begin + spread]
-                                    slot = row % size
-                                    if box:
-                                        slide_box(a0, a1, a2, b0, b1, b2, slot, spread, ring, column)
-                                    else:
-                                        slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, spread, ring, column)
-                                    if y < top:
-                                        continue
-                                    price = prices[search_radius + dy, search_radius + offset]
-                                    if box:
-                                        sum_box_across(column, size, whole, price, partial, total)
-                                    else:
-                                        sum_window_across(column, weights, size, whole, price, total)
-                                    # targets outside of the other frame are no candidates
-                                    first, last = max(0, -offset - left), min(pixels, width - offset - left)
-                                    total[: min(first, pixels)] = -1
-                                    total[max(0, last) : whole + LANES] = -1
+                                ring, column = (
+                                    rings[4 * (four - group) + which],
+                                    columns[4 * (four - group) + which],
+                                )
+                                begin = left + shift + offset
+                                # one slice a plane: a slice of all three would be strided and would not vectorise
+                                a0 = planes0[0, row, left : left + spread]
+                                a1 = planes0[1, row, left : left + spread]
+                                a2 = planes0[2, row, left : left + spread]
+                                b0 = planes1[0, row + dy, begin : begin + spread]
+                                b1 = planes1[1, row + dy, begin : begin + spread]
+                                b2 = planes1[2, row + dy, begin : begin + spread]
+                                slot = row % size
+                                if box:
+                                    slide_box(a0, a1, a2, b0, b1, b2, slot, spread, ring, column)
+                                else:
+                                    slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, spread, ring, column)
                                 if y < top:
                                     continue
-                                keep_best_of_four(
-                                    totals[0, LANES:],
-                                    totals[1, LANES:],
-                                    totals[2, LANES:],
-                                    totals[3, LANES:],
-                                    four_of(ranks, search_radius + dy, search_radius + dx, step),
-                                    whole,
-                                    best01[y, left:],
-                                    winners01[y, left:],
-                                )
-                                # where the targets of the four lie side by side, each total is shifted by its offset
-                                begin = left + shift + min(dx, dx + 3 * step)
-                                shift0 = LANES - max(0, -3 * step)
-                                keep_best_of_four(
-                                    totals[0, shift0:],
-                                    totals[1, shift0 - step :],
-                                    totals[2, shift0 - 2 * step :],
-                                    totals[3, shift0 - 3 * step :],
-                                    four_of(ranks, search_radius - dy, search_radius - dx, -step),
-                                    whole + LANES,
-                                    best10[y + dy, begin:],
-                                    winners10[y + dy, begin:],
-                                )
+                                price = prices[search_radius + dy, search_radius + offset]
+                                if box:
+                                    sum_box_across(column, size, whole, price, partial, total)
+                                else:
+                                    sum_window_across(column, weights, size, whole, price, total)
+                                # targets outside of the other frame are no candidates
+                                first, last = max(0, -offset - left), min(pixels, width - offset - left)
+                                total[: min(first, pixels)] = -1
+                                total[max(0, last) : whole + LANES] = -1
+                            if y < top:
+                                continue
+                            keep_best_of_four(
+                                totals[0, LANES:],
+                                totals[1, LANES:],
+                                totals[2, LANES:],
+                                totals[3, LANES:],
+                                four_of(ranks, search_radius + dy, search_radius + dx, step),
+                                whole,
+                                best01[y, left:],
+                                winners01[y, left:],
+                            )
+                            # where the targets of the four lie side by side, each total is shifted by its offset
+                            begin = left + shift + min(dx, dx + 3 * step)
+                            shift0 = LANES - max(0, -3 * step)
+                            keep_best_of_four(
+                                totals[0, shift0:],
+                                totals[1, shift0 - step :],
+                                totals[2, shift0 - 2 * step :],
+                                totals[3, shift0 - 3 * step :],
+                                four_of(ranks, search_radius - dy, search_radius - dx, -step),
+                                whole + LANES,
+                                best10[y + dy, begin:],
+                                winners10[y + dy, begin:],
+                            )
 
     return search

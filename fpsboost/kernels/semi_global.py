@@ -8,7 +8,7 @@ path pays for every change of motion, up to a limit, so that motion may break at
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.tiles import Index
@@ -26,7 +26,7 @@ def walk(count, motions, energy, ties, smoothness, slope, costs, total):
     ties : (length,) float32
     smoothness, slope : float32
         As for `smooth_labels`.
-    costs : (length, labels) float32
+    costs : (length or more, labels) float32
         Room for the least cost of every label, given those of the nodes before.
     total : (length, labels) float32
         In and out.
@@ -54,7 +54,7 @@ def walk(count, motions, energy, ties, smoothness, slope, costs, total):
             before = here
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
     """Costs of all labels once their neighbours have been heard.
 
@@ -77,13 +77,10 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
     """
     rows, columns, capacity = energy.shape
     total[:] = 0
-    for number in prange(rows):
-        row = np.int64(number)
-        costs = np.empty((columns, capacity), np.float32)
+    costs = np.empty((max(rows, columns), capacity), np.float32)
+    for row in range(rows):
         walk(count[row], motions[row], energy[row], ties[row], smoothness, slope, costs, total[row])
-    for number in prange(columns):
-        column = np.int64(number)
-        costs = np.empty((rows, capacity), np.float32)
+    for column in range(columns):
         walk(
             count[:, column],
             motions[:, column],
@@ -96,7 +93,7 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
         )
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def choose_labels(count, costs, motions, similarity, flow, chosen):
     """Of every node's labels the cheapest, the first of those that cost the same.
 
@@ -113,7 +110,7 @@ def choose_labels(count, costs, motions, similarity, flow, chosen):
         Its similarity.
     """
     rows, columns = count.shape
-    for number in prange(rows):
+    for number in range(rows):
         row = Index(number)
         for column in range(Index(columns)):
             best = Index(0)

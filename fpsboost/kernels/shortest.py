@@ -7,7 +7,7 @@ needed shows only beside the shorter motions of the surroundings.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.similarity import UNIT, similarity
@@ -47,7 +47,7 @@ def compare_along(flat0, flat1, plane, stride, padding, height, width, y, x, dy,
     return compare_patches(flat0, flat1, plane, Index(stride), start0, start1, radius, lanes, columns)
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def find_shortest(
     planes0, planes1, padding, height, width, step, radius, lanes, around, tolerance, flow, own, best, shortest
 ):
@@ -82,8 +82,7 @@ def find_shortest(
     plane = Index(plane_height * stride)
     share = np.float32(1 / (UNIT * (2 * radius + 1) ** 2))
     rows, points = flow.shape[:2]
-    for number in prange(rows):
-        row = np.int64(number)
+    for row in range(rows):
         columns = np.empty(lanes, np.int32)
         for point in range(points):
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT
@@ -21,7 +21,7 @@ POLE = math.sqrt(3) - 2
 """The filter's response falls by this factor with every pixel of distance."""
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def fill_planes(image, scale, premultiply, planes):
     """An image as planes with repeated edges.
 
@@ -35,8 +35,8 @@ def fill_planes(image, scale, premultiply, planes):
     planes : (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out
     """
     height, width, channels = image.shape
-    for row in prange(planes.shape[1]):
-        y = min(max(np.int64(row) - MARGIN, 0), height - 1)
+    for row in range(planes.shape[1]):
+        y = min(max(row - MARGIN, 0), height - 1)
         for c in range(channels):
             line = planes[c, row]
             for x in range(width):
@@ -48,7 +48,7 @@ def fill_planes(image, scale, premultiply, planes):
             line[MARGIN + width :] = line[MARGIN + width - 1]
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def find_coefficients(planes, response, coefficients):
     """B-spline coefficients of planes with repeated edges.
 
@@ -61,9 +61,9 @@ def find_coefficients(planes, response, coefficients):
     """
     channels, height, width = planes.shape
     taps = response.shape[0] - 1
-    for number in prange(channels * height):
-        c, y = np.int64(number) // height, np.int64(number) % height
-        line = np.empty(width + 2 * taps, np.float32)
+    line = np.empty(width + 2 * taps, np.float32)
+    for number in range(channels * height):
+        c, y = divmod(number, height)
         down = line[taps : taps + width]
         here = planes[c, y]
         for x in range(width):

@@ -11,7 +11,7 @@ similar, and only the neighbours can tell which is right.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.levels import SIXTEEN, compare_sixteen
@@ -21,9 +21,6 @@ TILE = 32
 
 AROUND = 8
 """Proposals are gathered this far beyond the tile, pixels."""
-
-TOGETHER = 8
-"""Tiles that a thread takes at once; they share a table of flags, which is large and of which each clears its own."""
 
 PADDING = TILE + LANES
 """How far beyond the frame a tile may be compared, pixels."""
@@ -115,7 +112,7 @@ def keep_offset(dx, dy, value, row, column, count, best, flows):
     count[row, column] = place + 1
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def search_tiles(
     planes0, planes1, most, height, width, proposals, expected, spacing, step, reach, limit, radius, every, count, best,
     flows,
@@ -163,73 +160,71 @@ def search_tiles(
     tiles_across = (width + TILE - 1) // TILE
     tiles = (height + TILE - 1) // TILE * tiles_across
     capacity = min((2 * limit + 1) ** 2, 1 + ((2 * reach + 1) * ((TILE + 2 * AROUND) // spacing + 2)) ** 2)
-    for number in prange((tiles + TOGETHER - 1) // TOGETHER):
-        chunk = np.int64(number)  # the loop's own index is unsigned
-        seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
-        offsets = np.empty((2, capacity), np.int32)
-        # sums of each column from the tile's top, of no row at first
-        running = np.zeros((TILE + 2 * radius + 1) * lanes, np.uint16)
-        column, totals = np.empty(lanes, np.uint16), np.empty(TILE, np.int32)
-        likely, kept = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
-        for tile in range(chunk * TOGETHER, min((chunk + 1) * TOGETHER, tiles)):
-            top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
-            bottom, right = min(top + TILE, height), min(left + TILE, width)
-            first_down, first_across = top // step, left // step
-            down, across = min(per_tile, points_down - first_down), min(per_tile, points_across - first_across)
-            # where no offset leads into the frame, no motion is all there is
-            count[first_down : first_down + down, first_across : first_across + across] = 0
-            best[first_down : first_down + down, first_across : first_across + across] = np.float32(-2)
-            flows[first_down : first_down + down, first_across : first_across + across] = 0
-            proposed = gather_offsets(
-                proposals,
-                max(0, (top - AROUND) // spacing),
-                max(0, (left - AROUND) // spacing),
-                min(places_down, (bottom + AROUND - 1) // spacing + 1),
-                min(places_across, (right + AROUND - 1) // spacing + 1),
-                reach,
-                limit,
-                seen,
-                offsets,
-            )
+    seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
+    offsets = np.empty((2, capacity), np.int32)
+    # sums of each column from the tile's top, of no row at first
+    running = np.zeros((TILE + 2 * radius + 1) * lanes, np.uint16)
+    column, totals = np.empty(lanes, np.uint16), np.empty(TILE, np.int32)
+    likely, kept = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
+    for tile in range(tiles):
+        top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
+        bottom, right = min(top + TILE, height), min(left + TILE, width)
+        first_down, first_across = top // step, left // step
+        down, across = min(per_tile, points_down - first_down), min(per_tile, points_across - first_across)
+        # where no offset leads into the frame, no motion is all there is
+        count[first_down : first_down + down, first_across : first_across + across] = 0
+        best[first_down : first_down + down, first_across : first_across + across] = np.float32(-2)
+        flows[first_down : first_down + down, first_across : first_across + across] = 0
+        proposed = gather_offsets(
+            proposals,
+            max(0, (top - AROUND) // spacing),
+            max(0, (left - AROUND) // spacing),
+            min(places_down, (bottom + AROUND - 1) // spacing + 1),
+            min(places_across, (right + AROUND - 1) // spacing + 1),
+            reach,
+            limit,
+            seen,
+            offsets,
+        )
+        for p in range(down):
+            place_y = min(((first_down + p) * step + step // 2) // spacing, places_down - 1)
+            for q in range(across):
+                place_x = min(((first_across + q) * step + step // 2) // spacing, places_across - 1)
+                likely[p, q, 0], likely[p, q, 1] = expected[place_y, place_x, 0], expected[place_y, place_x, 1]
+                kept[p, q] = -1
+        # the last points of a frame may lie beyond its edge
+        reached = max(bottom, top + down * step)
+        for k in range(proposed):
+            dy, dx = offsets[0, k], offsets[1, k]
+            if min(top + dy, left + dx) < -TILE or reached + dy > height + TILE or right + dx > width + TILE:
+                continue  # hardly anything of the tile would be inside
+            for row in range((reached - top + 2 * radius + every - 1) // every):
+                # the patch around the tile's first pixel begins here, in padded coordinates
+                y0, x0 = top - radius + padding + row * every, left - radius + padding
+                start0 = Index(y0 * stride + x0)
+                start1 = Index((y0 + dy) * stride + x0 + dx)
+                above, here = Index(row * lanes), Index((row + 1) * lanes)
+                for i in range(Index(0), Index(lanes), Index(SIXTEEN)):
+                    compare_sixteen(flat0, start0 + i, flat1, start1 + i, plane, most, running, above + i, here + i)
             for p in range(down):
-                place_y = min(((first_down + p) * step + step // 2) // spacing, places_down - 1)
+                above = Index((p * step + step // 2) // every * lanes)
+                below = above + Index(compared * lanes)
+                for i in range(Index(lanes)):
+                    column[i] = running[below + i] - running[above + i]
+                sum_patches(column, size, step, across, totals)
                 for q in range(across):
-                    place_x = min(((first_across + q) * step + step // 2) // spacing, places_across - 1)
-                    likely[p, q, 0], likely[p, q, 1] = expected[place_y, place_x, 0], expected[place_y, place_x, 1]
-                    kept[p, q] = -1
-            # the last points of a frame may lie beyond its edge
-            reached = max(bottom, top + down * step)
-            for k in range(proposed):
-                dy, dx = offsets[0, k], offsets[1, k]
-                if min(top + dy, left + dx) < -TILE or reached + dy > height + TILE or right + dx > width + TILE:
-                    continue  # hardly anything of the tile would be inside
-                for row in range((reached - top + 2 * radius + every - 1) // every):
-                    # the patch around the tile's first pixel begins here, in padded coordinates
-                    y0, x0 = top - radius + padding + row * every, left - radius + padding
-                    start0 = Index(y0 * stride + x0)
-                    start1 = Index((y0 + dy) * stride + x0 + dx)
-                    above, here = Index(row * lanes), Index((row + 1) * lanes)
-                    for i in range(Index(0), Index(lanes), Index(SIXTEEN)):
-                        compare_sixteen(flat0, start0 + i, flat1, start1 + i, plane, most, running, above + i, here + i)
-                for p in range(down):
-                    above = Index((p * step + step // 2) // every * lanes)
-                    below = above + Index(compared * lanes)
-                    for i in range(Index(lanes)):
-                        column[i] = running[below + i] - running[above + i]
-                    sum_patches(column, size, step, across, totals)
-                    for q in range(across):
-                        value = np.float32(totals[q]) * share
-                        if dx == likely[p, q, 0] and dy == likely[p, q, 1]:
-                            kept[p, q] = value
-                        insert_offset(
-                            np.float32(dx), np.float32(dy), value, Index(first_down + p), Index(first_across + q),
-                            count, best, flows,
-                        )  # fmt: skip
-            for p in range(down):
-                for q in range(across):
-                    if kept[p, q] >= 0:
-                        keep_offset(
-                            likely[p, q, 0], likely[p, q, 1], kept[p, q], first_down + p, first_across + q, count, best,
-                            flows,
-                        )  # fmt: skip
-                    count[first_down + p, first_across + q] = max(count[first_down + p, first_across + q], 1)
+                    value = np.float32(totals[q]) * share
+                    if dx == likely[p, q, 0] and dy == likely[p, q, 1]:
+                        kept[p, q] = value
+                    insert_offset(
+                        np.float32(dx), np.float32(dy), value, Index(first_down + p), Index(first_across + q),
+                        count, best, flows,
+                    )  # fmt: skip
+        for p in range(down):
+            for q in range(across):
+                if kept[p, q] >= 0:
+                    keep_offset(
+                        likely[p, q, 0], likely[p, q, 1], kept[p, q], first_down + p, first_across + q, count, best,
+                        flows,
+                    )  # fmt: skip
+                count[first_down + p, first_across + q] = max(count[first_down + p, first_across + q], 1)

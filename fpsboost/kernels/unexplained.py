@@ -8,7 +8,7 @@ what small patches do not find again is searched for among what they do not find
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.levels import SIXTEEN, compare_one, compare_sixteen
@@ -34,7 +34,7 @@ def compare_row(flat0, flat1, plane, alike, stride, start0, start1, radius, coun
     return True
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def measure_points(planes0, planes1, alike, padding, height, width, step, radius, flow, known):
     """Similarity of small patches at both ends of every point's motion.
 
@@ -57,8 +57,7 @@ def measure_points(planes0, planes1, alike, padding, height, width, step, radius
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
     share = np.float32(1 / (np.int64(alike) * (2 * radius + 1) ** 2))
-    for number in prange(flow.shape[0]):
-        row = np.int64(number)
+    for row in range(flow.shape[0]):
         columns = np.empty(SIXTEEN, np.uint16)
         for point in range(flow.shape[1]):
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
@@ -77,7 +76,7 @@ def measure_points(planes0, planes1, alike, padding, height, width, step, radius
             known[row, point] = np.float32(total) * share
 
 
-@njit(parallel=True, cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT)
 def search_unexplained(
     planes0, planes1, alike, padding, height, width, step, limit, radius, known, elsewhere, enough, better, flow
 ):  # fmt: skip
@@ -103,8 +102,7 @@ def search_unexplained(
     plane = Index(plane_height * stride)
     share = np.float32(1 / (np.int64(alike) * (2 * radius + 1) ** 2))
     rows, columns = known.shape
-    for number in prange(rows):
-        row = np.int64(number)
+    for row in range(rows):
         total = np.empty(SIXTEEN, np.uint16)
         for point in range(columns):
             if known[row, point] >= enough:

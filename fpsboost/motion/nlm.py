@@ -145,7 +145,7 @@ class CoarseToFine:
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.pixels, image1.pixels)
-        levels0, levels1 = (image.once(pyramid, self.coarsest_side) for image in (image0, image1))
+        levels0, levels1 = (image.for_both_pairs(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
         found, step = self._search_coarsest(levels0[-1], levels1[-1]), COARSEST_STEP
         for level in range(len(levels0) - 2, last - 1, -1):

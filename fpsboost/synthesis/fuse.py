@@ -130,27 +130,25 @@ class Fuse:
             count, motions, weights = self._candidates(voters, (height, width), t)
             mean = np.zeros((channels, height, width), np.float32)
             weight_sum, similarity_sum = (np.zeros((height, width), np.float32) for _ in range(2))
-            for parity in (0, 1):
-                fuse_candidates(
-                    samples0,
-                    samples1,
-                    height,
-                    width,
-                    np.float32(t),
-                    count,
-                    motions,
-                    weights,
-                    parity,
-                    scale,
-                    np.float32(self.sharpness),
-                    np.float32(self.enough),
-                    np.float32(self.negligible),
-                    shape,
-                    inverse,
-                    mean,
-                    weight_sum,
-                    similarity_sum,
-                )
+            fuse_candidates(
+                samples0,
+                samples1,
+                height,
+                width,
+                np.float32(t),
+                count,
+                motions,
+                weights,
+                scale,
+                np.float32(self.sharpness),
+                np.float32(self.enough),
+                np.float32(self.negligible),
+                shape,
+                inverse,
+                mean,
+                weight_sum,
+                similarity_sum,
+            )
             confidence = np.empty((height, width), np.float32)
             finish_mean(weight_sum, similarity_sum, mean, confidence)
             yield Fused(_as_image(mean, transition, t), confidence)
