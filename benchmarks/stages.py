@@ -56,8 +56,6 @@ STAGES = {
     "collecting": Stage(FUSE, "collect_candidates"),
     "listing": Stage(FUSE, "list_candidates"),
     "fusing": Stage(FUSE, "fuse_candidates"),
-    "mean": Stage(FUSE, "finish_mean"),
-    "rounding": Stage(FUSE, "_as_image"),
     "overlay": Stage(INTERPOLATOR, "find_overlay"),
 }
 """By the name in the table."""

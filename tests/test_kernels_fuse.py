@@ -22,7 +22,6 @@ from fpsboost.kernels.fuse import (
     decay,
     fetch_affine,
     fetch_rigid,
-    finish_mean,
     fuse_candidates,
     mark_inside,
     patch_shares,
@@ -58,26 +57,26 @@ def listed(candidates):
 
 def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0):
     """Call the kernels; the mean as an image, and the confidence."""
-    height, width, channels = image0.shape
-    mean, confidence = np.zeros((channels, height, width), np.float32), np.full((height, width), np.nan, np.float32)
-    weight_sum, similarity_sum = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
+    image = np.full(image0.shape, np.nan, np.float32)
+    confidence = np.full(image0.shape[:2], np.nan, np.float32)
     numbers = [np.float32(each) for each in (scale, sharpness, enough, negligible)]
     fuse_candidates(
         samples(image0),
         samples(image1),
-        height,
-        width,
         np.float32(t),
         *listed(candidates),
         *numbers,
         window_shape(),
         patch_shares(),
-        mean,
-        weight_sum,
-        similarity_sum,
+        np.float32(1),
+        np.float32(0),
+        np.float32(-1e30),
+        np.float32(1e30),
+        False,
+        image,
+        confidence,
     )
-    finish_mean(weight_sum, similarity_sum, mean, confidence)
-    return mean.transpose(1, 2, 0), confidence
+    return image, confidence
 
 
 def nodes_of(size, candidates=()):

@@ -246,18 +246,61 @@ def smallest(values, room):
     return room[:LANES].min()
 
 
+@njit(**FINITE_JIT)
+def finish_rows(band, first, last, top, white, half, lowest, highest, straight_alpha, image, confidence):
+    """Write rows of the frame, which no window adds to any more.
+
+    Parameters
+    ----------
+    band : (C + 2, rows, width) float32
+        Weighted sums of the planes, sums of the weights and of weighted similarities; the first to be divided.
+    first, last, top : int
+        Rows of the band to write, from `first` to before `last`, and the row of the frame where the band begins.
+    white, half, lowest, highest : float32
+        What 1 becomes, what is added before the fraction is cut off, and the range of the image's values.
+    straight_alpha : bool
+        Whether all other planes are to be divided by the last.
+    image : (height, width, C) out
+    confidence : (height, width) float32 out
+        Weighted mean similarity to the eighth power: what it would be with a v of about a third. Or without columns.
+    """
+    channels, width = band.shape[0] - 2, image.shape[1]
+    flat, weights, similarities = image.reshape(image.size), band[channels], band[channels + 1]
+    for j in range(first, last):
+        weight, y = weights[j], top + j
+        for c in range(channels):
+            values = band[c, j]
+            for x in range(width):
+                values[x] /= weight[x]
+        for c in range(channels):
+            values, alpha, to = band[c, j], band[channels - 1, j], y * width * channels + c
+            divides = straight_alpha and c < channels - 1
+            for x in range(Index(width)):
+                value = values[x]
+                if divides:
+                    value /= max(alpha[x], np.float32(1e-6))
+                value = min(max(value * white + half, lowest), highest)
+                flat[Index(to) + x * Index(channels)] = image.dtype.type(value)
+        if confidence.shape[1]:
+            for x in range(width):
+                # a few levels of difference are nothing to the weights, but something to the eye
+                trust = min(similarities[j, x] / weight[x], np.float32(1))
+                trust *= trust
+                trust *= trust
+                confidence[y, x] = trust * trust
+
+
 @njit(cache=True, **FINITE_JIT)
 def fuse_candidates(
-    samples0, samples1, height, width, t, count, motions, weights, scale, sharpness, enough, negligible, shape,
-    inverse, mean, weight_sum, similarity_sum,
+    samples0, samples1, t, count, motions, weights, scale, sharpness, enough, negligible, shape, inverse, white, half,
+    lowest, highest, straight_alpha, image, confidence,
 ):  # fmt: skip
-    """Add the windows of all nodes to the in-between frame.
+    """Make the in-between frame, row of nodes by row of nodes.
 
     Parameters
     ----------
     samples0, samples1 : (2, C, height + 2 MARGIN, width + 2 MARGIN + SPARE or more) float32
         Planes of both frames and their spline coefficients; see `fpsboost.kernels.spline`.
-    height, width : int
     t : float32
     count : (rows, columns) int32
     motions : (rows, columns, room, MOTION) float32
@@ -273,16 +316,19 @@ def fuse_candidates(
         So are they once the votes of the next are less than this share of the weight that every pixel has by then.
     shape, inverse : (AREA,) float32
         What `window_shape` and `patch_shares` give.
-    mean : (C, height, width) float32
-        Weighted sum; in and out.
-    weight_sum, similarity_sum : (height, width) float32
-        Sums of the weights and of weighted similarities; in and out.
+    white, half, lowest, highest, straight_alpha
+        As for `finish_rows`.
+    image : (height, width, C) out
+    confidence : (height, width) float32 out
+        Or without columns, where nobody asks.
     """
     _, channels, end, stride = samples0.shape
     flat0, flat1 = samples0.reshape(samples0.size), samples1.reshape(samples1.size)
-    flat_mean, flat_weights = mean.reshape(mean.size), weight_sum.reshape(weight_sum.size)
-    flat_similarities = similarity_sum.reshape(similarity_sum.size)
+    height, width, _ = image.shape
     rows_of_nodes, columns_of_nodes = count.shape
+    # what the windows of a row of nodes add up to: the weighted mean of each plane, weights and weighted similarities
+    band = np.zeros((channels + 2, WINDOW, width), np.float32)
+    sums, plane_of_band = band.reshape(band.size), WINDOW * width
     one = np.float32(1)
     rows = np.empty((WINDOW + 3) * WINDOW, np.float32)
     first, second = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
@@ -341,11 +387,17 @@ def fuse_candidates(
             for i in range(AREA):
                 weight[i] = shape[i] / math.sqrt(node_weights[i])
             for j in range(begin_y, end_y):
-                here, there = j * WINDOW + begin_x, (top + j) * width + left + begin_x
-                add_row(weight, node_weights, flat_weights, here, there, end_x - begin_x)
-                add_row(weight, node_similarities, flat_similarities, here, there, end_x - begin_x)
+                here, there = j * WINDOW + begin_x, j * width + left + begin_x
                 for c in range(channels):
-                    add_row(weight, total[c], flat_mean, here, there + c * height * width, end_x - begin_x)
+                    add_row(weight, total[c], sums, here, there + c * plane_of_band, end_x - begin_x)
+                there += channels * plane_of_band
+                add_row(weight, node_weights, sums, here, there, end_x - begin_x)
+                add_row(weight, node_similarities, sums, here, there + plane_of_band, end_x - begin_x)
+        # the next row of nodes reaches over the lower half
+        ready = CELL if row < rows_of_nodes - 1 else end_y
+        finish_rows(band, begin_y, ready, top, white, half, lowest, highest, straight_alpha, image, confidence)
+        band[:, :CELL] = band[:, CELL:]
+        band[:, CELL:] = 0
 
 
 def window_shape() -> np.ndarray:
@@ -363,51 +415,3 @@ def patch_shares() -> np.ndarray:
     place = np.arange(WINDOW)
     length = np.minimum(place + PATCH_RADIUS, WINDOW - 1) - np.maximum(place - PATCH_RADIUS, 0) + 1
     return (1 / np.outer(length, length)).ravel().astype(np.float32)
-
-
-@njit(cache=True, **FINITE_JIT)
-def finish_mean(weight_sum, similarity_sum, mean, confidence):
-    """Divide by the weights.
-
-    Parameters
-    ----------
-    weight_sum, similarity_sum : (H, W) float32
-    mean : (C, H, W) float32
-        In and out.
-    confidence : (H, W) float32 out
-        Weighted mean similarity to the eighth power: what it would be with a v of about a third.
-    """
-    channels, height, width = mean.shape
-    for y in range(height):
-        for x in range(width):
-            # a few levels of difference are nothing to the weights, but something to the eye
-            trust = min(similarity_sum[y, x] / weight_sum[y, x], np.float32(1))
-            trust *= trust
-            trust *= trust
-            confidence[y, x] = trust * trust
-        for c in range(channels):
-            for x in range(width):
-                mean[c, y, x] /= weight_sum[y, x]
-
-
-@njit(cache=True, **FINITE_JIT)
-def write_pixels(mean, scale, half, lowest, highest, straight_alpha, image):
-    """Planes as an image of its own type.
-
-    Parameters
-    ----------
-    mean : (C, H, W) float32
-    scale, half, lowest, highest : float32
-        What 1 becomes, what is added before the fraction is cut off, and the range of the image's values.
-    straight_alpha : bool
-        Whether all other planes are to be divided by the last.
-    image : (H, W, C) out
-    """
-    channels, height, width = mean.shape
-    for y in range(height):
-        for c in range(channels):
-            for x in range(width):
-                value = mean[c, y, x]
-                if straight_alpha and c < channels - 1:
-                    value /= max(mean[channels - 1, y, x], np.float32(1e-6))
-                image[y, x, c] = image.dtype.type(min(max(value * scale + half, lowest), highest))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, has_alpha
 from fpsboost.kernels.candidates import CELL, MOTION, SUMS, collect_candidates, list_candidates
-from fpsboost.kernels.fuse import SPARE, finish_mean, fuse_candidates, patch_shares, window_shape, write_pixels
+from fpsboost.kernels.fuse import SPARE, fuse_candidates, patch_shares, window_shape
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
@@ -60,6 +60,17 @@ class Voters(NamedTuple):
     """(rows, columns, 3) float32."""
     trust: NDArray[Any]
     """(rows, columns) float32."""
+
+
+class Candidates(NamedTuple):
+    """The motions that may hold around each node; see `fpsboost.kernels.candidates.list_candidates`."""
+
+    listed: NDArray[Any]
+    """(rows, columns) int32, how many."""
+    motions: NDArray[Any]
+    """(rows, columns, room, MOTION) float32."""
+    weights: NDArray[Any]
+    """(rows, columns, room) float32."""
 
 
 @dataclass(frozen=True)
@@ -116,47 +127,50 @@ class Fuse:
 
     def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        for fused in self.fuse(transition, times):
-            yield fused.image
+        nobody_asks = np.empty((0, 0), np.float32)
+        for candidates, t in self._listed(transition, times):
+            yield self._fused(transition, candidates, t, nobody_asks)
 
     def fuse(self, transition: Transition, times: Sequence[float]) -> Iterator[Fused]:
         """Like `synthesize`, with the confidence of every pixel."""
-        samples0, samples1 = (image.once(_samples) for image in (transition.image0, transition.image1))
-        height, width, channels = transition.image0.pixels.shape
-        scale = np.float32(0.5 / self.width**2 * max(1, 3 / channels))
-        voters = self._all_voters(transition)
-        shape, inverse = window_shape(), patch_shares()
-        for t in times:
-            count, motions, weights = self._candidates(voters, (height, width), t)
-            mean = np.zeros((channels, height, width), np.float32)
-            weight_sum, similarity_sum = (np.zeros((height, width), np.float32) for _ in range(2))
-            fuse_candidates(
-                samples0,
-                samples1,
-                height,
-                width,
-                np.float32(t),
-                count,
-                motions,
-                weights,
-                scale,
-                np.float32(self.sharpness),
-                np.float32(self.enough),
-                np.float32(self.negligible),
-                shape,
-                inverse,
-                mean,
-                weight_sum,
-                similarity_sum,
-            )
-            confidence = np.empty((height, width), np.float32)
-            finish_mean(weight_sum, similarity_sum, mean, confidence)
-            yield Fused(_as_image(mean, transition, t), confidence)
+        for candidates, t in self._listed(transition, times):
+            confidence = np.empty(transition.image0.pixels.shape[:2], np.float32)
+            yield Fused(self._fused(transition, candidates, t, confidence), confidence)
 
-    def _candidates(
-        self, voters: tuple[Voters, Voters], size: tuple[int, int], t: float
-    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """How many motions each node has, which, and their weights."""
+    def _listed(self, transition: Transition, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
+        """The candidates at each time."""
+        voters = self._all_voters(transition)
+        for t in times:
+            yield self._candidates(voters, transition.image0.pixels.shape[:2], t), t
+
+    def _fused(self, transition: Transition, candidates: Candidates, t: float, confidence: NDArray[Any]) -> Image:
+        image0, image1 = transition.image0.pixels, transition.image1.pixels
+        image, channels = np.empty_like(image0), image0.shape[2]
+        straight_alpha = has_alpha(image0) and image0.dtype != np.float32
+        fuse_candidates(
+            transition.image0.once(_samples),
+            transition.image1.once(_samples),
+            np.float32(t),
+            *candidates,
+            np.float32(0.5 / self.width**2 * max(1, 3 / channels)),
+            np.float32(self.sharpness),
+            np.float32(self.enough),
+            np.float32(self.negligible),
+            window_shape(),
+            patch_shares(),
+            np.float32(1) if image0.dtype == np.float32 else value_range(image0)[1],
+            rounding_offset(image0),
+            *_value_range(transition),
+            straight_alpha,
+            image,
+            confidence,
+        )
+        if straight_alpha:
+            colour_unseen(image, image0, image1, t)
+        return image
+
+    def _candidates(self, voters: tuple[Voters, Voters], size: tuple[int, int], t: float) -> Candidates:
+        """What may hold around each node."""
         height, width = size
         nodes = -(-height // CELL), -(-width // CELL)
         count = np.zeros(nodes, np.int32)
@@ -178,7 +192,7 @@ class Fuse:
         room = self.most + 1  # and no motion
         motions, weights = np.zeros((*nodes, room, MOTION), np.float32), np.empty((*nodes, room), np.float32)
         list_candidates(count, votes, sums, STILL_VOTES, STEADY, LEAST_SHARE, np.float32(self.least), motions, weights)
-        return count, motions, weights
+        return Candidates(count, motions, weights)
 
     def _all_voters(self, transition: Transition) -> tuple[Voters, Voters]:
         """What the points of each frame vote for: motion towards the other, and how it changes there."""
@@ -229,20 +243,11 @@ def _extremes(image: Image) -> tuple[np.float32, np.float32]:
     return numbers.min(), numbers.max()
 
 
-def _as_image(mean: NDArray[Any], transition: Transition, t: float) -> Image:
-    image0, image1 = transition.image0.pixels, transition.image1.pixels
-    image = np.empty_like(image0)
-    is_float = image0.dtype == np.float32
-    if is_float:  # sharp samples overshoot: nothing may be darker or brighter than all there is
-        (lowest0, highest0), (lowest1, highest1) = (
-            each.once(_extremes) for each in (transition.image0, transition.image1)
-        )
-        lowest, highest = min(lowest0, lowest1), max(highest0, highest1)
-    else:
-        lowest, highest = value_range(image0)
-    scale = np.float32(1) if is_float else highest
-    straight_alpha = has_alpha(image0) and not is_float
-    write_pixels(mean, scale, rounding_offset(image0), lowest, highest, straight_alpha, image)
-    if straight_alpha:
-        colour_unseen(image, image0, image1, t)
-    return image
+def _value_range(transition: Transition) -> tuple[np.float32, np.float32]:
+    """What a made frame may hold: sharp samples overshoot, but nothing may be darker or brighter than all there is."""
+    if transition.image0.pixels.dtype != np.float32:
+        return value_range(transition.image0.pixels)
+    (lowest0, highest0), (lowest1, highest1) = (
+        image.once(_extremes) for image in (transition.image0, transition.image1)
+    )
+    return min(lowest0, lowest1), max(highest0, highest1)
