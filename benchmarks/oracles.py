@@ -43,8 +43,8 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
 
     Parameters
     ----------
-    samples0, samples1 : (2, C, height + 2 MARGIN, width + 2 MARGIN + SPARE or more) float32
-        See `fpsboost.synthesis.fuse`.
+    samples0, samples1 : Samples
+        See `fpsboost.kernels.fuse`.
     size : (int, int)
         Height and width of the frame.
     top, left : int
@@ -58,14 +58,15 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
         Room.
     images : (3, C, AREA) float32 out
     """
-    _, channels, end, stride = samples0.shape
-    flat0, flat1 = samples0.reshape(samples0.size), samples1.reshape(samples1.size)
+    channels, end, stride = samples0.planes.shape
+    flat0, spline0, unit = samples0.planes.ravel(), samples0.coefficients.ravel(), samples0.unit
+    flat1, spline1 = samples1.planes.ravel(), samples1.coefficients.ravel()
     y0, x0, y1, x1, within = locate_window(top, left, motion, t, *size, marks)
     for c in range(channels):
-        plane, coefficients = c * end * stride, (channels + c) * end * stride
+        begin = c * end * stride
         first, second, mixed = images[1, c], images[2, c], images[0, c]
-        fetch_window(flat0, plane, coefficients, stride, end, y0, x0, -t, motion, rows, first)
-        fetch_window(flat1, plane, coefficients, stride, end, y1, x1, np.float32(1) - t, motion, rows, second)
+        fetch_window(flat0, spline0, unit, begin, stride, end, y0, x0, -t, motion, rows, first)
+        fetch_window(flat1, spline1, unit, begin, stride, end, y1, x1, np.float32(1) - t, motion, rows, second)
         for i in range(AREA):
             mixed[i] = first[i] + t * (second[i] - first[i])
         if not within:

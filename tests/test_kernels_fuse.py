@@ -19,6 +19,7 @@ from fpsboost.kernels.fuse import (
     PATCH_RADIUS,
     SPARE,
     WINDOW,
+    Samples,
     decay,
     fetch_affine,
     fetch_rigid,
@@ -35,11 +36,11 @@ from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_c
 def samples(image):
     """Planes and their coefficients."""
     height, width, channels = image.shape
-    both = np.empty((2, channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
-    planes, coefficients = both
+    planes = np.empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+    coefficients = np.empty_like(planes)
     fill_planes(image, np.float32(1), False, planes)
-    find_coefficients(planes, filter_response(2**-19), coefficients)
-    return both
+    find_coefficients(planes, np.float32(1), filter_response(2**-19), coefficients)
+    return Samples(planes, coefficients, np.float32(1))
 
 
 def listed(candidates):
@@ -235,16 +236,16 @@ def test_decay_is_the_exponential():
 def test_windows_are_sampled_as_the_spline_says(place):
     """At fractions of a pixel as the twin does, at whole ones as a copy."""
     image = noise(34, 38, 1, np.float32)
-    both = samples(image)
-    _, _, end, stride = both.shape
+    planes, coefficients, unit = samples(image)
+    stride = planes.shape[2]
     out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
     y, x = np.float32(place[0] + MARGIN), np.float32(place[1] + MARGIN)
-    uncompiled(fetch_rigid)(both.ravel(), 0, end * stride, stride, y, x, rows, out)
+    uncompiled(fetch_rigid)(planes.ravel(), coefficients.ravel(), unit, 0, stride, y, x, rows, out)
     expected = spline_window(spline_coefficients(image[..., 0], 40), 40, *place)
     np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=1e-5)
     if all(value == int(value) for value in place):
         top, left = int(y), int(x)
-        np.testing.assert_array_equal(out.reshape(WINDOW, WINDOW), both[0, 0, top : top + WINDOW, left : left + WINDOW])
+        np.testing.assert_array_equal(out.reshape(WINDOW, WINDOW), planes[0, top : top + WINDOW, left : left + WINDOW])
 
 
 @pytest.mark.parametrize("share", [-0.25, 0.75])
@@ -259,11 +260,11 @@ def test_the_blocks_of_a_window_move_as_their_middles_do(share):
         (x, 12.25 + np.arange(WINDOW) + shift_x),
         (y, 9.5 + np.arange(WINDOW)[:, np.newaxis] + shift_y),
     ):
-        both = samples(ramp[..., np.newaxis].astype(np.float32))
-        _, _, end, stride = both.shape
+        coefficients = samples(ramp[..., np.newaxis].astype(np.float32)).coefficients
+        _, end, stride = coefficients.shape
         out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
         place = np.float32(9.5 + MARGIN), np.float32(12.25 + MARGIN)
-        uncompiled(fetch_affine)(both.ravel(), end * stride, stride, end, *place, np.float32(share), motion, rows, out)
+        uncompiled(fetch_affine)(coefficients.ravel(), 0, stride, end, *place, np.float32(share), motion, rows, out)
         np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=2e-3)
 
 

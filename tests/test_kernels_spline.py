@@ -25,7 +25,7 @@ def planes_of(image, scale=1.0, premultiply=False, spare=3):
 def coefficients_of(planes):
     """The kernel's coefficients."""
     coefficients = np.empty_like(planes)
-    find_coefficients(planes, filter_response(2**-19), coefficients)
+    find_coefficients(planes, np.float32(1), filter_response(2**-19), coefficients)
     return coefficients
 
 
@@ -55,6 +55,17 @@ def test_coefficients_solve_the_equations(height, width, seed):
     found = coefficients_of(planes_of(image))[0, MARGIN : MARGIN + height, MARGIN : MARGIN + width]
     expected = spline_coefficients(image[..., 0], BEYOND)[BEYOND:-BEYOND, BEYOND:-BEYOND]
     np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_coefficients_of_levels_are_those_of_their_share_of_white():
+    """Planes of bytes and a factor give what float planes give; the rows that the filter keeps come around."""
+    image = noise(30, 17, 2)
+    planes = np.empty((2, 30 + 2 * MARGIN, 17 + 2 * MARGIN), np.uint8)
+    fill_planes(image, np.float32(1), False, planes)
+    np.testing.assert_array_equal(planes[:, MARGIN:-MARGIN, MARGIN:-MARGIN], image.transpose(2, 0, 1))
+    coefficients = np.empty(planes.shape, np.float32)
+    find_coefficients(planes, np.float32(1 / 255), filter_response(2**-19), coefficients)
+    np.testing.assert_allclose(coefficients, coefficients_of(planes_of(image, 1 / 255, spare=0)), atol=1e-6)
 
 
 def test_the_spline_meets_every_sample():

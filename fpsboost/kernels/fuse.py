@@ -10,9 +10,11 @@ block motion compensation, Orchard and Sullivan 1994, doi:10.1109/83.334974).
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import CELL
 from fpsboost.kernels.fma import fma
@@ -20,6 +22,17 @@ from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.lanes import EIGHT, filter_eight
 from fpsboost.kernels.spline import MARGIN, spline_weights
 from fpsboost.kernels.tiles import Index
+
+
+class Samples(NamedTuple):
+    """An image as planes with repeated edges, and the spline through them; see `fpsboost.kernels.spline`."""
+
+    planes: NDArray[Any]
+    """(C, H + 2 MARGIN, W + 2 MARGIN or more) uint8, uint16 or float32."""
+    coefficients: NDArray[Any]
+    """float32, shaped like the planes: of their values times `unit`."""
+    unit: np.float32
+
 
 WINDOW = 2 * CELL
 """Side of a window, pixels."""
@@ -101,14 +114,17 @@ def locate_window(top, left, motion, t, height, width, marks):
 
 
 @njit(**FINITE_JIT)
-def fetch_window(samples, plane, coefficients, stride, end, y, x, share, motion, rows, out):
+def fetch_window(planes, coefficients, unit, begin, stride, end, y, x, share, motion, rows, out):
     """Sample a window whose middle moves with its first pixel at (y, x), in coordinates of the plane.
 
     Parameters
     ----------
-    samples : (size,) float32
-    plane, coefficients : int
-        Where in `samples` a plane and its spline coefficients begin.
+    planes : (size,) uint8, uint16 or float32
+    coefficients : (size,) float32
+        Of the spline through the planes times `unit`.
+    unit : float32
+    begin : int
+        Where in both a plane begins.
     stride : int
         Distance of their rows.
     end : int
@@ -123,29 +139,29 @@ def fetch_window(samples, plane, coefficients, stride, end, y, x, share, motion,
     out : (AREA,) float32 out
     """
     if abs(motion[4]) + abs(motion[5]) + abs(motion[6]) + abs(motion[7]) < RIGID:
-        fetch_rigid(samples, plane, coefficients, stride, y, x, rows, out)
+        fetch_rigid(planes, coefficients, unit, begin, stride, y, x, rows, out)
     else:
-        fetch_affine(samples, coefficients, stride, end, y, x, share, motion, rows, out)
+        fetch_affine(coefficients, begin, stride, end, y, x, share, motion, rows, out)
 
 
 @njit(**FINITE_JIT)
-def fetch_rigid(samples, plane, coefficients, stride, y, x, rows, out):
+def fetch_rigid(planes, coefficients, unit, begin, stride, y, x, rows, out):
     """Sample a window that moves as a whole; whole places are copied. See `fetch_window`."""
     top, left = int(y), int(x)  # never below 1
     fraction_y, fraction_x = y - np.float32(top), x - np.float32(left)
     if fraction_y == 0 and fraction_x == 0:
         for j in range(WINDOW):
-            begin, to = Index(plane + (top + j) * stride + left), Index(j * WINDOW)
+            place, to = Index(begin + (top + j) * stride + left), Index(j * WINDOW)
             for i in range(Index(WINDOW)):
-                out[to + i] = samples[begin + i]
+                out[to + i] = np.float32(planes[place + i]) * unit
         return
     w0, w1, w2, w3 = spline_weights(fraction_x)
     for j in range(WINDOW + 3):
-        begin, to = Index(coefficients + (top - 1 + j) * stride + left - 1), Index(j * WINDOW)
+        place, to = Index(begin + (top - 1 + j) * stride + left - 1), Index(j * WINDOW)
         for i in range(Index(WINDOW)):
-            p = begin + i
-            near = fma(w1, samples[p + Index(1)], w0 * samples[p])
-            rows[to + i] = fma(w3, samples[p + Index(3)], fma(w2, samples[p + Index(2)], near))
+            p = place + i
+            near = fma(w1, coefficients[p + Index(1)], w0 * coefficients[p])
+            rows[to + i] = fma(w3, coefficients[p + Index(3)], fma(w2, coefficients[p + Index(2)], near))
     w0, w1, w2, w3 = spline_weights(fraction_y)
     for i in range(Index(AREA)):
         near = fma(w1, rows[i + Index(WINDOW)], w0 * rows[i])
@@ -153,7 +169,7 @@ def fetch_rigid(samples, plane, coefficients, stride, y, x, rows, out):
 
 
 @njit(**FINITE_JIT)
-def fetch_affine(samples, coefficients, stride, end, y, x, share, motion, rows, out):
+def fetch_affine(coefficients, begin, stride, end, y, x, share, motion, rows, out):
     """Sample a window that is zoomed or turned: each of its blocks moves as its middle does. See `fetch_window`."""
     one, last_y, last_x = np.float32(1), np.float32(end - BLOCK - 3), np.float32(stride - BLOCK - 3)
     for down in range(0, WINDOW, BLOCK):
@@ -163,10 +179,10 @@ def fetch_affine(samples, coefficients, stride, end, y, x, share, motion, rows, 
             place_y = y + np.float32(down) + share * (from_x * motion[5] + from_y * motion[7])
             place_x, place_y = min(max(place_x, one), last_x), min(max(place_y, one), last_y)
             top, left = int(place_y), int(place_x)
-            begin, to = coefficients + (top - 1) * stride + left - 1, down * WINDOW + across
+            place, to = begin + (top - 1) * stride + left - 1, down * WINDOW + across
             w0, w1, w2, w3 = spline_weights(place_x - np.float32(left))
             for j in range(BLOCK + 3):
-                filter_eight(samples, begin + j * stride, 1, w0, w1, w2, w3, rows, j * BLOCK)
+                filter_eight(coefficients, place + j * stride, 1, w0, w1, w2, w3, rows, j * BLOCK)
             w0, w1, w2, w3 = spline_weights(place_y - np.float32(top))
             for j in range(BLOCK):
                 filter_eight(rows, j * BLOCK, BLOCK, w0, w1, w2, w3, out, to + j * WINDOW)
@@ -299,8 +315,8 @@ def fuse_candidates(
 
     Parameters
     ----------
-    samples0, samples1 : (2, C, height + 2 MARGIN, width + 2 MARGIN + SPARE or more) float32
-        Planes of both frames and their spline coefficients; see `fpsboost.kernels.spline`.
+    samples0, samples1 : Samples
+        Of both frames, with at least SPARE columns beyond the right margin.
     t : float32
     count : (rows, columns) int32
     motions : (rows, columns, room, MOTION) float32
@@ -322,8 +338,9 @@ def fuse_candidates(
     confidence : (height, width) float32 out
         Or without columns, where nobody asks.
     """
-    _, channels, end, stride = samples0.shape
-    flat0, flat1 = samples0.reshape(samples0.size), samples1.reshape(samples1.size)
+    channels, end, stride = samples0.planes.shape
+    flat0, spline0, unit = samples0.planes.ravel(), samples0.coefficients.ravel(), samples0.unit
+    flat1, spline1 = samples1.planes.ravel(), samples1.coefficients.ravel()
     height, width, _ = image.shape
     rows_of_nodes, columns_of_nodes = count.shape
     # what the windows of a row of nodes add up to: the weighted mean of each plane, weights and weighted similarities
@@ -359,9 +376,9 @@ def fuse_candidates(
                 y0, x0, y1, x1, within = locate_window(top, left, motion, t, height, width, marks)
                 distance[:] = 0
                 for c in range(channels):
-                    plane, coefficients = c * end * stride, (channels + c) * end * stride
-                    fetch_window(flat0, plane, coefficients, stride, end, y0, x0, -t, motion, rows, first)
-                    fetch_window(flat1, plane, coefficients, stride, end, y1, x1, one - t, motion, rows, second)
+                    begin = c * end * stride
+                    fetch_window(flat0, spline0, unit, begin, stride, end, y0, x0, -t, motion, rows, first)
+                    fetch_window(flat1, spline1, unit, begin, stride, end, y1, x1, one - t, motion, rows, second)
                     target = mixed[c]
                     for i in range(AREA):
                         difference = second[i] - first[i]
@@ -396,8 +413,11 @@ def fuse_candidates(
         # the next row of nodes reaches over the lower half
         ready = CELL if row < rows_of_nodes - 1 else end_y
         finish_rows(band, begin_y, ready, top, white, half, lowest, highest, straight_alpha, image, confidence)
-        band[:, :CELL] = band[:, CELL:]
-        band[:, CELL:] = 0
+        for c in range(channels + 2):
+            upper, half_a_plane = c * plane_of_band, CELL * width
+            for i in range(Index(half_a_plane)):
+                sums[Index(upper) + i] = sums[Index(upper + half_a_plane) + i]
+                sums[Index(upper + half_a_plane) + i] = 0
 
 
 def window_shape() -> np.ndarray:

@@ -32,7 +32,7 @@ def fill_planes(image, scale, premultiply, planes):
         Factor on every value.
     premultiply : bool
         Whether to multiply all other channels by the last.
-    planes : (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out
+    planes : (C, H + 2 MARGIN, W + 2 MARGIN or more) uint8, uint16 or float32 out
     """
     height, width, channels = image.shape
     for row in range(planes.shape[1]):
@@ -43,18 +43,20 @@ def fill_planes(image, scale, premultiply, planes):
                 value = np.float32(image[y, x, c]) * scale
                 if premultiply and c < channels - 1:
                     value *= np.float32(image[y, x, channels - 1]) * scale
-                line[MARGIN + x] = value
+                line[MARGIN + x] = planes.dtype.type(value)
             line[:MARGIN] = line[MARGIN]
             line[MARGIN + width :] = line[MARGIN + width - 1]
 
 
 @njit(cache=True, **FINITE_JIT)
-def find_coefficients(planes, response, coefficients):
+def find_coefficients(planes, unit, response, coefficients):
     """B-spline coefficients of planes with repeated edges.
 
     Parameters
     ----------
-    planes : (C, H, W) float32
+    planes : (C, H, W) uint8, uint16 or float32
+    unit : float32
+        Factor on every value.
     response : (taps + 1,) float32
         An even number of taps; see `filter_response`.
     coefficients : (C, H, W) float32 out
@@ -62,16 +64,21 @@ def find_coefficients(planes, response, coefficients):
     channels, height, width = planes.shape
     taps = response.shape[0] - 1
     line = np.empty(width + 2 * taps, np.float32)
+    down = line[taps : taps + width]
+    rows = np.empty((2 * taps + 1, width), np.float32)  # the last ones, each converted once
     for number in range(channels * height):
         c, y = divmod(number, height)
-        down = line[taps : taps + width]
-        here = planes[c, y]
+        for fresh in range(y + taps if y else 0, y + taps + 1):
+            row, source = rows[fresh % len(rows)], planes[c, min(fresh, height - 1)]
+            for x in range(width):
+                row[x] = np.float32(source[x]) * unit
+        here = rows[y % len(rows)]
         for x in range(width):
             down[x] = response[0] * here[x]
         for n in range(1, taps + 1, 2):  # two taps at once, as each reads and writes the whole row
             weight, farther = response[n], response[n + 1]
-            above, below = planes[c, max(y - n, 0)], planes[c, min(y + n, height - 1)]
-            higher, lower = planes[c, max(y - n - 1, 0)], planes[c, min(y + n + 1, height - 1)]
+            above, below = rows[max(y - n, 0) % len(rows)], rows[(y + n) % len(rows)]
+            higher, lower = rows[max(y - n - 1, 0) % len(rows)], rows[(y + n + 1) % len(rows)]
             for x in range(width):
                 down[x] = fma(weight, above[x] + below[x], fma(farther, higher[x] + lower[x], down[x]))
         line[:taps] = line[taps]

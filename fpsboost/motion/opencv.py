@@ -163,8 +163,10 @@ class Still:
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.pixels, image1.pixels)
-        nothing = np.zeros((*image0.pixels.shape[:2], 2), np.float32)
-        return _field(nothing), _field(nothing)
+        height, width = image0.pixels.shape[:2]
+        nothing, alike = np.zeros((1, 1, 2), np.float32), np.ones((1, 1), np.float32)
+        still = MotionField(nothing, alike, spacing=max(height, width), size=(height, width))
+        return still, still
 
 
 def _gray_pair(image0: PreparedImage, image1: PreparedImage) -> tuple[NDArray[Any], NDArray[Any]]:
