@@ -142,16 +142,22 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
     weights : (rows, columns, room) float32 out
         At least 0; their sum is 1. Those beyond the listed ones are 0.
     """
-    rows, columns, _ = votes.shape
-    room = weights.shape[2]
+    rows, columns, capacity = votes.shape
+    room, waiting = weights.shape[2], np.empty(capacity, np.float32)
     for number in range(rows * columns):
         row, column = divmod(number, columns)
-        waiting, node_sums, node_weights = votes[row, column].copy(), sums[row, column], weights[row, column]
-        all_votes = waiting.sum() + still_votes
+        node_sums, node_weights, all_votes = sums[row, column], weights[row, column], np.float32(0)
+        for k in range(count[row, column]):
+            waiting[k] = votes[row, column, k]
+            all_votes += waiting[k]
+        all_votes += still_votes
         listed = min(count[row, column], room - 1)
         node_weights[:] = 0
         for place in range(listed):
-            k = np.argmax(waiting)
+            k = 0
+            for other in range(1, count[row, column]):
+                if waiting[other] > waiting[k]:
+                    k = other
             vote, known = waiting[k], node_sums[k, 2]
             waiting[k] = 0
             motion = motions[row, column, place]
@@ -171,8 +177,11 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
         motions[row, column, listed] = 0
         node_weights[listed] = still_votes / all_votes + least_share
         count[row, column] = listed + 1
-        threshold, total = least * node_weights.max(), np.float32(0)
+        best, total = np.float32(0), np.float32(0)
         for place in range(listed + 1):
-            node_weights[place] = max(node_weights[place] - threshold, np.float32(0))
+            best = max(best, node_weights[place])
+        for place in range(listed + 1):
+            node_weights[place] = max(node_weights[place] - least * best, np.float32(0))
             total += node_weights[place]
-        node_weights /= total
+        for place in range(listed + 1):
+            node_weights[place] /= total

@@ -107,7 +107,7 @@ def quantise_planes(planes, inner, height, width, scale, shifts, outer, levels):
         How far in the frame begins in the levels.
     levels : (C, height + 2 outer, width + 2 outer or more) uint8 out
     """
-    count, rows, _ = levels.shape
+    count, rows, columns = levels.shape
     nothing, white = np.float32(0), np.float32(WHITE)
     for number in range(count * height):
         c, y = divmod(number, height)
@@ -115,11 +115,14 @@ def quantise_planes(planes, inner, height, width, scale, shifts, outer, levels):
         frame, shift = row[outer:], shifts[c] + np.float32(0.5)
         for x in range(width):
             frame[x] = np.uint8(min(max(values[x] * scale + shift, nothing), white))
-        row[:outer] = row[outer]
-        row[outer + width :] = row[outer + width - 1]
+        first, last = frame[0], frame[width - 1]
+        for x in range(outer):
+            row[x] = first
+        for x in range(outer + width, columns):
+            row[x] = last
     for number in range(count * (rows - height)):
         c, y = divmod(number, rows - height)
-        if y < outer:
-            levels[c, y] = levels[c, outer]
-        else:
-            levels[c, y + height] = levels[c, outer + height - 1]
+        beyond, edge = (y, outer) if y < outer else (y + height, outer + height - 1)
+        source, target = levels[c, edge], levels[c, beyond]
+        for x in range(columns):
+            target[x] = source[x]

@@ -259,7 +259,10 @@ def smallest(values, room):
         size //= 2
         for i in range(size):
             room[i] = min(room[i], room[i + size])
-    return room[:LANES].min()
+    least = room[0]
+    for i in range(1, LANES):
+        least = min(least, room[i])
+    return least
 
 
 @njit(**FINITE_JIT)

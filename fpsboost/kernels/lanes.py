@@ -1,7 +1,8 @@
-"""Four-tap filters on eight pixels at once, for loops so short that the compiler would leave them scalar."""
+"""Eight numbers at once, for loops so short that the compiler would leave them scalar."""
 
 from __future__ import annotations
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -48,6 +49,77 @@ def _emit(context, builder, signature, arguments):
         begin = builder.add(begin, step)
     builder.store(sums, address_of(context, builder, signature.args[7], out, target, _VECTOR), align=4)
     return context.get_dummy_value()
+
+
+def relax_eight(x, y, here, before, costs, least, slope, limit, cheapest, at):
+    """Lower the costs of eight labels to what the way from the cheapest of eight others costs.
+
+    Parameters
+    ----------
+    x, y : (size,) float32
+        Motion of all labels.
+    here, before : int
+        Where the eight labels and the eight others begin; no bounds are checked.
+    costs : (size,) float32
+        Of the others, from place `before` on.
+    least : float32
+        Taken off them.
+    slope, limit : float32
+        Cost of a change of motion by a pixel, and at most.
+    cheapest : (size,) float32
+        In and out.
+    at : int
+        Where the eight begin in it.
+    """
+    for other in range(before, before + EIGHT):
+        change = abs(x[here : here + EIGHT] - x[other]) + abs(y[here : here + EIGHT] - y[other])
+        reached = costs[other] - least + np.minimum(slope * change, limit)
+        cheapest[at : at + EIGHT] = np.minimum(cheapest[at : at + EIGHT], reached)
+
+
+@intrinsic
+def _vector_relax(typing, x, y, here, before, costs, least, slope, limit, cheapest, at):
+    """The processor's own instructions."""
+    place, number = types.int64, types.float32
+    return types.void(x, y, place, place, costs, number, number, number, cheapest, place), _emit_relax
+
+
+def _emit_relax(context, builder, signature, arguments):
+    x, y, here, before, costs, least, slope, limit, cheapest, at = arguments
+    kind_x, kind_y, kind_costs, kind_cheapest = (signature.args[k] for k in (0, 1, 4, 8))
+    fabs = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VECTOR, [_VECTOR]), f"llvm.fabs.v{EIGHT}f32")
+
+    def load(kind, array, place):
+        return builder.load(address_of(context, builder, kind, array, place, _VECTOR), align=4)
+
+    def number(kind, array, place):
+        return builder.load(address_of(context, builder, kind, array, place, ir.FloatType()))
+
+    def smaller(first, second):
+        return builder.select(builder.fcmp_ordered("<", second, first), second, first)
+
+    dx, dy, best = load(kind_x, x, here), load(kind_y, y, here), load(kind_cheapest, cheapest, at)
+    slopes, limits = spread_value(builder, slope, _VECTOR), spread_value(builder, limit, _VECTOR)
+    for _ in range(EIGHT):
+        across = builder.fsub(dx, spread_value(builder, number(kind_x, x, before), _VECTOR))
+        down = builder.fsub(dy, spread_value(builder, number(kind_y, y, before), _VECTOR))
+        change = builder.fadd(builder.call(fabs, [across]), builder.call(fabs, [down]))
+        cost = builder.fsub(number(kind_costs, costs, before), least)
+        price = smaller(limits, builder.fmul(slopes, change))
+        best = smaller(best, builder.fadd(spread_value(builder, cost, _VECTOR), price))
+        before = builder.add(before, ir.Constant(before.type, 1))
+    builder.store(best, address_of(context, builder, kind_cheapest, cheapest, at, _VECTOR), align=4)
+    return context.get_dummy_value()
+
+
+@overload(relax_eight, inline="always")
+def _compiled_relax(x, y, here, before, costs, least, slope, limit, cheapest, at):
+    """What `relax_eight` is within kernels."""
+
+    def compiled(x, y, here, before, costs, least, slope, limit, cheapest, at):
+        _vector_relax(x, y, here, before, costs, least, slope, limit, cheapest, at)
+
+    return compiled
 
 
 def address_of(context, builder, kind, array, index, element):

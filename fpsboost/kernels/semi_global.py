@@ -11,47 +11,58 @@ import numpy as np
 from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.lanes import EIGHT, relax_eight
 from fpsboost.kernels.tiles import Index
+
+FAR = np.float32(1e30)
+"""Cost of a label that a node has not."""
 
 
 @njit(**FINITE_JIT)
-def walk(count, motions, energy, ties, smoothness, slope, costs, total):
-    """Add the costs of the paths that lead along a line of nodes, there and back.
+def walk(
+    begin, apart, length, count, motions, energy, ties, smoothness, slope, capacity, x, y, costs, cheapest, total
+):  # fmt: skip
+    """Add the costs of the path that leads along a line of nodes.
 
     Parameters
     ----------
-    count : (length,) int32
-    motions : (length, labels, 2 or more) float32
-    energy : (length, labels) float32
-    ties : (length,) float32
-    smoothness, slope : float32
-        As for `smooth_labels`.
-    costs : (length or more, labels) float32
-        Room for the least cost of every label, given those of the nodes before.
-    total : (length, labels) float32
+    begin, apart, length : int
+        Number of the first node, distance to the next, and how many there are.
+    count, motions, energy, ties, smoothness, slope
+        As for `smooth_labels`, flat.
+    capacity : int
+        Labels of a node, at most.
+    x, y, costs : (2 room,) float32
+        Room for the motions and for the least costs of the labels of two nodes, `capacity` rounded up to EIGHT each.
+    cheapest : (room,) float32
+        Room.
+    total : flat float32
         In and out.
     """
-    length = count.shape[0]
-    share = np.float32(0.25)
-    for direction in range(2):
-        before = Index(0)
-        for n in range(length):
-            here = Index(n if direction == 0 else length - 1 - n)
-            known = Index(count[before] if n else 0)  # labels that a path can come from
-            tie = min(ties[here], ties[before])
-            limit, rise = tie * smoothness, tie * slope
-            least = costs[before, Index(0)]
-            for other in range(Index(1), known):
-                least = min(least, costs[before, other])
-            for k in range(Index(count[here])):
-                cheapest = limit if known else np.float32(0)
-                for other in range(known):
-                    change = abs(motions[here, k, 0] - motions[before, other, 0])
-                    change += abs(motions[here, k, 1] - motions[before, other, 1])
-                    cheapest = min(cheapest, costs[before, other] - least + min(rise * change, limit))
-                costs[here, k] = energy[here, k] + cheapest
-                total[here, k] += share * costs[here, k]
-            before = here
+    share, room = np.float32(0.25), cheapest.size
+    before, least, tie_before = Index(room), np.float32(0), np.float32(0)
+    for n in range(length):
+        node = Index(begin + n * apart)
+        here, first, known = Index(room) - before, node * Index(capacity), Index(count[node])
+        for k in range(known):
+            x[here + k], y[here + k] = motions[Index(2) * (first + k)], motions[Index(2) * (first + k) + Index(1)]
+        tie = min(ties[node], tie_before)
+        limit, rise = tie * smoothness, tie * slope
+        for k in range(Index(room)):
+            cheapest[k] = limit  # nothing at the first node, which ties to none before
+        if n:
+            for k in range(Index(0), Index(room), Index(EIGHT)):
+                for other in range(Index(0), Index(room), Index(EIGHT)):
+                    relax_eight(x, y, here + k, before + other, costs, least, rise, limit, cheapest, k)
+        least = FAR
+        for k in range(known):
+            cost = energy[first + k] + cheapest[k]
+            costs[here + k] = cost
+            total[first + k] += share * cost
+            least = min(least, cost)
+        for k in range(known, Index(room)):
+            x[here + k], y[here + k], costs[here + k] = 0, 0, FAR
+        before, tie_before = here, ties[node]
 
 
 @njit(cache=True, **FINITE_JIT)
@@ -62,7 +73,7 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
     ----------
     count : (rows, columns) int32
         Labels of each node, at least one.
-    motions : (rows, columns, capacity, 2 or more) float32
+    motions : (rows, columns, capacity, 2) float32
         ``(dx, dy)`` of each label, pixels; anything else behind.
     energy : (rows, columns, capacity) float32
         Cost of each label by itself.
@@ -77,20 +88,16 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
     """
     rows, columns, capacity = energy.shape
     total[:] = 0
-    costs = np.empty((max(rows, columns), capacity), np.float32)
+    nodes = count.ravel(), motions.ravel(), energy.ravel(), ties.ravel(), smoothness, slope, capacity
+    room = (capacity + EIGHT - 1) // EIGHT * EIGHT
+    spaces = np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32)
+    cheapest, last = np.empty(room, np.float32), (rows - 1) * columns
     for row in range(rows):
-        walk(count[row], motions[row], energy[row], ties[row], smoothness, slope, costs, total[row])
+        walk(row * columns, 1, columns, *nodes, *spaces, cheapest, total.ravel())
+        walk(row * columns + columns - 1, -1, columns, *nodes, *spaces, cheapest, total.ravel())
     for column in range(columns):
-        walk(
-            count[:, column],
-            motions[:, column],
-            energy[:, column],
-            ties[:, column],
-            smoothness,
-            slope,
-            costs,
-            total[:, column],
-        )
+        walk(column, columns, rows, *nodes, *spaces, cheapest, total.ravel())
+        walk(last + column, -columns, rows, *nodes, *spaces, cheapest, total.ravel())
 
 
 @njit(cache=True, **FINITE_JIT)
