@@ -338,7 +338,8 @@ class RunOptions:
     max_memory
         Refuse what needs more: 8G; else what is available.
     threads
-        Pairs of frames to work on side by side; else one a core.
+        Pairs of frames to work on side by side; else one a core,
+        as far as memory reaches.
     verbose
         Say what is used; show a traceback if something fails.
     quiet

@@ -17,6 +17,9 @@ AT_LEAST = 300_000_000
 BYTES_PER_PIXEL = 400
 """Of all frames that are alive at a time, what is computed from them, and the encoder's own."""
 
+BYTES_PER_PIXEL_OF_A_THREAD = 100
+"""Of every thread beyond the first that works on a pair of frames; measured: 70 with `nlm`."""
+
 UNKNOWN_MACHINE = 8_000_000_000
 
 multiples = {"": 1, "K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
@@ -67,12 +70,36 @@ class MemoryLimit:
         width, height : int
             Pixels.
         """
-        need = AT_LEAST + BYTES_PER_PIXEL * width * height
+        need = _needed(width, height)
         if need > self.bytes:
             raise InputError(
                 f"{os.fspath(name)} is {width}x{height}, which takes about {_readable(need)} of memory where "
                 f"{_readable(self.bytes)} may be taken; scale it down, or allow more with --max-memory."
             )
+
+    def affordable_threads(self, width: int, height: int, most: int) -> int:
+        """How many pairs of frames of this size can be worked on side by side, at least 1.
+
+        Parameters
+        ----------
+        width, height : int
+            Pixels.
+        most : int
+            More are not wanted.
+
+        Examples
+        --------
+        >>> MemoryLimit(4_000_000_000).affordable_threads(3840, 2160, 16)
+        1
+        >>> MemoryLimit(8_000_000_000).affordable_threads(3840, 2160, 16)
+        6
+        """
+        further = (self.bytes - _needed(width, height)) // (BYTES_PER_PIXEL_OF_A_THREAD * width * height)
+        return max(1, min(most, 1 + further))
+
+
+def _needed(width: int, height: int) -> int:
+    return AT_LEAST + BYTES_PER_PIXEL * width * height
 
 
 def parse_memory(text: str) -> MemoryLimit:

@@ -201,8 +201,8 @@ def convert(
     limit : MemoryLimit, optional
         What may be taken: a clip that needs more is refused before it is decoded. What is available without it.
     threads : int, optional
-        Pairs of frames that are worked on side by side; as many as there are cores without it. Frames are the same
-        with any number.
+        Pairs of frames that are worked on side by side; as many as there are cores and memory for without it. Frames
+        are the same with any number.
     observer : Observer, optional
         Told how it goes.
 
@@ -263,6 +263,8 @@ def convert(
             factor=multiple,
             in_place=in_place,
         )
+        if threads is None:
+            threads = (limit or MemoryLimit()).affordable_threads(info.width, info.height, available_cores())
         observer = observer or Silent()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:

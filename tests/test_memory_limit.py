@@ -25,7 +25,15 @@ from fpsboost.media.images.numbered import ImageSource
 from fpsboost.media.images.sizes import declared_size
 from fpsboost.media.video.pipe import PipeSource
 from fpsboost.media.video.source import VideoSource
-from fpsboost.memory_limit import AT_LEAST, BYTES_PER_PIXEL, MemoryLimit, available_memory, parse_memory
+from fpsboost.memory_limit import (
+    AT_LEAST,
+    BYTES_PER_PIXEL,
+    BYTES_PER_PIXEL_OF_A_THREAD,
+    MemoryLimit,
+    available_memory,
+    parse_memory,
+)
+from fpsboost.pipeline import convert
 
 HUGE = 60000
 SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)
@@ -227,3 +235,30 @@ def test_the_option_reaches_every_kind_of_input(fpsboost_, tmp_path, save_images
         assert not (tmp_path / arguments[1]).exists()
     assert fpsboost_("in.mp4", "out.mp4", "--method", "nearest", "--max-memory", "1G").code == 0
     assert fpsboost_("in.mp4", "x.mp4", "--max-memory", "lots").code == 2
+
+
+@pytest.mark.parametrize(("cores", "further", "threads"), [(8, 0, 1), (8, -5, 1), (8, 2, 3), (2, 100, 2)])
+def test_as_many_threads_as_memory_reaches_for(cores, further, threads):
+    """One always, and one more for each time that its share is left."""
+    pixels = 640 * 480
+    left = further * BYTES_PER_PIXEL_OF_A_THREAD * pixels
+    limit = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * pixels + left)
+    assert limit.affordable_threads(640, 480, cores) == threads
+
+
+def test_a_conversion_takes_no_more_threads_than_memory_reaches_for(tmp_path, monkeypatch):
+    """Unless it is told how many."""
+    taken = []
+
+    def take(*_: object, threads: int, **__: object) -> None:
+        taken.append(threads)
+        raise InterruptedError
+
+    monkeypatch.setattr("fpsboost.pipeline.boost", take)
+    monkeypatch.setattr("fpsboost.pipeline.available_cores", lambda: 9)
+    write_clip(tmp_path / "in.mp4")
+    limit = MemoryLimit(AT_LEAST + (BYTES_PER_PIXEL + 3 * BYTES_PER_PIXEL_OF_A_THREAD) * 64 * 48)
+    for number in (None, 7):
+        with pytest.raises(InterruptedError):
+            convert(str(tmp_path / "in.mp4"), str(tmp_path / "out.mp4"), limit=limit, threads=number)
+    assert taken == [4, 7]
