@@ -22,13 +22,12 @@ from rich.table import Table
 from scoring import (
     SAMPLE,
     Figures,
-    add_threads,
     cells,
     find_clips,
     make_hidden,
+    one_thread,
     read_clip,
     score_clip,
-    use_threads,
     wide_console,
 )
 
@@ -266,10 +265,9 @@ def main() -> None:
     parser.add_argument("clip", nargs="*", default=[str(SAMPLE)])
     parser.add_argument("--only", default="", help="variants whose names hold one of these words, separated by commas")
     parser.add_argument("--frames", type=int, default=6, help="hidden frames at most, per clip")
-    add_threads(parser)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    use_threads(arguments.threads)
+    one_thread()
     variants = list_variants(methods["nlm"])
     if arguments.only:
         words = [WHOLE, *arguments.only.split(",")]

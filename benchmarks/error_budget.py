@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from oracles import PATCH, best_of, shifted
 from rich.table import Table
-from scoring import SAMPLE, Clip, Figures, add_threads, find_clips, read_clip, use_threads, wide_console
+from scoring import SAMPLE, Clip, Figures, find_clips, one_thread, read_clip, wide_console
 
 from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.metrics import means
@@ -301,10 +301,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clip", nargs="*", default=[str(SAMPLE)])
     parser.add_argument("--frames", type=int, default=2, help="hidden frames at most, per clip")
-    add_threads(parser)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    use_threads(arguments.threads)
+    one_thread()
     method = replace(methods["nlm"], relight=False, overlays=False)
     try:
         figures = measure(arguments.clip, method, arguments.frames)

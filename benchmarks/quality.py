@@ -35,14 +35,13 @@ from scoring import (
     Clip,
     Figures,
     Made,
-    add_threads,
     cells,
     find_clips,
     make_hidden,
+    one_thread,
     read_clip,
     score_clip,
     three_colours,
-    use_threads,
     wide_console,
 )
 
@@ -239,11 +238,10 @@ def main() -> None:
     parser.add_argument("--peer", action="append", default=[], metavar="NAME='COMMAND {in} {out}'")
     parser.add_argument("--crops", type=Path, metavar="FOLDER", help="pictures of the worst frames of each clip")
     parser.add_argument("--confidence", action="store_true", help="how well the confidence ranks the errors")
-    add_threads(parser)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     console = wide_console()
-    use_threads(arguments.threads)
+    one_thread()
     try:
         figures = measure(arguments, console)
     except FpsboostError as error:

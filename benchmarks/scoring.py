@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -30,9 +28,6 @@ from fpsboost.synthesis import Transition
 from fpsboost.synthesis.fuse import Fuse
 
 Figures = dict[str, float]
-
-ALL_THREADS: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
-"""As many as the kernels may use."""
 
 SAMPLE = Path(__file__).parent.parent / "samples" / "orbit.mp4"
 VIDEOS = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".y4m", ".mpg", ".ts")
@@ -78,15 +73,9 @@ def wide_console() -> Console:
     return Console(width=max(Console().width, 120))
 
 
-def add_threads(parser: argparse.ArgumentParser) -> None:
-    """Add the option that `use_threads` takes."""
-    parser.add_argument("--threads", type=int, default=1, help="of the methods; one, or CPU times hold waiting")
-
-
-def use_threads(count: int) -> None:
-    """Limit the kernels and OpenCV: threads that wait for each other on a busy machine spin, and are billed for it."""
-    numba.set_num_threads(min(count, ALL_THREADS))
-    cv2.setNumThreads(count)
+def one_thread() -> None:
+    """Keep OpenCV to one thread: those that wait for each other on a busy machine spin, and are billed for it."""
+    cv2.setNumThreads(1)
 
 
 def find_clips(paths: Iterable[str]) -> dict[str, str]:

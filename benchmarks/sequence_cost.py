@@ -1,6 +1,6 @@
 """CPU milliseconds of one method per in-between frame, made as a sequence: ``python benchmarks/sequence_cost.py CLIP``.
 
-The clip is read and the kernels are compiled beforehand. The last line is JSON. One thread: set NUMBA_NUM_THREADS=1.
+The clip is read and the kernels are compiled beforehand. One thread. The last line is JSON.
 """
 
 from __future__ import annotations
@@ -9,9 +9,7 @@ import argparse
 import json
 import time
 
-import cv2
-import numba
-from scoring import make_between, read_frames
+from scoring import make_between, one_thread, read_frames
 
 from fpsboost.method_table import find_method
 
@@ -23,8 +21,7 @@ def main() -> None:
     parser.add_argument("--method", default="nlm")
     parser.add_argument("--frames", type=int, default=31, help="frames read at most; the last is one end of a pair")
     arguments = parser.parse_args()
-    threads = numba.get_num_threads()
-    cv2.setNumThreads(threads)
+    one_thread()
     frames = read_frames(arguments.clip, arguments.frames)
     interpolator = find_method(arguments.method)
     interpolator.compile_for(frames[0])
@@ -34,7 +31,6 @@ def main() -> None:
     height, width = frames[0].shape[:2]
     figures = {
         "method": arguments.method,
-        "threads": threads,
         "size": [width, height],
         "n_interp": made,
         "cpu_per_interp_ms": cpu * 1e3 / made,

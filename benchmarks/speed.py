@@ -1,11 +1,12 @@
-"""How fast, how much memory: ``python benchmarks/speed.py [exhaustive] [methods] [memory] [start] [stages] [sizes]``.
+"""How fast, how much memory: ``python benchmarks/speed.py [PART ...]``.
 
 Figures are CPU time as well as wall time, and comparisons are ratios of runs in turn, because machines are noisy.
-Frames are drawn here; `stages` and `sizes` resize those of ``--clip`` instead, if it is given. ``--json FILE`` keeps
-the figures.
+Frames are drawn here; `stages` and `sizes` resize those of ``--clip`` instead, and `threads` converts it, if it is
+given. ``--json FILE`` keeps the figures.
 
-``peers --clip CLIP --mvtools 'PYTHON SCRIPT'`` compares with MVTools: SCRIPT takes a folder of PNG, its frame rate, an
-output folder and settings, and prints JSON with `cpu_per_interp_ms` as its last line.
+``peers --clip CLIP --mvtools 'PYTHON SCRIPT' --mvutensils 'PYTHON SCRIPT'`` compares with MVTools, MVUtensils or both:
+SCRIPT takes a folder of PNG, its frame rate, an output folder and settings, and prints JSON with `cpu_per_interp_ms` as
+its last line.
 """
 
 from __future__ import annotations
@@ -26,15 +27,17 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scoring import ALL_THREADS, make_between, read_frames, use_threads, wide_console
-from stages import WHOLE, Cost, Profile, copy_bandwidth, profile_sequence
+from scaling import convert_together, serial_share, times_faster, worker_counts
+from scoring import make_between, one_thread, read_frames, wide_console
+from stages import WHOLE, copy_bandwidth, profile_sequence
 
-from fpsboost.errors import OptionError
+from fpsboost.errors import FpsboostError, OptionError
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
@@ -56,6 +59,15 @@ MVTOOLS_SETTINGS = {
     "MVTools, 4:4:4 16 bit, search 5": "--fmt YUV444P16 --no-scd --search 5 --searchparam 4",
     "MVTools, its defaults": "",
 }
+MVUTENSILS_SETTINGS = {
+    "MVUtensils, 4:4:4 16 bit, 16/8 with recalculation": (
+        "--fmt YUV444P16 --blksize 16 --overlap 8 --reblk 8 --no-scd"
+    ),
+    "MVUtensils, 4:2:0 8 bit, its defaults": "",
+}
+
+MANY_CORES = 16
+"""For which `threads` says what Amdahl's law expects."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +79,9 @@ class Options:
     clip : str or None
         Where frames come from; they are drawn without it.
     method : str
-        Which method `stages` and `peers` look at.
-    mvtools : str or None
-        Python and script that run MVTools.
+        Which method `stages`, `threads` and `peers` look at.
+    mvtools, mvutensils : str or None
+        Python and script that run MVTools and MVUtensils.
     rounds : int
         Of runs in turn.
     """
@@ -77,6 +89,7 @@ class Options:
     clip: str | None = None
     method: str = "nlm"
     mvtools: str | None = None
+    mvutensils: str | None = None
     rounds: int = 3
 
 
@@ -97,9 +110,24 @@ def sequence(options: Options, height: int, width: int) -> list[Image]:
         frames = read_frames(options.clip, FRAMES)
         return [cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA) for frame in frames]
     texture, _ = textured_pair(height, width)
-    middle = width / 2, height / 2
-    turns = [cv2.getRotationMatrix2D(middle, 1.5 * number, 1.02**number) for number in range(FRAMES)]
-    return [cv2.warpAffine(texture, turn, (width, height), borderMode=cv2.BORDER_REFLECT) for turn in turns]
+    return [turned(texture, 1.5 * number, 1.02**number) for number in range(FRAMES)]
+
+
+def turned(image: Image, degrees: float, scale: float = 1.0) -> Image:
+    """The same image, turned and grown around its middle."""
+    height, width = image.shape[:2]
+    turn = cv2.getRotationMatrix2D((width / 2, height / 2), degrees, scale)
+    return cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REFLECT)
+
+
+def draw_video(path: Path, height: int, width: int, count: int) -> None:
+    """An H.264 video of 24 frames a second: a texture with detail at every scale that turns."""
+    texture, _ = textured_pair(height, width)
+    with av.open(str(path), "w") as output:
+        stream = output.add_stream("libx264", 24, width=width, height=height, pix_fmt="yuv420p")
+        for number in range(count):
+            output.mux(stream.encode(av.VideoFrame.from_ndarray(turned(texture, 0.5 * number))))
+        output.mux(stream.encode(None))
 
 
 def timed(run: Callable[[], object]) -> tuple[float, float]:
@@ -220,58 +248,40 @@ def start(console: Console, options: Options) -> Figures:
 
 
 def stages(console: Console, options: Options) -> Figures:
-    """Each stage of a method: milliseconds per in-between frame, and what moves through memory meanwhile.
-
-    CPU time is that of a run in one thread, because threads that wait spin; wall time that of a run in all. Both are
-    those of the best round.
-    """
-    fastest = copy_bandwidth(ALL_THREADS)
-    figures: Figures = {"copy_bytes_per_s": fastest, "threads": ALL_THREADS}
+    """Each stage of a method: CPU time per in-between frame in the best round, and what moves through memory."""
+    fastest = copy_bandwidth()
+    figures: Figures = {"copy_bytes_per_s": fastest}
     interpolator = methods[options.method]
     for size in ("640x360", "1280x720", "1920x1080"):
         frames = sequence(options, *SIZES[size])
-        alone, together = (best_profile(interpolator, frames, each, options.rounds) for each in (1, ALL_THREADS))
+        profiles = [profile_sequence(interpolator, frames) for _ in range(options.rounds)]
+        best = min(profiles, key=lambda profile: profile.stages[WHOLE].cpu)
         table = Table(
-            *("stage", "calls", "CPU, ms", "share", "wall, ms", "times faster", "MB touched", "GB/s", "of a copy's"),
+            *("stage", "calls", "CPU, ms", "share", "MB touched", "GB/s", "of a copy's"),
             title=f"{options.method}, one in-between frame, {size}",
         )
         figures[size] = {}
-        for name, cost in alone.stages.items():
-            row = stage_figures(cost, together.stages[name], alone.frames)
+        for name, cost in best.stages.items():
+            row = {
+                "calls": cost.calls / best.frames,
+                "cpu_ms": cost.cpu * 1e3 / best.frames,
+                "bytes": cost.touched / best.frames,
+            }
             figures[size][name] = row
-            table.add_row(name, *stage_cells(row, cost.cpu / alone.stages[WHOLE].cpu, fastest))
+            table.add_row(name, *stage_cells(row, cost.cpu / best.stages[WHOLE].cpu, fastest))
         console.print(table)
-        for name in alone.missing:
+        for name in best.missing:
             console.print(f"{name}: not found under the name that benchmarks/stages.py knows, hence not told apart.")
-    console.print(f"CPU in one thread, wall in {ALL_THREADS}; in so many a copy moves {fastest / 1e9:.1f} GB/s.")
+    console.print(f"In one thread; a copy moves {fastest / 1e9:.1f} GB/s.")
     return figures
-
-
-def best_profile(interpolator: Interpolator, frames: Sequence[Image], threads: int, rounds: int) -> Profile:
-    """The fastest of several runs in so many threads."""
-    use_threads(threads)
-    profiles = [profile_sequence(interpolator, frames) for _ in range(rounds)]
-    use_threads(ALL_THREADS)
-    return min(profiles, key=lambda profile: profile.stages[WHOLE].wall)
-
-
-def stage_figures(alone: Cost, together: Cost, frames: int) -> Figures:
-    """Per in-between frame."""
-    return {
-        "calls": alone.calls / frames,
-        "cpu_ms": alone.cpu * 1e3 / frames,
-        "wall_ms": together.wall * 1e3 / frames,
-        "bytes": alone.touched / frames,
-    }
 
 
 def stage_cells(row: Figures, share: float, fastest: float) -> list[str]:
     """One stage's row of the table."""
     cells = [f"{row['calls']:.0f}" if row["calls"] else "", f"{row['cpu_ms']:.1f}", f"{share:.1%}"]
-    cells += [f"{row['wall_ms']:.1f}", f"{row['cpu_ms'] / row['wall_ms']:.1f}" if row["wall_ms"] > 0.05 else ""]
     if not row["bytes"]:
         return cells
-    speed = row["bytes"] / row["wall_ms"] * 1e3
+    speed = row["bytes"] / row["cpu_ms"] * 1e3
     return [*cells, f"{row['bytes'] / 1e6:.1f}", f"{speed / 1e9:.2f}", f"{speed / fastest:.0%}"]
 
 
@@ -315,20 +325,63 @@ def sizes(console: Console, options: Options) -> Figures:
 
 def sequence_cpu(interpolator: Interpolator, frames: Sequence[Image]) -> float:
     """CPU seconds per in-between frame of a sequence, in one thread."""
-    use_threads(1)
     interpolator.compile_for(frames[0])
     begin = time.process_time()
     made = sum(1 for _ in make_between(interpolator, frames))
-    spent = time.process_time() - begin
-    use_threads(ALL_THREADS)
-    return spent / made
+    return (time.process_time() - begin) / made
+
+
+def threads(console: Console, options: Options) -> Figures:
+    """A whole conversion with 1, 2, 4 ... workers on as many cores, and as many conversions of one worker each.
+
+    Of each the best round: what else runs on the machine can only take away.
+    """
+    if sys.platform != "linux":
+        raise OptionError("threads pins conversions to cores, which only Linux lets a program do; leave it out.")
+    counts = worker_counts()
+    runs: dict[int, list[Figures]] = {count: [] for count in counts}
+    apart: dict[int, list[float]] = {count: [] for count in counts[1:]}
+    with tempfile.TemporaryDirectory() as scratch:
+        clip = options.clip or str(Path(scratch, "clip.mp4"))
+        if not options.clip:
+            draw_video(Path(clip), *SIZES["1920x1080"], max(40, 10 * counts[-1]))
+        methods[options.method].compile_for(read_frames(clip, 1)[0])  # which takes memory that a later run does not
+        for _ in range(options.rounds):
+            for count in counts:
+                runs[count] += convert_together(clip, scratch, options.method, workers=count, conversions=1)
+                if count > 1:
+                    each = convert_together(clip, scratch, options.method, workers=1, conversions=count)
+                    apart[count].append(sum(one["frames_per_s"] for one in each))
+    table = Table(
+        *("workers", "frames/s", "CPU, s", "peak, MB", "times faster", "apart, frames/s", "lost to sharing"),
+        *("serial", f"times faster with {MANY_CORES}"),
+        title=f"{options.method}, a whole conversion",
+    )
+    figures: Figures = {}
+    for count in counts:
+        best = max(runs[count], key=lambda run: run["frames_per_s"])
+        row = {name: best[name] for name in ("frames_per_s", "cpu_s", "peak_mb")}
+        cells = [f"{row['frames_per_s']:.2f}", f"{row['cpu_s']:.1f}", f"{row['peak_mb']:.0f}"]
+        if count > 1:
+            row["times_faster"] = row["frames_per_s"] / figures["1"]["frames_per_s"]
+            row["apart_frames_per_s"] = max(apart[count])
+            row["lost_to_sharing"] = 1 - row["frames_per_s"] / row["apart_frames_per_s"]
+            row["serial_share"] = serial_share(row["times_faster"], count)
+            row["times_faster_on_many"] = times_faster(row["serial_share"], MANY_CORES)
+            cells += [f"{row['times_faster']:.2f}", f"{row['apart_frames_per_s']:.2f}", f"{row['lost_to_sharing']:.1%}"]
+            cells += [f"{row['serial_share']:.1%}", f"{row['times_faster_on_many']:.1f}"]
+        figures[str(count)] = row
+        table.add_row(str(count), *cells)
+    width, height = runs[1][0]["size"]
+    console.print(table, f"{runs[1][0]['frames_out']} frames of {width}x{height} written.")
+    return figures
 
 
 def peers(console: Console, options: Options) -> Figures:
-    """CPU time against MVTools: the same frames, in memory, one thread, runs in turn."""
-    if not options.mvtools or not options.clip:
-        raise OptionError("peers needs --mvtools 'PYTHON SCRIPT' and --clip CLIP.")
-    mvtools = shlex.split(options.mvtools)
+    """CPU time against MVTools and MVUtensils: the same frames, in memory, one thread, runs in turn."""
+    others = [(options.mvtools, MVTOOLS_SETTINGS), (options.mvutensils, MVUTENSILS_SETTINGS)]
+    if not any(script for script, _ in others) or not options.clip:
+        raise OptionError("peers needs --clip CLIP and --mvtools 'PYTHON SCRIPT' or --mvutensils 'PYTHON SCRIPT'.")
     with tempfile.TemporaryDirectory() as scratch:
         source = Path(scratch, "in")
         source.mkdir()
@@ -336,8 +389,10 @@ def peers(console: Console, options: Options) -> Figures:
             cv2.imwrite(str(source / f"{number:04d}.png"), frame)
         own = [sys.executable, str(Path(__file__).with_name("sequence_cost.py")), str(source)]
         commands = {options.method: [*own, "--method", options.method]}
-        for name, settings in MVTOOLS_SETTINGS.items():
-            commands[name] = [*mvtools, str(source), "25", str(Path(scratch, "out")), "--no-write", *settings.split()]
+        for script, by_name in others:
+            if script:
+                call = [*shlex.split(script), str(source), "25", str(Path(scratch, "out")), "--no-write"]
+                commands |= {name: [*call, *settings.split()] for name, settings in by_name.items()}
         runs: dict[str, list[Figures]] = {name: [] for name in commands}
         for _ in range(options.rounds):
             for name, command in commands.items():
@@ -356,9 +411,8 @@ def peers(console: Console, options: Options) -> Figures:
 
 
 def last_json(command: list[str]) -> Figures:
-    """Run a command in one thread and read the last line that it prints."""
-    environment = {**os.environ, "NUMBA_NUM_THREADS": "1"}
-    ended = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
+    """Run a command and read the last line that it prints."""
+    ended = subprocess.run(command, check=False, capture_output=True, text=True)
     if ended.returncode:
         raise OptionError(f"{shlex.join(command)} ended with code {ended.returncode}: {ended.stderr.strip()[-300:]}")
     figures: Figures = json.loads(ended.stdout.splitlines()[-1])
@@ -372,6 +426,7 @@ parts = {
     "start": start,
     "stages": stages,
     "sizes": sizes,
+    "threads": threads,
     "peers": peers,
 }
 
@@ -380,18 +435,23 @@ def main() -> None:
     """Run the parts that were asked for; by default all that need nothing from elsewhere."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", nargs="*", choices=[*parts, []], default=[])
-    parser.add_argument("--clip", help="frames for stages, sizes and peers")
-    parser.add_argument("--method", default="nlm", choices=methods, help="for stages and peers")
+    parser.add_argument("--clip", help="frames for stages, sizes and peers, video for threads")
+    parser.add_argument("--method", default="nlm", choices=methods, help="for stages, threads and peers")
     parser.add_argument("--mvtools", metavar="'PYTHON SCRIPT'", help="for peers")
-    parser.add_argument("--rounds", type=int, default=3, help="of runs in turn, for sizes and peers")
+    parser.add_argument("--mvutensils", metavar="'PYTHON SCRIPT'", help="for peers")
+    parser.add_argument("--rounds", type=int, default=3, help="of runs in turn, for stages, sizes, threads and peers")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    options = Options(arguments.clip, arguments.method, arguments.mvtools, arguments.rounds)
+    options = Options(
+        arguments.clip, arguments.method, arguments.mvtools, arguments.mvutensils, rounds=arguments.rounds
+    )
     console = wide_console()
-    chosen = arguments.part or [name for name in parts if name != "peers" or options.mvtools]
+    one_thread()
+    possible = {"threads": sys.platform == "linux", "peers": options.mvtools or options.mvutensils}
+    chosen = arguments.part or [name for name in parts if possible.get(name, True)]
     try:
         figures = {name: parts[name](console, options) for name in chosen}
-    except OptionError as error:
+    except FpsboostError as error:
         raise SystemExit(str(error)) from error
     if arguments.json:
         arguments.json.write_text(json.dumps(figures, indent=1) + "\n")

@@ -10,7 +10,6 @@ import importlib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, NamedTuple
@@ -73,14 +72,13 @@ class Cost:
 
     Attributes
     ----------
-    wall, cpu : float
-        Seconds, without the stages inside.
+    cpu : float
+        CPU seconds, without the stages inside.
     touched : int
         Bytes of the arrays that go in and come out, each counted once: the least that has to be moved.
     calls : int
     """
 
-    wall: float = 0.0
     cpu: float = 0.0
     touched: int = 0
     calls: int = 0
@@ -88,26 +86,24 @@ class Cost:
 
 @dataclass
 class Bill:
-    """Costs by stage, and the time spent inside of those that are running."""
+    """Costs by stage, and the CPU seconds spent inside of those that are running."""
 
     costs: dict[str, Cost] = field(default_factory=dict)
-    inside: list[list[float]] = field(default_factory=list)
+    inside: list[float] = field(default_factory=list)
 
     def timed(self, name: str, run: Callable[..., Any]) -> Callable[..., Any]:
         """The same function, billed to a stage."""
 
         def billed(*arguments: Any, **options: Any) -> Any:
-            self.inside.append([0.0, 0.0])
-            wall, cpu = time.perf_counter(), time.process_time()
+            self.inside.append(0.0)
+            begin = time.process_time()
             result = run(*arguments, **options)
-            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-            wall_inside, cpu_inside = self.inside.pop()
+            spent = time.process_time() - begin
+            within = self.inside.pop()
             if self.inside:
-                self.inside[-1][0] += wall
-                self.inside[-1][1] += cpu
+                self.inside[-1] += spent
             cost = self.costs.setdefault(name, Cost())
-            cost.wall += wall - wall_inside
-            cost.cpu += cpu - cpu_inside
+            cost.cpu += spent - within
             cost.touched += bytes_of((arguments, tuple(options.values()), result))
             cost.calls += 1
             return result
@@ -183,24 +179,21 @@ def profile_sequence(interpolator: Interpolator, frames: Sequence[Image]) -> Pro
     interpolator.compile_for(frames[0])
     bill, whole = Bill(), Cost()
     with watched(bill, frames[0].shape[1]) as missing:
-        wall, cpu = time.perf_counter(), time.process_time()
+        begin = time.process_time()
         made = sum(1 for _ in make_between(interpolator, frames))
-        whole.wall, whole.cpu = time.perf_counter() - wall, time.process_time() - cpu
+        whole.cpu = time.process_time() - begin
     order = {name: place for place, name in enumerate(STAGES)}
     stages = dict(sorted(bill.costs.items(), key=lambda item: order[item[0].partition(LEVEL)[0]]))
-    known = list(stages.values())
-    stages[REST] = Cost(whole.wall - sum(each.wall for each in known), whole.cpu - sum(each.cpu for each in known))
+    stages[REST] = Cost(whole.cpu - sum(each.cpu for each in stages.values()))
     return Profile({**stages, WHOLE: whole}, made, missing)
 
 
-def copy_bandwidth(threads: int, megabytes: int = 256) -> float:
-    """Bytes a second that are read and written by a plain copy, in so many threads: the best of five."""
-    length = megabytes * 2**20 // threads
-    parts = [(np.ones(length, np.uint8), np.zeros(length, np.uint8)) for _ in range(threads)]
+def copy_bandwidth(megabytes: int = 256) -> float:
+    """Bytes that a plain copy in one thread reads and writes in a CPU second: the best of five."""
+    source, target = np.ones(megabytes * 2**20, np.uint8), np.zeros(megabytes * 2**20, np.uint8)
     seconds = []
-    with ThreadPoolExecutor(threads) as pool:
-        for _ in range(5):
-            begin = time.perf_counter()
-            list(pool.map(lambda part: np.copyto(part[1], part[0]), parts))
-            seconds.append(time.perf_counter() - begin)
-    return 2 * length * threads / min(seconds)
+    for _ in range(5):
+        begin = time.process_time()
+        np.copyto(target, source)
+        seconds.append(time.process_time() - begin)
+    return 2 * source.nbytes / min(seconds)

@@ -1,0 +1,95 @@
+"""How conversions share cores: several at once, or one of several workers, pinned to as many cores. Linux only."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from subprocess import PIPE, Popen
+from typing import Any, NoReturn
+
+from conversion_cost import READY
+
+from fpsboost.errors import OptionError
+from fpsboost.overlap import available_cores
+
+
+def worker_counts() -> list[int]:
+    """Powers of two up to the number of cores."""
+    return [2**power for power in range(available_cores().bit_length())]
+
+
+@contextmanager
+def pinned(count: int) -> Iterator[None]:
+    """Processes started meanwhile get the first so many of this one's cores, before a library of theirs counts them."""
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(cores)[:count])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
+
+
+def convert_together(clip: str, folder: str, method: str, *, workers: int, conversions: int) -> list[dict[str, Any]]:
+    """Run conversions at once, on as many cores as they have workers in all.
+
+    Parameters
+    ----------
+    clip, folder : str
+        What is converted, and where the results go.
+    method : str
+    workers : int
+        Of each conversion.
+    conversions : int
+        They begin together, when all have loaded their kernels.
+
+    Returns
+    -------
+    list of dict
+        What `conversion_cost.py` prints of each.
+    """
+    program = [sys.executable, str(Path(__file__).with_name("conversion_cost.py")), clip]
+    options = ["--method", method, "--workers", str(workers)]
+    commands = [[*program, str(Path(folder, f"out{number}.mp4")), *options] for number in range(conversions)]
+    with ExitStack() as stack:
+        with pinned(workers * conversions):
+            running = [stack.enter_context(Popen(each, stdin=PIPE, stdout=PIPE, text=True)) for each in commands]
+        for each in running:
+            _wait_until_ready(each)
+        for each in running:
+            print(file=each.stdin, flush=True)
+        return [_figures(each) for each in running]
+
+
+def _wait_until_ready(process: Popen[str]) -> None:
+    assert process.stdout is not None
+    if process.stdout.readline().strip() != READY:
+        process.wait()
+        _stop(process)
+
+
+def _figures(process: Popen[str]) -> dict[str, Any]:
+    assert process.stdout is not None
+    printed = process.stdout.read()
+    if process.wait():
+        _stop(process)
+    figures: dict[str, Any] = json.loads(printed.splitlines()[-1])
+    return figures
+
+
+def _stop(process: Popen[str]) -> NoReturn:
+    """Its own message stands on standard error."""
+    raise OptionError(f"A conversion ended with code {process.returncode}.")
+
+
+def serial_share(faster: float, workers: int) -> float:
+    """The share of work that one worker does alone, by Amdahl's law: 1 / faster = share + (1 - share) / workers."""
+    return max(0.0, (1 / faster - 1 / workers) / (1 - 1 / workers))
+
+
+def times_faster(serial: float, workers: int) -> float:
+    """How much faster so many workers are than one, by the same law."""
+    return 1 / (serial + (1 - serial) / workers)
