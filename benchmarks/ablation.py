@@ -65,7 +65,7 @@ class WholePixels:
 
 def whole_pixels(field: MotionField) -> MotionField:
     """The field with every vector rounded."""
-    return replace(field, flow=np.rint(field.flow))
+    return replace(field, vectors=np.rint(field.vectors))
 
 
 def plain_planes(image: Image, padding: int, v: float) -> Planes:
