@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
+from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT
 
 FRACTION_BITS = 20
@@ -38,9 +39,9 @@ def similarity(a0, a1, a2, b0, b1, b2):
     d0 = a0 - b0
     d1 = a1 - b1
     d2 = a2 - b2
-    s = min(d0 * d0 + d1 * d1 + d2 * d2, _LARGEST)
+    s = min(fma(d2, d2, fma(d1, d1, d0 * d0)), _LARGEST)
     whole = np.int32(s)
     f = s - np.float32(whole)
-    p = ((((_C5 * f + _C4) * f + _C3) * f + _C2) * f + _C1) * f + _ROUNDED_C0
+    p = fma(fma(fma(fma(fma(_C5, f, _C4), f, _C3), f, _C2), f, _C1), f, _ROUNDED_C0)
     # np.right_shift keeps 32 bits where >> would widen to 64 and halve the lanes
     return np.right_shift(np.int32(p), whole)
