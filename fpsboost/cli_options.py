@@ -338,8 +338,7 @@ class RunOptions:
     max_memory
         Refuse what needs more: 8G; else what is available.
     threads
-        Pairs of frames to work on side by side; else one a core,
-        as far as memory reaches.
+        Pairs of frames worked on side by side; else one a core.
     verbose
         Say what is used; show a traceback if something fails.
     quiet

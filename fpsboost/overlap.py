@@ -6,10 +6,9 @@ An error in any thread surfaces in the caller, and no thread outlives the ``with
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from queue import Empty, Full, Queue
 from threading import Event, Thread
 from typing import TypeVar
@@ -30,41 +29,6 @@ def available_cores() -> int:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # no Linux
         return os.cpu_count() or 1
-
-
-@contextmanager
-def side_by_side(threads: int) -> Generator[Callable[[Iterable[Callable[[], T]]], Iterator[T]]]:
-    """Run jobs in threads, a few at a time.
-
-    Parameters
-    ----------
-    threads : int
-        1 runs every job in the caller's own thread, when its result is asked for.
-
-    Yields
-    ------
-    callable
-        Takes an iterable of jobs, which is asked for the next one when there is room for it: one more than there are
-        threads are under way or wait to be fetched. Yields their results in order; raises what a job raised.
-    """
-    if threads == 1:
-        yield lambda jobs: (job() for job in jobs)
-        return
-    pool = ThreadPoolExecutor(threads, "fpsboost-pair")
-
-    def in_order(jobs: Iterable[Callable[[], T]]) -> Iterator[T]:
-        running: deque[Future[T]] = deque()
-        for job in jobs:
-            running.append(pool.submit(job))
-            if len(running) > threads:
-                yield running.popleft().result()
-        while running:
-            yield running.popleft().result()
-
-    try:
-        yield in_order
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 @contextmanager
@@ -114,7 +78,7 @@ def read_ahead(items: Iterable[T], depth: int, give_up: Callable[[], None] = not
                         raise errors[0] from None
                     return
 
-    thread = Thread(target=run, name="fpsboost-read")
+    thread = Thread(target=run, name="fpsboost-ahead")
     thread.start()
     try:
         yield received()
@@ -124,6 +88,42 @@ def read_ahead(items: Iterable[T], depth: int, give_up: Callable[[], None] = not
     finally:
         stopped.set()
         thread.join()
+
+
+@contextmanager
+def side_by_side(
+    threads: int, give_up: Callable[[], None] = nothing
+) -> Generator[Callable[[Iterable[Callable[[], T]]], Iterator[T]]]:
+    """Run jobs in threads, a few at a time.
+
+    Parameters
+    ----------
+    threads : int
+        1 runs every job in the caller's own thread, when its result is asked for.
+    give_up : callable
+        Called when the block is left by an exception, so that jobs that wait for another program's data stop coming.
+
+    Yields
+    ------
+    callable
+        Takes an iterable of jobs, which is asked for the next one in a thread of its own when there is room for it: one
+        more than there are threads are under way or wait to be fetched. Yields their results in order, each as soon as
+        it is there; raises what a job or the iterable raised.
+    """
+    if threads == 1:
+        yield lambda jobs: (job() for job in jobs)
+        return
+    with ExitStack() as stack:
+        pool = ThreadPoolExecutor(threads, "fpsboost-pair")
+        stack.callback(pool.shutdown, cancel_futures=True)
+
+        def in_order(jobs: Iterable[Callable[[], T]]) -> Iterator[T]:
+            # beside those in the queue, one waits for room in it and one is fetched
+            running = stack.enter_context(read_ahead((pool.submit(job) for job in jobs), threads - 1, give_up))
+            for future in running:
+                yield future.result()
+
+        yield in_order
 
 
 @contextmanager

@@ -376,7 +376,7 @@ def boost(
     with (
         read_ahead(source, READ_AHEAD, _give_up(source)) as arriving,
         write_behind(sink.write, WRITE_BEHIND, _give_up(sink)) as write,
-        side_by_side(threads or available_cores()) as in_order,
+        side_by_side(threads or available_cores(), _give_up(source)) as in_order,
     ):
         first = next(arriving, None)
         if first is not None:

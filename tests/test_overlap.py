@@ -278,19 +278,52 @@ def test_results_come_in_the_order_of_the_jobs(threads):
 
 @pytest.mark.parametrize("threads", [1, 3])
 def test_no_more_jobs_are_taken_than_there_is_room_for(threads):
-    """One more than there are threads, before anything is fetched."""
+    """One more than there are threads, and those that were fetched."""
     taken = []
 
     def jobs() -> Iterator[Callable[[], int]]:
-        for number in itertools.count():
+        for number in range(50):
             taken.append(number)
             yield partial(int, number)
 
     with side_by_side(threads) as in_order:
+        for number, result in enumerate(in_order(jobs())):
+            assert result == number
+            assert len(taken) <= number + 1 + threads
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_results_do_not_wait_for_jobs_to_come(threads):
+    """What is there is given out, however long the next job takes to arrive, as behind a pipe."""
+    fetched = threading.Event()
+
+    def jobs() -> Iterator[Callable[[], int]]:
+        yield partial(int, 1)
+        assert fetched.wait(10)
+        yield partial(int, 2)
+
+    with side_by_side(threads) as in_order:
         results = in_order(jobs())
-        for number in range(20):
-            assert next(results) == number
-            assert len(taken) == number + (1 if threads == 1 else threads + 1)
+        assert next(results) == 1
+        fetched.set()
+        assert list(results) == [2]
+
+
+def test_jobs_that_never_come_are_given_up():
+    """An error of the caller ends the wait for another program."""
+    gone = threading.Event()
+
+    def jobs() -> Iterator[Callable[[], int]]:
+        yield partial(int, 1)
+        assert gone.wait(10)
+
+    def fetch() -> None:
+        with side_by_side(2, gone.set) as in_order:
+            for _ in in_order(jobs()):
+                raise OnPurposeError
+
+    with pytest.raises(OnPurposeError):
+        fetch()
 
 
 @pytest.mark.parametrize("threads", [1, 4])
