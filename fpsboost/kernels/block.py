@@ -55,8 +55,7 @@ def match_blocks(rows0, rows1, channels, block_size, search_range, offsets, turn
     """
     height, width = rows0.shape[0], rows0.shape[1] // channels
     kind = difference.dtype.type
-    for number in range(difference.size):
-        row, column = divmod(number, difference.shape[1])
+    for row, column in np.ndindex(difference.shape):
         top, left = row * block_size, column * block_size
         bottom, right = min(top + block_size, height), min(left + block_size, width)
         best_y, best_x, least = np.int64(0), np.int64(0), kind(UNLIMITED)

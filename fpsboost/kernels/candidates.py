@@ -144,8 +144,7 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
     """
     rows, columns, capacity = votes.shape
     room, waiting = weights.shape[2], np.empty(capacity, np.float32)
-    for number in range(rows * columns):
-        row, column = divmod(number, columns)
+    for row, column in np.ndindex(rows, columns):
         node_sums, node_weights, all_votes = sums[row, column], weights[row, column], np.float32(0)
         for k in range(count[row, column]):
             waiting[k] = votes[row, column, k]

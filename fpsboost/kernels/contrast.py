@@ -109,8 +109,7 @@ def quantise_planes(planes, inner, height, width, scale, shifts, outer, levels):
     """
     count, rows, columns = levels.shape
     nothing, white = np.float32(0), np.float32(WHITE)
-    for number in range(count * height):
-        c, y = divmod(number, height)
+    for c, y in np.ndindex(count, height):
         values, row = planes[c, inner + y, inner:], levels[c, outer + y]
         frame, shift = row[outer:], shifts[c] + np.float32(0.5)
         for x in range(width):
@@ -120,8 +119,7 @@ def quantise_planes(planes, inner, height, width, scale, shifts, outer, levels):
             row[x] = first
         for x in range(outer + width, columns):
             row[x] = last
-    for number in range(count * (rows - height)):
-        c, y = divmod(number, rows - height)
+    for c, y in np.ndindex(count, rows - height):
         beyond, edge = (y, outer) if y < outer else (y + height, outer + height - 1)
         source, target = levels[c, edge], levels[c, beyond]
         for x in range(columns):

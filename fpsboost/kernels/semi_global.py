@@ -14,7 +14,7 @@ from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.lanes import EIGHT, relax_eight
 from fpsboost.kernels.tiles import Index
 
-FAR = np.float32(1e30)
+UNREACHABLE = np.float32(1e30)
 """Cost of a label that a node has not."""
 
 
@@ -54,14 +54,14 @@ def walk(
             for k in range(Index(0), Index(room), Index(EIGHT)):
                 for other in range(Index(0), Index(room), Index(EIGHT)):
                     relax_eight(x, y, here + k, before + other, costs, least, rise, limit, cheapest, k)
-        least = FAR
+        least = UNREACHABLE
         for k in range(known):
             cost = energy[first + k] + cheapest[k]
             costs[here + k] = cost
             total[first + k] += share * cost
             least = min(least, cost)
         for k in range(known, Index(room)):
-            x[here + k], y[here + k], costs[here + k] = 0, 0, FAR
+            x[here + k], y[here + k], costs[here + k] = 0, 0, UNREACHABLE
         before, tie_before = here, ties[node]
 
 
@@ -117,8 +117,7 @@ def choose_labels(count, costs, motions, similarity, flow, chosen):
         Its similarity.
     """
     rows, columns = count.shape
-    for number in range(rows):
-        row = Index(number)
+    for row in range(Index(rows)):
         for column in range(Index(columns)):
             best = Index(0)
             for k in range(Index(1), Index(count[row, column])):

@@ -66,8 +66,7 @@ def find_coefficients(planes, unit, response, coefficients):
     line = np.empty(width + 2 * taps, np.float32)
     down = line[taps : taps + width]
     rows = np.empty((2 * taps + 1, width), np.float32)  # the last ones, each converted once
-    for number in range(channels * height):
-        c, y = divmod(number, height)
+    for c, y in np.ndindex(channels, height):
         for fresh in range(y + taps if y else 0, y + taps + 1):
             row, source = rows[fresh % len(rows)], planes[c, min(fresh, height - 1)]
             for x in range(width):

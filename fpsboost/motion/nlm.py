@@ -272,6 +272,7 @@ class CoarseToFine:
         for flow, replaced, back in zip(flows, looked, looked[::-1], strict=True):
             (rows, columns), distance, apart = flow.shape[:2], _firm(flow), np.float32(step)
             places = np.arange(rows), np.arange(columns)
+            # counted in points: the one nearest to where a vector leads answers, not the one whose pixels it hits
             measure_trips(replaced / apart, *places, back / apart, 1, rows, columns, distance)
             believed = (np.abs(replaced - flow).max(axis=2) > 1) & (distance * apart <= COMES_BACK)
             ties.append(np.where(believed, LOOSE, np.float32(1)))

@@ -16,7 +16,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image, has_alpha
 from fpsboost.kernels.candidates import CELL, MOTION, SUMS, collect_candidates, list_candidates
 from fpsboost.kernels.fuse import SPARE, Samples, fuse_candidates, patch_shares, window_shape
-from fpsboost.kernels.memory import CACHE_LINE, aligned_empty
+from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, motion_gradients, point_places, round_trip
@@ -222,17 +222,17 @@ class Fuse:
 def _samples(image: Image) -> Samples:
     """Planes of an image's own type, and their spline; colours with straight alpha are multiplied by it."""
     height, width, channels = image.shape
-    is_float, premultiply = image.dtype == np.float32, has_alpha(image) and image.dtype != np.float32
+    is_float = image.dtype == np.float32
+    premultiply = has_alpha(image) and not is_float
     if is_float:  # what is no number would spread to its surroundings
         image = normalised(image)
-    unit = np.float32(1 if is_float else 1 / np.iinfo(image.dtype).max)
-    rows, columns = height + 2 * MARGIN, -(-(width + 2 * MARGIN + SPARE) // CACHE_LINE) * CACHE_LINE
-    planes = aligned_empty((channels, rows, columns), np.float32 if premultiply else image.dtype)
+    one, to_one = np.float32(1), np.float32(1 if is_float else 1 / np.iinfo(image.dtype).max)
+    scale, unit = (to_one, one) if premultiply else (one, to_one)
+    size = channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE
+    planes = aligned_empty(size, np.float32 if premultiply else image.dtype)
     coefficients = aligned_empty(planes.shape, np.float32)
     precision = 1 / 2**11 if image.dtype == np.uint8 else 1 / 2**19
-    fill_planes(image, unit if premultiply else np.float32(1), premultiply, planes)
-    if premultiply:
-        unit = np.float32(1)
+    fill_planes(image, scale, premultiply, planes)
     find_coefficients(planes, unit, filter_response(precision), coefficients)
     return Samples(planes, coefficients, unit)
 
