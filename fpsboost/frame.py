@@ -3,7 +3,7 @@
 Images
     Arrays of shape (height, width, channels), C-contiguous, channels 1 (gray), 2 (gray and alpha), 3 (BGR) or 4 (BGRA)
     in OpenCV's order; uint8 and uint16 use their whole range, float32 has 1.0 for white. Indexed ``[y, x]``, sizes
-    given as (height, width).
+    given as (height, width). Video that becomes video stays in its own planes; see `fpsboost.ycbcr`.
 Motion
     ``flow01[y, x] = (dx, dy)`` in pixels, float32: ``image1[y + dy, x + dx]`` looks like ``image0[y, x]``. The
     direction is in the name: ``flow01`` from frame 0 to frame 1, ``flow10`` back.
@@ -26,11 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
+from fpsboost.ycbcr import YCbCrImage
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
 
 Image = NDArray[Any]
 """(height, width, channels) uint8, uint16 or float32; see the module's conventions."""
+
+Pixels = Image | YCbCrImage
+"""What a frame consists of: an array, or planes of luma and chroma."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +43,7 @@ class Frame:
 
     Attributes
     ----------
-    image : (H, W, C) uint8, uint16 or float32
+    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     time : Fraction
         Presentation time in seconds.
     duration : Fraction
@@ -49,10 +53,15 @@ class Frame:
         None for frames that were made.
     """
 
-    image: Image
+    image: Pixels
     time: Fraction
     duration: Fraction = Fraction(0)
     original: object | None = None
+
+    @property
+    def array(self) -> Image:
+        """The image, which must be an array; see `as_array`."""
+        return as_array(self.image)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +96,12 @@ class ClipInfo:
     mean_rate: Fraction | None = None
 
 
-def check_pair(image0: Image, image1: Image) -> None:
-    """Raise `InputError` unless both arrays are images of this package and of one size and type.
+def check_pair(image0: Pixels, image1: Pixels) -> None:
+    """Raise `InputError` unless both are images of this package and of one size and type.
 
     Parameters
     ----------
-    image0, image1 : (H, W, C) uint8, uint16 or float32
+    image0, image1 : (H, W, C) uint8, uint16 or float32, or YCbCrImage
 
     Raises
     ------
@@ -105,23 +114,39 @@ def check_pair(image0: Image, image1: Image) -> None:
     >>> check_pair(np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6, 3), np.uint8))
     """
     for image in (image0, image1):
-        if image.ndim != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
+        if len(image.shape) != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
             raise InputError(f"An image must have the shape (height, width, 1 to 4), not {image.shape}.")
         if image.dtype not in type_names:
             raise InputError(f"An image must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
-    if image0.shape != image1.shape or image0.dtype != image1.dtype:
+    codings = [image.coding if isinstance(image, YCbCrImage) else None for image in (image0, image1)]
+    if image0.shape != image1.shape or image0.dtype != image1.dtype or codings[0] != codings[1]:
         raise InputError(
             f"Two frames of one clip must be alike, but one is {describe(image0)} and the other {describe(image1)}; "
             "make them one size and type first."
         )
 
 
-def has_alpha(image: Image) -> bool:
+def as_array(image: Pixels) -> Image:
+    """Return an image that must be an array, for what cannot work on planes.
+
+    Raises
+    ------
+    InputError
+        It is a `YCbCrImage`.
+    """
+    if isinstance(image, YCbCrImage):
+        raise InputError(f"An image must be an array here, not {describe(image)}; read its video without keeps_planes.")
+    return image
+
+
+def has_alpha(image: Pixels) -> bool:
     """Whether the last channel is alpha."""
     return image.shape[2] in {2, 4}
 
 
-def describe(image: Image) -> str:
+def describe(image: Pixels) -> str:
     """Say an image's size and type the way people do: ``640x360, 3 channels, 8-bit``."""
     height, width, channels = image.shape
+    if isinstance(image, YCbCrImage):
+        return f"{width}x{height}, {image.coding.pixel_format}"
     return f"{width}x{height}, {channels} channel{'s' if channels > 1 else ''}, {type_names[image.dtype]}"

@@ -12,8 +12,9 @@ from typing import Any, Literal, NamedTuple, TypeVar, get_args
 import numpy as np
 
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
-from fpsboost.frame import Image, check_pair
+from fpsboost.frame import Image, Pixels, as_array, check_pair
 from fpsboost.lighting import Lighting, find_lighting, in_either_light
+from fpsboost.media.video.planes import bgr_of
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.exhaustive import ExhaustiveSearch
@@ -28,6 +29,7 @@ from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.overlay import find_overlay, keep_overlay
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.synthesis.warp import Extrapolate
+from fpsboost.ycbcr import YCbCrImage
 
 AtCuts = Literal["repeat", "blend", "extrapolate"]
 
@@ -51,7 +53,7 @@ ACROSS_A_CUT: Mapping[AtCuts, str] = MappingProxyType(
 class InBetween(NamedTuple):
     """The frames between two frames, and whether a scene ends there."""
 
-    images: Iterator[Image]
+    images: Iterator[Pixels]
     scene_cut: bool
 
 
@@ -101,8 +103,8 @@ class Pair:
         if self.lighting is None:
             return self.image0, self.image1
         return (
-            PreparedImage(normalised(self.image0.pixels), self.image0.place, self.image0.moment),
-            PreparedImage(self.lighting.undo(self.image1.pixels), self.image1.place, self.image1.moment),
+            PreparedImage(normalised(_in_bgr(self.image0).array), self.image0.place, self.image0.moment),
+            PreparedImage(self.lighting.undo(_in_bgr(self.image1).array), self.image1.place, self.image1.moment),
         )
 
     @property
@@ -214,6 +216,12 @@ class Interpolator:
         check_choice("--at-cuts", self.at_cuts, get_args(AtCuts))
 
     @property
+    def takes_planes(self) -> bool:
+        """Whether images may be `YCbCrImage`; what is made of them then is, too, but for pairs whose light changes."""
+        parts = self.estimator, self.synthesizer
+        return all(bool(getattr(part, "takes_planes", False)) for part in parts)
+
+    @property
     def needs_every_frame(self) -> bool:
         """Whether motion was rendered from each frame to the very next, so that none may be passed over."""
         return isinstance(self.estimator, RenderedMotion) or isinstance(self.synthesizer, SceneAssisted)
@@ -254,7 +262,7 @@ class Interpolator:
         judged = replace(self, cuts=cuts)
         pair = judged.pair(PreparedImage(image0), PreparedImage(image1))
         images, scene_cut = judged.between(pair, times)
-        made = list(images)
+        made = [as_array(image) for image in images]
         if scene_cut and any(0 < t < 1 for t in times):
             warnings.warn(ACROSS_A_CUT[self.at_cuts], SceneCutWarning, stacklevel=2)
         return made
@@ -296,13 +304,13 @@ class Interpolator:
 
     def _images(
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None, after: Pair | None
-    ) -> Iterator[Image]:
+    ) -> Iterator[Pixels]:
         inner = [float(t) for t in times if 0 < t < 1]
         made = self._made(pair, inner, before, after) if inner else iter(())
         for t in times:
             yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
 
-    def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Image]:
+    def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Pixels]:
         breaks_off = pair.breaks_off(before, after)
         # what is beyond these two is not known here
         before = None if before is None or before.breaks_off(after=pair) else before
@@ -310,7 +318,8 @@ class Interpolator:
         if breaks_off:
             onward = self.at_cuts == "extrapolate"
             fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)
-            return AT_CUTS[self.at_cuts].synthesize(Transition(pair.image0, pair.image1, *fields), times)
+            image0, image1 = (_in_bgr(pair.image0), _in_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
+            return AT_CUTS[self.at_cuts].synthesize(Transition(image0, image1, *fields), times)
         # the next pair's motion first: a thread that makes the frames of that one waits for it
         following = _neighbour(after, pair) if self.curved else None
         fields = pair.fields
@@ -348,16 +357,24 @@ class Interpolator:
         remarks = [remark for vectors in matched for remark in vectors.remarks]
         return replace(self, estimator=estimator, synthesizer=synthesizer) if matched else self, remarks
 
-    def compile_for(self, image: Image) -> None:
+    def compile_for(self, image: Pixels) -> None:
         """Compile the kernels for images of this type, or load them from the cache, on a tiny clip.
 
         Parameters
         ----------
-        image : (H, W, C) uint8, uint16 or float32
+        image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
             Any image of the clip; only its type and channels count.
         """
         # long enough for a pyramid with all kinds of levels
-        noise = np.random.default_rng(0).integers(0, 256, (48, 480, image.shape[2])).astype(image.dtype)
+        size, random = (48, 480), np.random.default_rng(0)
+        noise: Pixels
+        if isinstance(image, YCbCrImage):
+            down, across = image.subsampling
+            halves = size[0] // down, size[1] // across
+            noise = image.mapped(lambda plane: random.integers(0, 256, halves).astype(plane.dtype))
+            noise = replace(noise, planes=(random.integers(0, 256, size).astype(image.dtype), *noise.planes[1:]))
+        else:
+            noise = random.integers(0, 256, (*size, image.shape[2])).astype(image.dtype)
         first, second, third = (PreparedImage(noise) for _ in range(3))
         rehearsal = self._without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
@@ -385,6 +402,13 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
         yield before, item, None
 
 
+def _in_bgr(image: PreparedImage) -> PreparedImage:
+    """An image as an array."""
+    if not isinstance(image.pixels, YCbCrImage):
+        return image
+    return PreparedImage(bgr_of(image.pixels), image.place, image.moment)
+
+
 def _onward(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
     """How each frame of a pair goes on at the speed that its own scene has; still where that is not known."""
     onward, back = Still().estimate(pair.image0, pair.image1)
@@ -407,15 +431,15 @@ def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
 
 
 def _relit(
-    images: Iterator[Image], times: Sequence[float], lighting: Lighting, dtype: np.dtype[Any]
-) -> Iterator[Image]:
+    images: Iterator[Pixels], times: Sequence[float], lighting: Lighting, dtype: np.dtype[Any]
+) -> Iterator[Pixels]:
     for image, t in zip(images, times, strict=True):
-        yield lighting.apply(image, t, dtype)
+        yield lighting.apply(as_array(image), t, dtype)
 
 
 def _with_overlay(
-    images: Iterator[Image], times: Sequence[float], pair: Pair, before: Pair, after: Pair
-) -> Iterator[Image]:
+    images: Iterator[Pixels], times: Sequence[float], pair: Pair, before: Pair, after: Pair
+) -> Iterator[Pixels]:
     overlay = find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
     for image, t in zip(images, times, strict=True):
         keep_overlay(image, pair.image0.pixels, pair.image1.pixels, t, overlay)

@@ -230,7 +230,12 @@ def convert(
     to_video = makes_video(output)
     to_file = to_video or makes_animation(output)
     excerpt = excerpt or Excerpt()
-    purpose = purpose_of(output, encoding, needs_rate=fps is not None or excerpt.needs_rate)
+    purpose = purpose_of(
+        output,
+        encoding,
+        needs_rate=fps is not None or excerpt.needs_rate,
+        takes_planes=interpolator.takes_planes,
+    )
     with open_source(
         input,
         _fraction(input_fps),

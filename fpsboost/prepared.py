@@ -8,7 +8,7 @@ from fractions import Fraction
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
-from fpsboost.frame import Image
+from fpsboost.frame import Image, Pixels, as_array
 
 Result = TypeVar("Result")
 
@@ -62,7 +62,7 @@ class PreparedImage:
 
     Parameters
     ----------
-    pixels : (H, W, C) uint8, uint16 or float32
+    pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
         Not to be written to any more.
     place : Fraction, optional
         Where the image lies among the frames of the output, counted from 0: for motion that was rendered for each of
@@ -78,13 +78,18 @@ class PreparedImage:
     True
     """
 
-    def __init__(self, pixels: Image, place: Fraction | None = None, moment: Moment | None = None) -> None:
+    def __init__(self, pixels: Pixels, place: Fraction | None = None, moment: Moment | None = None) -> None:
         self.pixels = pixels
         self.place = place
         self.moment = moment
         self._results = Results()
         self._lock = Lock()
         self._asked_once: set[Hashable] = set()
+
+    @property
+    def array(self) -> Image:
+        """The pixels, which must be an array; see `fpsboost.frame.as_array`."""
+        return as_array(self.pixels)
 
     def once(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
         """``function(pixels, *arguments)``, computed when it is first asked for."""

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
+from fpsboost.frame import Pixels
 from fpsboost.motion.colour import Components, colour_components, contrast_components, gray, small_copy
 from fpsboost.motion.field import MotionField, round_trip
 from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
+from fpsboost.ycbcr import YCbCrImage
 
 NOTHING_ALIKE = 0.3
 """Share of the threshold below which a pair is a cut whatever its neighbours are like, or if it has none."""
@@ -279,10 +280,13 @@ class DuplicateDetector:
         return noise <= (self.smallest_step if math.isinf(before) else min(self.noise, self.share * before))
 
 
-def brightness(image: Image) -> Components:
+def brightness(image: Pixels) -> Components:
     """Levels of 8 bits; whole ones for images of 8 bits, exact and beyond white for others."""
     if image.dtype == np.uint8:
         return gray(image)
+    if isinstance(image, YCbCrImage):
+        black, span, _, _ = image.coding.levels
+        return (image.planes[0].astype(np.float32) - np.float32(black)) * np.float32(255 / span)
     colours = colour_components(image)
     luma = colours[..., 0] if image.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
     return np.asarray(luma * np.float32(255))

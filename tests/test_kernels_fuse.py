@@ -15,16 +15,20 @@ from fpsboost.kernels.candidates import CELL, MOTION
 from fpsboost.kernels.fuse import (
     AREA,
     BLOCK,
+    HALF,
     PADDED,
     PATCH_RADIUS,
+    QUADS,
     SPARE,
     WINDOW,
+    Room,
     Samples,
     decay,
-    fetch_affine,
     fetch_rigid,
+    fetch_window,
     fuse_candidates,
     mark_inside,
+    mix_fetched,
     patch_shares,
     smallest,
     sum_patches,
@@ -56,14 +60,25 @@ def listed(candidates):
     return count, motions, weights
 
 
-def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0):
-    """Call the kernels; the mean as an image, and the confidence."""
+def split(image):
+    """An image's channels as planes."""
+    return [image[..., c].astype(float) for c in range(image.shape[2])]
+
+
+def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0, chroma=None):
+    """Call the kernels; the mean as an image, and the confidence; with chroma of both, its mean, too."""
     image = np.full(image0.shape, np.nan, np.float32)
     confidence = np.full(image0.shape[:2], np.nan, np.float32)
     numbers = [np.float32(each) for each in (scale, sharpness, enough, negligible)]
+    nothing = Samples(np.empty((0, 1, 1), np.float32), np.empty((0, 1, 1), np.float32), np.float32(1))
+    chroma0, chroma1 = (nothing, nothing) if chroma is None else (samples(each) for each in chroma)
+    made = np.full((0, 0, 0) if chroma is None else chroma[0].shape, np.nan, np.float32)
     fuse_candidates(
         samples(image0),
         samples(image1),
+        chroma0,
+        chroma1,
+        1 if chroma is None else -(-len(image0) // len(chroma[0])),
         np.float32(t),
         *listed(candidates),
         *numbers,
@@ -75,9 +90,10 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
         np.float32(1e30),
         False,
         image,
+        made,
         confidence,
     )
-    return image, confidence
+    return (image, confidence) if chroma is None else (image, made, confidence)
 
 
 def nodes_of(size, candidates=()):
@@ -118,9 +134,49 @@ def test_fusing_equals_its_slow_twin(size, channels, t, largest, most):
     candidates = random_candidates(random, size, most, largest)
     options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
     mean, confidence = fuse(image0, image1, t, candidates, **options)
-    expected_mean, expected_confidence = fused(image0, image1, t, candidates, **options)
-    np.testing.assert_allclose(mean, expected_mean, atol=2e-4)
+    expected_mean, expected_confidence = fused(split(image0), split(image1), t, candidates, **options)
+    np.testing.assert_allclose(mean, np.dstack(expected_mean), atol=2e-4)
     np.testing.assert_allclose(confidence, expected_confidence, atol=2e-4)
+
+
+@pytest.mark.parametrize("down", [1, 2])
+@pytest.mark.parametrize(("size", "t", "largest"), [((40, 36), 0.5, 3), ((19, 33), 0.3, 9), ((2, 2), 0.75, 5)])
+def test_fusing_planes_of_half_the_size_equals_its_slow_twin(size, down, t, largest):
+    """Chroma has a say in the weights, and is mixed by those of luma; sizes are even and odd."""
+    random = np.random.default_rng(down)
+    y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
+    luma = [waves(x + k, y, 1, seed=2).astype(np.float32) for k in (0, 1.5)]
+    v, u = np.mgrid[0 : -(-size[0] // down), 0 : -(-size[1] // 2)].astype(float)
+    chroma = [waves(2 * u + k, down * v, 2, seed=3).astype(np.float32) for k in (0, 1.5)]
+    candidates = random_candidates(random, size, 2, largest)
+    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
+    mean, mean_of_chroma, confidence = fuse(*luma, t, candidates, **options, chroma=chroma)
+    planes = [split(full) + split(half) for full, half in zip(luma, chroma, strict=True)]
+    expected, expected_confidence = fused(*planes, t, candidates, **options)
+    np.testing.assert_allclose(mean[..., 0], expected[0], atol=2e-4)
+    np.testing.assert_allclose(mean_of_chroma, np.dstack(expected[1:]), atol=2e-4)
+    np.testing.assert_allclose(confidence, expected_confidence, atol=2e-4)
+
+
+@pytest.mark.parametrize("down", [1, 2])
+def test_chroma_zooms_and_turns_with_luma(down):
+    """On ramps, which a spline reproduces, chroma of half the width tells where it was taken: where luma was."""
+    y, x = np.mgrid[0:48, 0:48].astype(np.float32)
+    luma, chroma = np.dstack([x]), np.dstack([x, y])[::down, ::2]
+    candidates = nodes_of((48, 48))
+    matrix = np.array([[0.05, 0.08], [-0.06, 0.04]])  # d(dx, dy) / d(x, y)
+    for row, column in np.ndindex(*candidates.shape):
+        middle = np.array([16 * column + 8 - 24, 16 * row + 8 - 24])
+        candidates[row, column] = [[1, *(matrix @ middle), 0, 0, *matrix.T.ravel()]]
+    options = {"scale": 0.0, "sharpness": 0.0, "enough": 2.0}
+    # frame 1 alone is looked at, so that the mean is where its samples were taken
+    mean, mean_of_chroma, _ = fuse(luma * 0, luma, 0.5, candidates, **options, chroma=[chroma * 0, chroma])
+    apart = 2 * mean_of_chroma[..., 0] - 2 * mean[::down, ::2, 0]
+    np.testing.assert_allclose(apart[6:-6, 6:-6], 0, atol=0.3)
+    moved_y = 2 * mean_of_chroma[..., 1] - chroma[..., 1]
+    v, u = np.mgrid[0:48:down, 0:48:2]
+    expected = 0.5 * (matrix[1, 0] * (u - 23.5) + matrix[1, 1] * (v - 23.5))
+    np.testing.assert_allclose(moved_y[6:-6, 6:-6], expected[6:-6, 6:-6], atol=0.4)
 
 
 def test_once_all_pixels_are_similar_enough_the_rest_is_left_out():
@@ -131,7 +187,8 @@ def test_once_all_pixels_are_similar_enough_the_rest_is_left_out():
     candidates = nodes_of(size, [(0.8, 2, 0, 0, 0), (0.2, 4, 0, 0, 0)])
     options = {"scale": 1.0, "sharpness": 2.0}
     alone, _ = fuse(image0, image1, 0.5, candidates, **options, enough=0.5)
-    np.testing.assert_allclose(alone, fused(image0, image1, 0.5, candidates, **options, enough=0.5)[0], atol=1e-4)
+    expected, _ = fused(split(image0), split(image1), 0.5, candidates, **options, enough=0.5)
+    np.testing.assert_allclose(alone, np.dstack(expected), atol=1e-4)
     np.testing.assert_allclose(alone[:, 6:-6], waves(x - 1, y, 1, seed=2)[:, 6:-6], atol=1e-4)
     together, _ = fuse(image0, image1, 0.5, candidates, **options, enough=2.0)
     assert np.abs(together - alone).max() > 0.01
@@ -160,7 +217,10 @@ def test_weights_are_shares():
 
 
 def test_a_window_fades_into_its_neighbours():
-    """Nodes with motions of their own: between their middles, one goes over into the other without a step."""
+    """Nodes with motions of their own: between their middles, one goes over into the other without a step.
+
+    Between squares, what they count fades, too.
+    """
     image0, image1 = np.zeros((16, 48, 1), np.float32), np.zeros((16, 48, 1), np.float32)
     image0[..., 0] = np.arange(48) / 48
     candidates = nodes_of((16, 48))
@@ -169,7 +229,10 @@ def test_a_window_fades_into_its_neighbours():
     mean, _ = fuse(image0, image1, 0.25, candidates, scale=0.0, sharpness=30.0, enough=2.0)
     shift = np.arange(48) - mean[8, :, 0] * 48 / 0.75
     between = np.arange(8, 24)
-    np.testing.assert_allclose(shift[between], [fading(place) for place in range(16)], atol=1e-4)
+    squares = np.array([fading(place) for place in range(8)])
+    fadings = np.interp(np.arange(16), np.arange(16)[::2] + 0.5, squares)
+    fadings[-1] = 0.75 * squares[-1] + 0.25 * fading(8)
+    np.testing.assert_allclose(shift[between], fadings, atol=1e-4)
     np.testing.assert_allclose(shift[24:40], shift[between][::-1], atol=1e-4)
 
 
@@ -211,7 +274,8 @@ def test_motions_of_negligible_weight_are_left_out():
     candidates = nodes_of(size, [(0.95, 2, 0, 0, 0), (0.05, 9, 0, 0, 0)])
     options = {"scale": 1.0, "sharpness": 0.0, "enough": 2.0}
     alone, _ = fuse(image0, image1, 0.5, candidates, **options, negligible=0.2)
-    np.testing.assert_allclose(alone, fused(image0, image1, 0.5, candidates, **options, negligible=0.2)[0], atol=1e-4)
+    expected, _ = fused(split(image0), split(image1), 0.5, candidates, **options, negligible=0.2)
+    np.testing.assert_allclose(alone, np.dstack(expected), atol=1e-4)
     together, _ = fuse(image0, image1, 0.5, candidates, **options)
     assert np.abs(together - alone).max() > 0.01
 
@@ -219,8 +283,8 @@ def test_motions_of_negligible_weight_are_left_out():
 @given(st.integers(0, 2**32))
 def test_the_smallest_of_a_window_is_found(seed):
     """Wherever it is."""
-    values = np.random.default_rng(seed).normal(size=AREA).astype(np.float32)
-    assert uncompiled(smallest)(values, np.empty(AREA, np.float32)) == values.min()
+    values = np.random.default_rng(seed).normal(size=QUADS).astype(np.float32)
+    assert uncompiled(smallest)(values, np.empty(QUADS, np.float32)) == values.min()
 
 
 def test_decay_is_the_exponential():
@@ -240,7 +304,8 @@ def test_windows_are_sampled_as_the_spline_says(place):
     stride = planes.shape[2]
     out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
     y, x = np.float32(place[0] + MARGIN), np.float32(place[1] + MARGIN)
-    uncompiled(fetch_rigid)(planes.ravel(), coefficients.ravel(), unit, 0, stride, y, x, rows, out)
+    flat = planes.ravel(), coefficients.ravel()
+    uncompiled(fetch_rigid)(*flat, unit, 0, stride, y, x, WINDOW, WINDOW, rows, out)
     expected = spline_window(spline_coefficients(image[..., 0], 40), 40, *place)
     np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=1e-5)
     if all(value == int(value) for value in place):
@@ -260,12 +325,36 @@ def test_the_blocks_of_a_window_move_as_their_middles_do(share):
         (x, 12.25 + np.arange(WINDOW) + shift_x),
         (y, 9.5 + np.arange(WINDOW)[:, np.newaxis] + shift_y),
     ):
-        coefficients = samples(ramp[..., np.newaxis].astype(np.float32)).coefficients
+        planes, coefficients, unit = samples(ramp[..., np.newaxis].astype(np.float32))
         _, end, stride = coefficients.shape
+        flat = planes.ravel(), coefficients.ravel()
         out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
         place = np.float32(9.5 + MARGIN), np.float32(12.25 + MARGIN)
-        uncompiled(fetch_affine)(coefficients.ravel(), 0, stride, end, *place, np.float32(share), motion, rows, out)
+        window = np.float32(share), motion, WINDOW, WINDOW
+        uncompiled(fetch_window)(*flat, unit, 0, stride, end, *place, *window, rows, out)
         np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("motion", [(2.5, 1.25, 0, 0, 0, 0, 0, 0), (2.5, 1.25, 0, 0, 0.05, -0.02, 0.03, 0.1)])
+@pytest.mark.parametrize("wide", [WINDOW, HALF])
+def test_windows_inside_are_mixed_as_they_are_fetched(motion, wide):
+    """In one go as one by one, for windows that move as a whole and for those that zoom and turn."""
+    frames = [samples(noise(60, 70, 1, np.float32, seed=seed)) for seed in (1, 2)]
+    _, end, stride = frames[0].planes.shape
+    flat = [part.ravel() for frame in frames for part in frame[:2]]
+    motion, t = np.float32(motion), np.float32(0.25)
+    places = np.float32([9.5 + MARGIN, 12.25 + MARGIN, 10.75 + MARGIN, 14.75 + MARGIN])
+    found = []
+    for within in (True, False):
+        room = Room(*(np.empty((WINDOW + 3) * WINDOW, np.float32) for _ in range(3)), np.empty(16, np.float32))
+        distance, mixed = np.ones(wide * wide, np.float32), np.empty(wide * wide, np.float32)
+        everywhere = np.ones((4, WINDOW), np.float32)
+        uncompiled(mix_fetched)(
+            *flat, np.float32(1), 0, stride, end, *places, t, motion, wide, wide, within, everywhere, room, distance,
+            mixed,
+        )  # fmt: skip
+        found.append(np.stack([distance, mixed]))
+    np.testing.assert_allclose(found[0], found[1], atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -280,20 +369,25 @@ def test_places_inside_are_marked(start, size, inside):
 
 def test_patches_are_summed_within_their_window():
     """The mean over the part of a patch that the window has."""
-    values = np.random.default_rng(1).random((WINDOW, WINDOW)).astype(np.float32)
-    padded, half_way = np.pad(values, PATCH_RADIUS).ravel(), np.zeros(PADDED * PADDED, np.float32)
-    sums = np.empty(AREA, np.float32)
-    uncompiled(sum_patches)(padded, half_way, sums)
-    found = (sums * patch_shares()).reshape(WINDOW, WINDOW)
-    for y, x in [(0, 0), (0, 9), (3, 31), (16, 16), (31, 27)]:
-        patch = values[max(y - 4, 0) : y + 5, max(x - 4, 0) : x + 5]
-        np.testing.assert_allclose(found[y, x], patch.mean(), rtol=1e-5)
+    values = np.random.default_rng(1).random((HALF, HALF)).astype(np.float32)
+    padded = np.zeros((HALF + 2 * PATCH_RADIUS) * HALF, np.float32)
+    half_way, sums = np.zeros(HALF * PADDED, np.float32), np.empty(QUADS, np.float32)
+    uncompiled(sum_patches)(values.ravel(), padded, half_way, sums)
+    found = (sums * patch_shares()).reshape(HALF, HALF)
+    ends = np.array([0.75, 1, 1, 1, 0.75])
+    for y, x in [(0, 0), (0, 9), (3, 15), (8, 8), (15, 13)]:
+        rows, columns = (np.arange(at - 2, at + 3) for at in (y, x))
+        down, across = ((places >= 0) & (places < HALF) for places in (rows, columns))
+        weights = np.outer(ends[down], ends[across])
+        mean = (values[np.ix_(rows[down], columns[across])] * weights).sum() / weights.sum()
+        np.testing.assert_allclose(found[y, x], mean, rtol=1e-5)
 
 
 def test_windows_add_up_to_one():
-    """At every pixel, those of the four nodes around; each is what the twin says, and greater than 0."""
-    shape = window_shape().reshape(WINDOW, WINDOW)
-    np.testing.assert_allclose(shape[5], [fading(5) * fading(place) for place in range(WINDOW)], rtol=1e-5)
-    overlapping = sum(shape[y : y + CELL, x : x + CELL] for y in (0, CELL) for x in (0, CELL))
+    """At every square, those of the four nodes around; each is what the twin says, and greater than 0."""
+    shape = window_shape().reshape(HALF, HALF)
+    np.testing.assert_allclose(shape[5], [fading(5) * fading(place) for place in range(HALF)], rtol=1e-5)
+    apart = CELL // 2
+    overlapping = sum(shape[y : y + apart, x : x + apart] for y in (0, apart) for x in (0, apart))
     np.testing.assert_allclose(overlapping, 1, atol=1e-6)
     assert shape.min() > 0

@@ -150,8 +150,9 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
     def followed(image: Any) -> Any:
         nonlocal most
         result = samples(image)
-        alive.add(id(result.planes))
-        weakref.finalize(result.planes, alive.discard, id(result.planes))
+        planes = result.full.planes
+        alive.add(id(planes))
+        weakref.finalize(planes, alive.discard, id(planes))
         most = max(most, len(alive))
         return result
 

@@ -419,8 +419,8 @@ def smoothed(motions: Array, energies: Array, ties: Array, smoothness: float, sl
 
 
 def fused(
-    image0: Array,
-    image1: Array,
+    planes0: list[Array],
+    planes1: list[Array],
     t: float,
     candidates: Array,
     *,
@@ -428,21 +428,28 @@ def fused(
     sharpness: float,
     enough: float,
     negligible: float = 0,
-) -> tuple[Array, Array]:
-    """The mean over all windows and candidates, weighed by patch similarity at t, and the mean similarity ** 8.
+) -> tuple[list[Array], Array]:
+    """The mean of each plane over all windows and candidates, weighed by patch similarity at t, and similarity ** 8.
 
-    Windows have 32 pixels and fade into those of their neighbours 16 pixels away; patches have 9 and end with their
-    window; edges repeat. ``candidates[row, column]`` are lists of ``[weight, dx, dy, ax, ay]``, tried one by one, until
-    one weighs less than `negligible` of the least weight of a pixel.
+    Windows have 16 x 16 squares of 2 x 2 pixels and fade into those of their neighbours 8 squares away; patches have
+    5 x 5 squares, of which the outer ones count three quarters, and end with their window; edges repeat. The first
+    plane has all pixels, others may have half the columns, and half the rows. ``candidates[row, column]`` are lists of
+    ``[weight, dx, dy, ax, ay]``, tried one by one, until one weighs less than `negligible` of the least weight of a
+    square.
     """
-    height, width, channels = image0.shape
+    height, width = planes0[0].shape
     beyond = 48
-    splines = [[spline_coefficients(image[..., c], beyond) for c in range(channels)] for image in (image0, image1)]
-    mean, all_weights, similarities = np.zeros(image0.shape), np.zeros((height, width)), np.zeros((height, width))
+    splines = [[spline_coefficients(plane, beyond) for plane in planes] for planes in (planes0, planes1)]
+    steps = [
+        tuple(-(-size // length) for size, length in zip((height, width), plane.shape, strict=True))
+        for plane in planes0
+    ]
+    sums, all_weights = ([np.zeros(plane.shape) for plane in planes0] for _ in range(2))
+    similarities = np.zeros((height, width))
     for row, column in np.ndindex(*candidates.shape):
         corner = np.array([16.0 * column - 8, 16.0 * row - 8])
-        total, weights, alike_sum = np.zeros((32, 32, channels)), np.zeros((32, 32)), np.zeros((32, 32))
-        best = np.zeros((32, 32))
+        totals = [np.zeros((32 // down, 32 // across)) for down, across in steps]
+        weights, alike_sum, best = (np.zeros((16, 16)) for _ in range(3))
         for prior, *numbers in candidates[row, column]:
             if prior == 0:
                 continue
@@ -450,60 +457,91 @@ def fused(
                 break
             motion, acceleration = np.array(numbers[:2]), np.array(numbers[2:])
             start = corner - t * motion + t * (1 - t) / 2 * acceleration
-            mixed, equal = _along(splines, (start, start + motion), (height, width), beyond, t, scale)
-            alike = np.array(
-                [[equal[max(y - 4, 0) : y + 5, max(x - 4, 0) : x + 5].mean() for x in range(32)] for y in range(32)]
-            )
+            starts, distance, mixed = (start, start + motion), np.zeros((16, 16)), []
+            for plane0, plane1, step in zip(*splines, steps, strict=True):
+                both, apart = _along((plane0, plane1), starts, (height, width), beyond, t, step)
+                mixed.append(both)
+                distance += apart
+            equal = np.exp(-scale * distance)
+            alike = np.array([[_mean_around(equal, y, x) for x in range(16)] for y in range(16)])
             weight = prior * np.exp(-sharpness * (1 - alike))
-            total += weight[..., np.newaxis] * mixed
+            totals = [
+                total + _of_samples(weight, step) * both for total, both, step in zip(totals, mixed, steps, strict=True)
+            ]
             weights += weight
             alike_sum += weight * alike
             best = np.maximum(best, alike)
             if best.min() >= enough:
                 break
-        for y, x in np.ndindex(32, 32):
-            v, u = int(corner[1]) + y, int(corner[0]) + x
-            if 0 <= v < height and 0 <= u < width:
-                share = fading(y) * fading(x) / math.sqrt(weights[y, x])
-                mean[v, u] += share * total[y, x]
-                all_weights[v, u] += share * weights[y, x]
-                similarities[v, u] += share * alike_sum[y, x]
-    return mean / all_weights[..., np.newaxis], (similarities / all_weights) ** 8
+        share = np.outer([fading(y) for y in range(16)], [fading(x) for x in range(16)]) / np.sqrt(weights)
+        for plane, plane_weights, total, step in zip(sums, all_weights, totals, steps, strict=True):
+            at, shares = (int(corner[1]) // step[0], int(corner[0]) // step[1]), _of_samples(share, step)
+            _add_within(plane, shares * total, at)
+            _add_within(plane_weights, shares * _of_samples(weights, step), at)
+        at = int(corner[1]), int(corner[0])
+        _add_within(similarities, _of_samples(share, (1, 1)) * _of_samples(alike_sum, (1, 1)), at)
+    means = [plane / plane_weights for plane, plane_weights in zip(sums, all_weights, strict=True)]
+    return means, (similarities / all_weights[0]) ** 8
+
+
+def _mean_around(squares: Array, y: int, x: int) -> float:
+    """The mean of the squares up to two away, of which the farthest count three quarters along each axis."""
+    counts = [np.select([np.abs(np.arange(16) - at) <= n for n in (1, 2)], [1, 0.75], 0) for at in (y, x)]
+    weights = np.outer(*counts)
+    return float((weights * squares).sum() / weights.sum())
+
+
+def _of_samples(squares: Array, step: tuple[int, int]) -> Array:
+    """What each sample has between squares: three quarters of its own one's, a quarter of the next one's."""
+    for axis in (0, 1):
+        if step[axis] == 1:
+            place = np.arange(32)
+            near, far = place // 2, np.clip(place // 2 + 2 * (place % 2) - 1, 0, 15)
+            squares = 0.75 * squares.take(near, axis) + 0.25 * squares.take(far, axis)
+    return squares
+
+
+def _add_within(plane: Array, values: Array, corner: tuple[int, int]) -> None:
+    """Add the part of a window that lies within a plane."""
+    for y, x in np.ndindex(*values.shape):
+        v, u = corner[0] + y, corner[1] + x
+        if 0 <= v < plane.shape[0] and 0 <= u < plane.shape[1]:
+            plane[v, u] += values[y, x]
 
 
 def fading(place: int) -> float:
-    """How much a place in a row of 32 counts: 3 s^2 - 2 s^3 of its distance s from the nearer end, in sixteenths."""
-    distance = min(place + 0.5, 31.5 - place) / 16
+    """How much a place in a row of 16 counts: 3 s^2 - 2 s^3 of its distance s from the nearer end, in eighths."""
+    distance = min(place + 0.5, 15.5 - place) / 8
     return 3 * distance**2 - 2 * distance**3
 
 
 def _along(
-    splines: list[list[Array]],
+    coefficients: tuple[Array, Array],
     starts: tuple[Array, Array],
     frame: tuple[int, int],
     beyond: int,
     t: float,
-    scale: float,
+    step: tuple[int, int],
 ) -> tuple[Array, Array]:
-    """A window of 32 x 32 samples of both frames from their corners ``(x, y)``: mixed, and how alike they are."""
-    height, width = frame
+    """A window of a plane of both frames from their corners ``(x, y)``: mixed, and how far apart each square is."""
+    (height, width), (down, across) = frame, step
     windows, inside = [], []
-    for coefficients, (x, y) in zip(splines, starts, strict=True):
-        down, across = y + np.arange(32), x + np.arange(32)
-        inside.append(np.outer((down >= 0) & (down <= height - 1), (across >= 0) & (across <= width - 1)))
+    for plane, (x, y) in zip(coefficients, starts, strict=True):
+        rows, columns = y + np.arange(0, 32, down), x + np.arange(0, 32, across)
+        inside.append(np.outer((rows >= 0) & (rows <= height - 1), (columns >= 0) & (columns <= width - 1)))
         # a corner further out than this sees nothing but the repeated edge
-        place = min(max(y, -38), height + 2), min(max(x, -38), width + 2)
-        windows.append(np.dstack([spline_window(each, beyond, *place) for each in coefficients]))
-    share = np.where(inside[0] == inside[1], t, inside[1])[..., np.newaxis]
-    equal = np.exp(-scale * ((windows[1] - windows[0]) ** 2).sum(axis=-1))
-    return (1 - share) * windows[0] + share * windows[1], equal
+        place = min(max(y, -38), height + 2) / down, min(max(x, -38), width + 2) / across
+        windows.append(spline_window(plane, beyond, *place, (32 // down, 32 // across)))
+    share = np.where(inside[0] == inside[1], t, inside[1])
+    apart = ((windows[1] - windows[0]) ** 2).reshape(16, 2 // down, 16, 2 // across).mean(axis=(1, 3))
+    return (1 - share) * windows[0] + share * windows[1], apart
 
 
-def spline_window(coefficients: Array, beyond: int, y: float, x: float, side: int = 32) -> Array:
-    """The spline at `side` x `side` places a pixel apart, the first at (y, x): the sum over all coefficients."""
+def spline_window(coefficients: Array, beyond: int, y: float, x: float, size: tuple[int, int] = (32, 32)) -> Array:
+    """The spline at places a sample apart, the first at (y, x): the sum over all coefficients."""
     down, across = (
         np.array([[bspline(start + k + beyond - i) for i in range(length)] for k in range(side)])
-        for start, length in zip((y, x), coefficients.shape, strict=True)
+        for start, length, side in zip((y, x), coefficients.shape, size, strict=True)
     )
     return down @ coefficients @ across.T
 

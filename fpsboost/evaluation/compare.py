@@ -477,7 +477,7 @@ def _passing(
             observer.made()
         passed.append(
             _Passed(
-                describe(interval.shown0.image),
+                describe(interval.shown0.array),
                 interval.number,
                 interval.last,
                 [each.number for each in interval.hidden],

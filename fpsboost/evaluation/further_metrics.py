@@ -173,10 +173,10 @@ class Meters:
         """The hidden frames of a clip in order; whoever takes one has `made` it before taking the next."""
         last: Interval | None = None
         for last in intervals:
-            self.shown(last.shown0.image)
+            self.shown(last.shown0.array)
             yield from last.hidden
         if last is not None:
-            self.shown(last.shown1.image)
+            self.shown(last.shown1.array)
 
     def shown(self, image: Image) -> None:
         """See `Meter.shown`."""

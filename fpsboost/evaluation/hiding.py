@@ -69,7 +69,7 @@ class Interval(NamedTuple):
 
     def prepared(self) -> tuple[PreparedImage, PreparedImage]:
         """The shown frames as methods take them, each in its place in the clip, nothing remembered of them yet."""
-        return _prepared(self.shown0.image, self.begin), _prepared(self.shown1.image, self.end)
+        return _prepared(self.shown0.array, self.begin), _prepared(self.shown1.array, self.end)
 
     def prepared_truths(self) -> list[PreparedImage]:
         """The hidden frames in the same way."""
@@ -221,11 +221,11 @@ class Hiding:
             if number < self.first:
                 continue
             moment = Moment(begin.number + number, begin.seconds + frame.time - start)
-            _check_numbers(frame.image, moment.number, path)
+            _check_numbers(frame.array, moment.number, path)
             time = rising_moment(clock, start, frame.time, last)
             if time is not None:
                 last = time
-                yield Shown(replace(frame, time=time), _prepared(frame.image, moment))
+                yield Shown(replace(frame, time=time), _prepared(frame.array, moment))
 
     def _truths(self, frames: Iterator[Shown]) -> Iterator[_Truth]:
         """The frames, those of a held picture put together."""
@@ -262,7 +262,7 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         even = Fraction(k, len(between) + 1)
         t = (truth.frame.time - begin) / (end - begin)
         is_even = abs(t - even) * (end - begin) <= clock.tolerance
-        hidden.append(Hidden(truth.moment.number, even if is_even else t, truth.frame.image, truth.moment))
+        hidden.append(Hidden(truth.moment.number, even if is_even else t, truth.frame.array, truth.moment))
     repeats = [number for truth in row[:-1] for number in truth.repeats]
     repeats += [truth.moment.number for truth in row[1:] if truth.is_repeat]
     is_known = (

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hiding import Hidden, Interval
-from fpsboost.frame import Image
+from fpsboost.frame import Image, as_array
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.motion.colour import normalised
@@ -107,7 +107,7 @@ class InterpolatorMaker:
         begin, begin_cpu = time.perf_counter(), time.process_time()
         images = self.interpolator.between(pair, [hidden.t for hidden in chosen], before, after).images
         for hidden in chosen:
-            image = next(images)
+            image = as_array(next(images))
             seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
             yield Made(hidden.number, image, seconds, cpu, pair.search_radius)
             begin, begin_cpu = time.perf_counter(), time.process_time()
@@ -118,7 +118,7 @@ class InterpolatorMaker:
             first, image = interval.prepared()
             if last is None:
                 last = first
-                self.interpolator.compile_for(interval.shown0.image)
+                self.interpolator.compile_for(interval.shown0.array)
             yield interval, self.interpolator.pair(last, image, interval.shown1.time - interval.shown0.time)
             last = image
 
@@ -190,7 +190,7 @@ class Minterpolate:
         first = next(arriving, None)
         if first is None:
             return
-        shown, factor = first.shown0.image, len(first.hidden) + 1
+        shown, factor = first.shown0.array, len(first.hidden) + 1
         places: list[tuple[int, int]] = []
         begin, begin_cpu = time.perf_counter(), seconds_of_children()
         with tempfile.TemporaryFile() as made, tempfile.TemporaryFile() as complaints:
@@ -198,7 +198,7 @@ class Minterpolate:
                 _feed(process, shown)
                 for index, interval in enumerate(chain([first], arriving)):
                     places += [(hidden.number, index * factor + k) for k, hidden in enumerate(interval.hidden, start=1)]
-                    _feed(process, interval.shown1.image)
+                    _feed(process, interval.shown1.array)
                 process.communicate()
             seconds, cpu_seconds = time.perf_counter() - begin, seconds_of_children() - begin_cpu
             if process.returncode:

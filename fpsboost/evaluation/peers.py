@@ -224,8 +224,8 @@ def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tupl
     factor, count, duration = 1, 0, 0.0
     for index, interval in enumerate(intervals):
         if index == 0:
-            _write(folder, 0, interval.shown0.image)
-        _write(folder, index + 1, interval.shown1.image)
+            _write(folder, 0, interval.shown0.array)
+        _write(folder, index + 1, interval.shown1.array)
         rows += [(hidden.number, index, float(hidden.t)) for hidden in interval.hidden]
         factor = max(factor, len(interval.hidden) + 1)
         count, duration = index + 2, duration + float(interval.shown1.time - interval.shown0.time)

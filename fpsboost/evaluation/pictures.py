@@ -213,7 +213,7 @@ def view_motion(picked: Picked, made: Mapping[str, Image], makers: Mapping[str, 
     if not pairs:
         return None
     flows = {name: pair.fields[0].flow for name, pair in pairs.items()}
-    height, width = interval.shown0.image.shape[:2]
+    height, width = interval.shown0.array.shape[:2]
     edge = max(1.0, float(np.median([np.percentile(np.linalg.norm(flow, axis=-1), 98) for flow in flows.values()])))
     spacing = max(4, max(height, width) // ARROWS)
     stretch = _stretch(edge, spacing)
@@ -230,7 +230,7 @@ def view_motion(picked: Picked, made: Mapping[str, Image], makers: Mapping[str, 
         between=(interval.number, interval.last),
         width=width,
         height=height,
-        shown=encode(not_too_wide(as_shown(interval.shown0.image))),
+        shown=encode(not_too_wide(as_shown(interval.shown0.array))),
         wheel=encode(draw_wheel(WHEEL), LOSSLESS),
         edge=edge,
         stretch=stretch,

@@ -111,7 +111,7 @@ def _rendered_motion(here: PreparedImage, there: PreparedImage, vectors: VectorF
     """(H, W, 2) float32, motion from one frame to another, along the vectors of the first."""
     number = frame_number(here.place)
     frames = frame_number(there.place) - number
-    known = vectors.for_image(number, here.pixels)
+    known = vectors.for_image(number, here.array)
     flow: NDArray[Any] = (known.forward if frames > 0 else known.backward) * np.float32(abs(frames))
     return flow
 

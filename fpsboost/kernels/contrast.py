@@ -60,6 +60,50 @@ def split_colours(image, normalise, scale, padding, luma, planes):
 
 
 @njit(cache=True, **FINITE_JIT)
+def split_planes(y_plane, cb_plane, cr_plane, black, luma_unit, neutral, chroma_unit, scale, padding, luma, planes):
+    """`split_colours` for an image in planes of luma and chroma.
+
+    Parameters
+    ----------
+    y_plane : (H, W) uint8 or uint16
+    cb_plane, cr_plane : (H, W), or half of it along x or along both
+    black, luma_unit : float32
+        Code value of black, and what one more adds, with 1 for white.
+    neutral, chroma_unit : float32
+        The same of gray's chroma.
+    scale, padding, luma, planes
+        As for `split_colours`.
+    """
+    height, width = y_plane.shape
+    rows, columns = cb_plane.shape
+    half, down, mean = np.float32(0.5), 1 if rows == height else 2, np.empty(columns, np.float32)
+    for y in range(height):
+        codes, to, first, third = (
+            y_plane[y],
+            luma[y],
+            planes[0, padding + y, padding:],
+            planes[2, padding + y, padding:],
+        )
+        for x in range(width):
+            value = (np.float32(codes[x]) - black) * luma_unit
+            to[x] = value
+            first[x] = value * half * scale
+        if y % down == 0:
+            cb, cr = cb_plane[y // down], cr_plane[y // down]
+            for x in range(columns):
+                chroma = np.float32(cb[x]) + np.float32(cr[x])
+                mean[x] = ((chroma * half - neutral) * chroma_unit + half) * scale
+        if columns == width:
+            for x in range(width):
+                third[x] = mean[x]
+        else:
+            for x in range(Index(width // 2)):
+                third[Index(2) * x] = mean[x]
+                third[Index(2) * x + Index(1)] = mean[x]
+            third[width - 1] = mean[columns - 1]
+
+
+@njit(cache=True, **FINITE_JIT)
 def finish_planes(luma, local_mean, scale, padding, planes):
     """The second plane, twice the luma less its local mean, and repeated edges on all three.
 

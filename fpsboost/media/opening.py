@@ -53,19 +53,25 @@ class Purpose:
         It can hold alpha.
     needs_rate : bool
         Images must say how fast they play.
+    planes : bool
+        Pictures of Y, Cb and Cr may stay as they are.
     """
 
     pictures_alone: bool = False
     upright: bool = False
     alpha: bool = False
     needs_rate: bool = False
+    planes: bool = False
 
 
-def purpose_of(path: str, encoding: Encoding, *, needs_rate: bool) -> Purpose:
-    """What the output under a path asks of its source; a file always has a rate."""
+def purpose_of(path: str, encoding: Encoding, *, needs_rate: bool, takes_planes: bool) -> Purpose:
+    """What the output under a path asks of its source; a file always has a rate.
+
+    `takes_planes` says whether what makes its frames can work on planes of Y, Cb and Cr.
+    """
     to_video = makes_video(path)
     is_file = to_video or makes_animation(path)
-    return Purpose(not to_video, is_file, holds_alpha(path, encoding), is_file or needs_rate)
+    return Purpose(not to_video, is_file, holds_alpha(path, encoding), is_file or needs_rate, to_video and takes_planes)
 
 
 def open_source(
@@ -119,7 +125,7 @@ def open_source(
         if path in PIPES:
             _check_reading(reading, "standard input", "let the program before the pipe do that")
             _check_has_own_rate(input_fps, "standard input")
-            return PipeSource(for_images=purpose.pictures_alone, limit=limit)
+            return PipeSource(for_images=purpose.pictures_alone, keeps_planes=purpose.planes, limit=limit)
         if is_images:
             _check_reading(reading, f"{path}, which holds images", "leave it out")
             if input_fps is None and purpose.needs_rate:
@@ -168,7 +174,14 @@ def _open_file(
     if is_animation:
         _check_reading(reading, f"{path}, which is an animation", "leave it out")
         return AnimationSource(path, keeps_alpha=purpose.alpha, limit=limit)
-    return VideoSource(path, for_images=purpose.pictures_alone, keeps_alpha=purpose.alpha, reading=reading, limit=limit)
+    return VideoSource(
+        path,
+        for_images=purpose.pictures_alone,
+        keeps_alpha=purpose.alpha,
+        keeps_planes=purpose.planes,
+        reading=reading,
+        limit=limit,
+    )
 
 
 def _check_has_own_rate(input_fps: Fraction | None, name: str) -> None:

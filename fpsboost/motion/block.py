@@ -73,9 +73,9 @@ class BlockMatching:
 
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
-        check_pair(image0.pixels, image1.pixels)
+        check_pair(image0.array, image1.array)
         values0, values1 = (image.once(colour_values) for image in (image0, image1))
-        white = white_of(image0.pixels)
+        white = white_of(image0.array)
         return self._match(values0, values1, white), self._match(values1, values0, white)
 
     def _match(self, values0: NDArray[Any], values1: NDArray[Any], white: float) -> MotionField:

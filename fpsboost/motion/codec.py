@@ -87,7 +87,7 @@ class CodecMotion:
 
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
-        check_pair(image0.pixels, image1.pixels)
+        check_pair(image0.array, image1.array)
         return self._towards(image1, image0), self._towards(image0, image1)
 
     def _towards(self, reference: PreparedImage, predicted: PreparedImage) -> MotionField:
@@ -141,7 +141,7 @@ def _read_vectors(packets: list[av.Packet[Any]]) -> NDArray[Any]:
 
 
 def _field(vectors: NDArray[Any], image: PreparedImage, other: PreparedImage) -> MotionField:
-    height, width = image.pixels.shape[:2]
+    height, width = image.array.shape[:2]
     numbers = _block_numbers(vectors, height, width)
     motions = np.zeros((len(vectors) + 1, 2), np.float32)
     for axis, name in enumerate(("motion_x", "motion_y")):
@@ -174,5 +174,5 @@ def _differences(image: PreparedImage, other: PreparedImage, flow: NDArray[Any])
     y, x = np.mgrid[:height, :width]
     end_x, end_y = (np.floor(flow[..., axis] + np.float32(0.5)).astype(np.intp) for axis in (0, 1))
     found = there[(y + end_y).clip(0, height - 1), (x + end_x).clip(0, width - 1)]
-    of_pixels: NDArray[Any] = cv2.absdiff(here, found).reshape(here.shape).mean(axis=2) / white_of(image.pixels)
+    of_pixels: NDArray[Any] = cv2.absdiff(here, found).reshape(here.shape).mean(axis=2) / white_of(image.array)
     return of_pixels

@@ -8,12 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image, has_alpha
-from fpsboost.kernels.contrast import finish_planes, quantise_planes, split_colours
+from fpsboost.frame import Image, Pixels, has_alpha
+from fpsboost.kernels.contrast import finish_planes, quantise_planes, split_colours, split_planes
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import level_scale
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.similarity import colour_scale
+from fpsboost.ycbcr import YCbCrImage
 
 Components = NDArray[Any]
 """(H, W, 3) float32."""
@@ -48,17 +49,22 @@ def colour_components(image: Image) -> Components:
     return values
 
 
-def gray(image: Image) -> NDArray[Any]:
+def gray(image: Pixels) -> NDArray[Any]:
     """Luma in 8 bits.
 
     Parameters
     ----------
-    image : (H, W, C) uint8, uint16 or float32
+    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
 
     Returns
     -------
     (H, W) uint8
     """
+    if isinstance(image, YCbCrImage):
+        black, span, _, _ = image.coding.levels
+        above = np.maximum(image.planes[0], image.dtype.type(black))  # what follows takes the absolute value
+        levels: NDArray[Any] = cv2.convertScaleAbs(above, alpha=255 / span, beta=-255 / span * black)
+        return levels
     if image.dtype == np.uint8 and image.shape[2] == 3:
         return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     colours = colour_components(image)
@@ -67,14 +73,14 @@ def gray(image: Image) -> NDArray[Any]:
     return eight_bit
 
 
-def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
+def contrast_components(image: Pixels, high_pass_size: int = 9) -> Components:
     """Half luma, doubled high-pass luma, mean chroma: sees low contrast and forgives slow brightness changes.
 
     The report's plain colours are blind to low contrast at v = 0.25; these components are not.
 
     Parameters
     ----------
-    image : (H, W, C) uint8, uint16 or float32
+    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     high_pass_size : int
         Side of the box whose mean is taken off, pixels.
 
@@ -82,14 +88,24 @@ def contrast_components(image: Image, high_pass_size: int = 9) -> Components:
     -------
     (H, W, 3) float32
     """
-    colours = colour_components(image)
-    if image.shape[2] < 3:
-        luma, chroma = colours[..., 0], colours[..., 1]
-    else:
-        converted = cv2.cvtColor(colours, cv2.COLOR_BGR2YCrCb)
-        luma, chroma = converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
+    luma, chroma = _luma_and_chroma(image)
     high_pass = (luma - cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))) * 2
     return np.dstack([luma * 0.5, high_pass, chroma])
+
+
+def _luma_and_chroma(image: Pixels) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Luma in [0, 1], and the mean of both differences of colour with 0.5 for gray; 0 for images of one channel."""
+    if isinstance(image, YCbCrImage):
+        black, luma_span, neutral, chroma_span = image.coding.levels
+        height, width, _ = image.shape
+        y, cb, cr = (plane.astype(np.float32) for plane in image.planes)
+        chroma = ((cb + cr) * np.float32(0.5) - np.float32(neutral)) / np.float32(chroma_span) + np.float32(0.5)
+        return (y - np.float32(black)) / np.float32(luma_span), cv2.resize(chroma, (width, height))
+    colours = colour_components(image)
+    if image.shape[2] < 3:
+        return colours[..., 0], colours[..., 1]
+    converted = cv2.cvtColor(colours, cv2.COLOR_BGR2YCrCb)
+    return converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
 
 
 BORDER = 16
@@ -105,12 +121,12 @@ class Planes(NamedTuple):
     """(3, H + 2 padding, W + 2 padding or more) uint8, scaled by `fpsboost.kernels.levels.level_scale`."""
 
 
-def contrast_planes(image: Image, padding: int, v: float, high_pass_size: int = 9) -> Planes:
+def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int = 9) -> Planes:
     """`contrast_components` for the kernels, in one go.
 
     Parameters
     ----------
-    image : (H, W, C) uint8, uint16 or float32
+    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     padding : int
         Pixels on every side of the levels; the right has room for a few vectors more.
     v : float
@@ -125,13 +141,16 @@ def contrast_planes(image: Image, padding: int, v: float, high_pass_size: int = 
     """
     height, width = image.shape[:2]
     scale = colour_scale(v)
-    if image.dtype == np.float32:
-        image, white = seen(image), 1
-    else:
-        white = np.iinfo(image.dtype).max
     luma = np.empty((height, width), np.float32)
     planes = aligned_empty((3, height + 2 * BORDER, width + 2 * BORDER + 2 * LANES), np.float32)
-    split_colours(image, np.float32(1 / white), np.float32(scale), BORDER, luma, planes)
+    if isinstance(image, YCbCrImage):
+        black, luma_span, neutral, chroma_span = image.coding.levels
+        codes = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
+        split_planes(*image.planes, *codes, np.float32(scale), BORDER, luma, planes)
+    else:
+        white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
+        colours = seen(image) if image.dtype == np.float32 else image
+        split_colours(colours, np.float32(1 / white), np.float32(scale), BORDER, luma, planes)
     local_mean = cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))
     finish_planes(luma, local_mean.reshape(luma.shape), np.float32(scale), BORDER, planes)
     return with_levels(planes, (height, width), padding, v, SIGNED)
@@ -185,12 +204,12 @@ def seen(image: Image) -> NDArray[Any]:
     return values
 
 
-def small_copy(image: Image, longer_side: int) -> NDArray[Any]:
-    """A thumbnail, float32 with 1.0 for white.
+def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
+    """A thumbnail in gray or BGR, float32 with 1.0 for white.
 
     Parameters
     ----------
-    image : (H, W, C) uint8, uint16 or float32
+    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     longer_side : int
         Of the thumbnail, pixels.
 
@@ -201,6 +220,9 @@ def small_copy(image: Image, longer_side: int) -> NDArray[Any]:
     height, width = image.shape[:2]
     scale = longer_side / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
+    if isinstance(image, YCbCrImage):
+        codes = [cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in image.planes]
+        return cv2.transform(cv2.merge(codes).astype(np.float32), image.coding.to_bgr()).clip(0, 1)
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     return _in_bounds(normalised(small.reshape(size[1], size[0], -1)))
 

@@ -79,7 +79,7 @@ class ExhaustiveSearch:
 
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`; flows are whole pixels."""
-        check_pair(image0.pixels, image1.pixels)
+        check_pair(image0.array, image1.array)
         radius = self.search_radius or choose_search_radius(image0, image1, self.vectors)
         search = search_fused if self.implementation == "fused" else search_by_passes
         colours0, colours1 = image0.once(colour_components), image1.once(colour_components)

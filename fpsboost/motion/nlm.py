@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image, check_pair
+from fpsboost.frame import Pixels, check_pair
 from fpsboost.kernels.levels import truncation
 from fpsboost.kernels.points import measure_trips
 from fpsboost.kernels.refine import WIDE, refine_points
@@ -32,6 +32,7 @@ from fpsboost.motion.colour import BORDER, Planes, contrast_components, contrast
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
+from fpsboost.ycbcr import YCbCrImage
 
 
 class Points(NamedTuple):
@@ -111,6 +112,8 @@ class CoarseToFine:
     OptionError
         A value is out of range.
     """
+
+    takes_planes: ClassVar[bool] = True
 
     reach: float = 1 / 8
     patch_radius: int = 5
@@ -304,7 +307,7 @@ class CoarseToFine:
         """The similarity of two equal pixels."""
         return np.uint8(truncation(self.v))
 
-    def _limit(self, image: Image) -> int:
+    def _limit(self, image: Pixels) -> int:
         longer_side: int = max(image.shape[:2])
         return math.ceil(self.reach * longer_side) + 1
 
@@ -320,16 +323,28 @@ def _denser(points: Points, size: tuple[int, ...]) -> Points:
     return Points(*(spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in points))
 
 
-def pyramid(image: Image, coarsest_side: int) -> list[PreparedImage]:
-    """The image and its halves, until the longer side would fall below `coarsest_side`; at most five levels.
+def pyramid(image: Pixels, coarsest_side: int) -> list[PreparedImage]:
+    """The image and its halves, until the longer side would fall below `coarsest_side`; at most five levels."""
+    if isinstance(image, np.ndarray) and image.dtype == np.float32:  # what is no number would spread
+        image = normalised(image)
+    levels = [image]
+    while len(levels) < 5 and max(levels[-1].shape[:2]) >= 2 * coarsest_side:
+        levels.append(halved(levels[-1]))
+    return [PreparedImage(level) for level in levels]
+
+
+def halved(image: Pixels) -> Pixels:
+    """The image at half its size, rounded up; of one in planes, chroma stays as it is where it has that size.
 
     What is finer than a half can show is filtered out first, or patterns would show in it as others that move otherwise
     (Burt and Adelson 1983, doi:10.1109/TCOM.1983.1095851).
     """
-    levels = [normalised(image) if image.dtype == np.float32 else image]  # what is no number would spread
-    while len(levels) < 5 and max(levels[-1].shape[:2]) >= 2 * coarsest_side:
-        height, width = levels[-1].shape[:2]
-        smooth = cv2.GaussianBlur(levels[-1], (5, 5), 0, borderType=cv2.BORDER_REPLICATE)  # 1, 4, 6, 4, 1
-        half = cv2.resize(smooth, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
-        levels.append(half.reshape(half.shape[0], half.shape[1], -1))
-    return [PreparedImage(level) for level in levels]
+    height, width = ((length + 1) // 2 for length in image.shape[:2])
+
+    def half(pixels: NDArray[Any]) -> NDArray[Any]:
+        if pixels.shape[:2] == (height, width):
+            return pixels
+        smooth = cv2.GaussianBlur(pixels, (5, 5), 0, borderType=cv2.BORDER_REPLICATE)  # 1, 4, 6, 4, 1
+        return cv2.resize(smooth, (width, height), interpolation=cv2.INTER_AREA)
+
+    return image.mapped(half) if isinstance(image, YCbCrImage) else half(image).reshape(height, width, -1)

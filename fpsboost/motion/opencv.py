@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
-from fpsboost.frame import Image, check_pair
+from fpsboost.frame import Pixels, check_pair
 from fpsboost.motion.colour import gray
 from fpsboost.motion.field import MotionField
 from fpsboost.prepared import PreparedImage
@@ -32,6 +32,8 @@ class Dis:
     preset : {'ultrafast', 'fast', 'medium'}
         OpenCV's presets.
     """
+
+    takes_planes: ClassVar[bool] = True
 
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
 
@@ -66,6 +68,8 @@ class Farneback:
     OptionError
         A value is below 1.
     """
+
+    takes_planes: ClassVar[bool] = True
 
     levels: int = 5
     window_size: int = 15
@@ -160,6 +164,8 @@ class TvL1:
 class Still:
     """Every pixel stays where it is: the motion of `blend` and `nearest`."""
 
+    takes_planes: ClassVar[bool] = True
+
     def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.pixels, image1.pixels)
@@ -182,7 +188,7 @@ def _padded_gray(image: PreparedImage) -> NDArray[Any]:
     return cv2.copyMakeBorder(eight_bit, 0, below, 0, right, cv2.BORDER_REPLICATE)
 
 
-def _unpadded(flow: NDArray[Any], image: Image) -> NDArray[Any]:
+def _unpadded(flow: NDArray[Any], image: Pixels) -> NDArray[Any]:
     return np.ascontiguousarray(flow[: image.shape[0], : image.shape[1]], np.float32)
 
 

@@ -215,11 +215,11 @@ class RenderedMotion:
         InputError
             They have no vectors, or some of another size.
         """
-        check_pair(image0.pixels, image1.pixels)
+        check_pair(image0.array, image1.array)
         number0, number1 = frame_number(image0.place), frame_number(image1.place)
         span = np.float32((number1 - number0) * self.vectors.step)
-        forward = self.vectors.for_image(number0, image0.pixels).forward
-        backward = self.vectors.for_image(number1, image1.pixels).backward
+        forward = self.vectors.for_image(number0, image0.array).forward
+        backward = self.vectors.for_image(number1, image1.array).backward
         alike = np.ones(forward.shape[:2], np.float32)
         return MotionField(forward * span, alike), MotionField(backward * span, alike)
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from fpsboost.frame import Image
+from fpsboost.frame import Pixels
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.prepared import PreparedImage
@@ -42,7 +42,7 @@ class Transition:
 class Synthesizer(Protocol):
     """Contract: what does the scene look like between two frames?"""
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Pixels]:
         """Make one image for every time.
 
         Parameters
@@ -53,7 +53,7 @@ class Synthesizer(Protocol):
 
         Yields
         ------
-        (H, W, C), dtype of the frames
+        (H, W, C), dtype of the frames, or YCbCrImage where they are
             New arrays; made one at a time, so that any number of them needs the memory of one.
         """
         ...

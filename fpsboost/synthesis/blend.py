@@ -4,30 +4,43 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
 
 import cv2
 
-from fpsboost.frame import Image
+from fpsboost.frame import Image, Pixels, as_array
 from fpsboost.synthesis import Transition
+from fpsboost.ycbcr import YCbCrImage
 
 
 @dataclass(frozen=True)
 class Blend:
     """Mix the two frames in time, without motion."""
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    takes_planes: ClassVar[bool] = True
+
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Pixels]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; only the frames are looked at."""
         image0, image1 = transition.image0.pixels, transition.image1.pixels
         for t in times:
-            mixed = cv2.addWeighted(image0, 1 - t, image1, t, 0)
-            yield mixed.reshape(image0.shape)
+            if isinstance(image0, YCbCrImage) and isinstance(image1, YCbCrImage):
+                yield image0.mapped(partial(_mixed, t), image1)
+            else:
+                yield _mixed(t, as_array(image0), as_array(image1))
+
+
+def _mixed(t: float, image0: Image, image1: Image) -> Image:
+    return cv2.addWeighted(image0, 1 - t, image1, t, 0).reshape(image0.shape)
 
 
 @dataclass(frozen=True)
 class Nearest:
     """Repeat the frame that is nearer in time; the earlier one at the middle."""
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    takes_planes: ClassVar[bool] = True
+
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Pixels]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; only the frames are looked at."""
         image0, image1 = transition.image0.pixels, transition.image1.pixels
         for t in times:

@@ -6,14 +6,15 @@ What a point of either frame says of the motion around a node is a vote, and wha
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image, has_alpha
+from fpsboost.frame import Image, Pixels, as_array, has_alpha
 from fpsboost.kernels.candidates import CELL, MOTION, SUMS, collect_candidates, list_candidates
 from fpsboost.kernels.fuse import SPARE, Samples, fuse_candidates, patch_shares, window_shape
 from fpsboost.kernels.memory import aligned_empty
@@ -23,6 +24,7 @@ from fpsboost.motion.field import MotionField, motion_gradients, point_places, r
 from fpsboost.motion.trajectory import ONE_SIDED, TWO_SIDED, accelerations_at_points
 from fpsboost.synthesis import Transition
 from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
+from fpsboost.ycbcr import YCbCrImage
 
 CAPACITY = 48
 """Motions that are told apart around one node, at most."""
@@ -62,6 +64,15 @@ class Voters(NamedTuple):
     """(rows, columns) float32."""
 
 
+class SampledImage(NamedTuple):
+    """An image as `fuse_candidates` reads it."""
+
+    full: Samples
+    """The planes that have all pixels."""
+    chroma: Samples
+    """Those of half the width, if any."""
+
+
 class Candidates(NamedTuple):
     """The motions that may hold around each node; see `fpsboost.kernels.candidates.list_candidates`."""
 
@@ -99,6 +110,8 @@ class Fuse:
         A candidate is left out once its votes are below this share of the weight that every pixel has by then.
     """
 
+    takes_planes: ClassVar[bool] = True
+
     step: int = 8
     support: float = 24
     tolerance: float = 0.5
@@ -125,17 +138,17 @@ class Fuse:
         if not self.width > 0:
             raise OptionError(f"width must be above 0, not {self.width}.")
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Pixels]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
         nobody_asks = np.empty((0, 0), np.float32)
         for candidates, t in self._listed(transition, times):
             yield self._fused(transition, candidates, t, nobody_asks)
 
     def fuse(self, transition: Transition, times: Sequence[float]) -> Iterator[Fused]:
-        """Like `synthesize`, with the confidence of every pixel."""
+        """Like `synthesize`, with the confidence of every pixel; for arrays."""
         for candidates, t in self._listed(transition, times):
             confidence = np.empty(transition.image0.pixels.shape[:2], np.float32)
-            yield Fused(self._fused(transition, candidates, t, confidence), confidence)
+            yield Fused(as_array(self._fused(transition, candidates, t, confidence)), confidence)
 
     def _listed(self, transition: Transition, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
         """The candidates at each time."""
@@ -143,31 +156,36 @@ class Fuse:
         for t in times:
             yield self._candidates(voters, transition.image0.pixels.shape[:2], t), t
 
-    def _fused(self, transition: Transition, candidates: Candidates, t: float, confidence: NDArray[Any]) -> Image:
+    def _fused(self, transition: Transition, candidates: Candidates, t: float, confidence: NDArray[Any]) -> Pixels:
         image0, image1 = transition.image0.pixels, transition.image1.pixels
-        image, channels = np.empty_like(image0), image0.shape[2]
+        sampled0, sampled1 = (image.once(_samples) for image in (transition.image0, transition.image1))
+        made, pixels, chroma = _blank(image0)
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
         fuse_candidates(
-            transition.image0.once(_samples),
-            transition.image1.once(_samples),
+            sampled0.full,
+            sampled1.full,
+            sampled0.chroma,
+            sampled1.chroma,
+            image0.subsampling[0] if isinstance(image0, YCbCrImage) else 1,
             np.float32(t),
             *candidates,
-            np.float32(0.5 / self.width**2 * max(1, 3 / channels)),
+            np.float32(0.5 / self.width**2 * _colours_for_one(image0)),
             np.float32(self.sharpness),
             np.float32(self.enough),
             np.float32(self.negligible),
             window_shape(),
             patch_shares(),
-            np.float32(1) if image0.dtype == np.float32 else value_range(image0)[1],
+            _white(image0),
             rounding_offset(image0),
             *_value_range(transition),
             straight_alpha,
-            image,
+            pixels,
+            chroma,
             confidence,
         )
         if straight_alpha:
-            colour_unseen(image, image0, image1, t)
-        return image
+            colour_unseen(as_array(made), as_array(image0), as_array(image1), t)
+        return made
 
     def _candidates(self, voters: tuple[Voters, Voters], size: tuple[int, int], t: float) -> Candidates:
         """What may hold around each node."""
@@ -219,7 +237,25 @@ class Fuse:
         return Voters(vectors, motion_gradients(vectors, self.step), changes, trust)
 
 
-def _samples(image: Image) -> Samples:
+def _samples(image: Pixels) -> SampledImage:
+    if isinstance(image, YCbCrImage):
+        full = 1 if image.subsampling[1] == 2 else 3
+        return SampledImage(*(_planar_samples(image, planes) for planes in (image.planes[:full], image.planes[full:])))
+    nothing = np.empty((0, 1, 1), image.dtype)
+    return SampledImage(_array_samples(image), Samples(nothing, nothing.astype(np.float32), np.float32(1)))
+
+
+def _planar_samples(image: YCbCrImage, planes: Sequence[NDArray[Any]]) -> Samples:
+    height, width = planes[0].shape if planes else (0, 0)
+    unit = np.float32(1 / _white(image))  # of chroma, too: it counts about as much as in a sum over B, G and R
+    padded = aligned_empty((len(planes), height + 2 * MARGIN, width + 2 * MARGIN + SPARE), image.dtype)
+    beyond = padded.shape[2] - MARGIN - width
+    for plane, target in zip(planes, padded, strict=True):
+        cv2.copyMakeBorder(plane, MARGIN, MARGIN, MARGIN, beyond, cv2.BORDER_REPLICATE, dst=target)
+    return _with_coefficients(padded, unit, image.coding.bits)
+
+
+def _array_samples(image: Image) -> Samples:
     """Planes of an image's own type, and their spline; colours with straight alpha are multiplied by it."""
     height, width, channels = image.shape
     is_float = image.dtype == np.float32
@@ -230,11 +266,37 @@ def _samples(image: Image) -> Samples:
     scale, unit = (to_one, one) if premultiply else (one, to_one)
     size = channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE
     planes = aligned_empty(size, np.float32 if premultiply else image.dtype)
-    coefficients = aligned_empty(planes.shape, np.float32)
-    precision = 1 / 2**11 if image.dtype == np.uint8 else 1 / 2**19
     fill_planes(image, scale, premultiply, planes)
-    find_coefficients(planes, unit, filter_response(precision), coefficients)
+    return _with_coefficients(planes, unit, 8 if image.dtype == np.uint8 else 16)
+
+
+def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
+    coefficients = aligned_empty(planes.shape, np.float32)
+    find_coefficients(planes, unit, filter_response(2.0 ** -(bits + 3)), coefficients)
     return Samples(planes, coefficients, unit)
+
+
+def _blank(image: Pixels) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
+    """An image like this one to be written to: whole, its full planes as (H, W, C), and those of half the width."""
+    if not isinstance(image, YCbCrImage):
+        made = np.empty_like(image)
+        return made, made, np.empty((0, 0, 0), image.dtype)
+    (height, width, _), (rows, columns) = image.shape, image.planes[1].shape
+    full = 1 if image.subsampling[1] == 2 else 3
+    whole, halves = np.empty((full, height, width), image.dtype), np.empty((3 - full, rows, columns), image.dtype)
+    return replace(image, planes=(*whole, *halves)), whole.transpose(1, 2, 0), halves.transpose(1, 2, 0)
+
+
+def _white(image: Pixels) -> np.float32:
+    """Levels from black to white."""
+    if isinstance(image, YCbCrImage):
+        return np.float32(image.coding.levels.luma_span)
+    return np.float32(1) if image.dtype == np.float32 else value_range(image)[1]
+
+
+def _colours_for_one(image: Pixels) -> float:
+    """What differences of a gray count for, that all have one scale: three times where they are counted once."""
+    return 3.0 if isinstance(image, YCbCrImage) else max(1, 3 / image.shape[2])
 
 
 def _extremes(image: Image) -> tuple[np.float32, np.float32]:

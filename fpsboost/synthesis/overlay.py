@@ -13,11 +13,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image
+from fpsboost.frame import Image, Pixels, as_array
 from fpsboost.kernels.overlay import STANDS_OUT, mark_overlay
 from fpsboost.motion.colour import gray, normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.prepared import PreparedImage
+from fpsboost.ycbcr import YCbCrImage
 
 SPACING = 32
 """Surroundings are looked at in blocks of this size, pixels."""
@@ -68,8 +69,19 @@ def find_overlay(
     return overlay
 
 
-def keep_overlay(image: Image, image0: Image, image1: Image, t: float, overlay: NDArray[Any]) -> None:
-    """Give an in-between frame the overlay's own pixels, in place."""
+def keep_overlay(image: Pixels, image0: Pixels, image1: Pixels, t: float, overlay: NDArray[Any]) -> None:
+    """Give an in-between frame the overlay's own pixels, in place; chroma where half of its pixels are of it."""
+    if isinstance(image, YCbCrImage) and isinstance(image0, YCbCrImage) and isinstance(image1, YCbCrImage):
+        rows, columns = image.planes[1].shape
+        chroma = cv2.resize(overlay.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA) >= 0.5
+        parts = overlay, chroma, chroma
+        for plane, plane0, plane1, part in zip(image.planes, image0.planes, image1.planes, parts, strict=True):
+            _keep(plane, plane0, plane1, t, part)
+    else:
+        _keep(as_array(image), as_array(image0), as_array(image1), t, overlay)
+
+
+def _keep(image: Image, image0: Image, image1: Image, t: float, overlay: NDArray[Any]) -> None:
     places = np.flatnonzero(overlay)
     pixels, colours0, colours1 = (
         image.reshape(overlay.size, -1),

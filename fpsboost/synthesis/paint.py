@@ -42,7 +42,7 @@ class Paint:
 
     def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; only the motion of frame 0 is followed, straight."""
-        image0, image1 = transition.image0.pixels, transition.image1.pixels
+        image0, image1 = transition.image0.array, transition.image1.array
         flow, similarity = transition.field01.flow, transition.field01.similarity
         known = np.ones(similarity.shape, np.bool_)  # so that colours are always mixed
         for t in times:

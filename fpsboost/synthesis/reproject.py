@@ -54,7 +54,7 @@ class Reproject:
 
     def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight, as in the report."""
-        image0, image1 = transition.image0.pixels, transition.image1.pixels
+        image0, image1 = transition.image0.array, transition.image1.array
         for t in times:
             source0, found0 = self.find_sources(transition.field01.flow, t)
             source1, found1 = self.find_sources(transition.field10.flow, 1 - t)

@@ -72,7 +72,7 @@ class SceneAssisted:
     def _image_at(self, transition: Transition, t: float) -> Image:
         image0, image1 = transition.image0, transition.image1
         place0, place1, number = _places(image0.place, image1.place, t)
-        here, step = self.vectors.for_image(number, image0.pixels), self.vectors.step
+        here, step = self.vectors.for_image(number, image0.array), self.vectors.step
         neighbours = (
             _Neighbour(image0, here.backward * np.float32((number - place0) * step), 1 - t),
             _Neighbour(image1, here.forward * np.float32((place1 - number) * step), t),
@@ -84,14 +84,14 @@ class SceneAssisted:
             x, y = x + neighbour.flow[..., 0], y + neighbour.flow[..., 1]
             seen = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
             if here.depth is not None:
-                there = self.vectors.for_image(frame_number(neighbour.image.place), image0.pixels).depth
+                there = self.vectors.for_image(frame_number(neighbour.image.place), image0.array).depth
                 assert there is not None, "all frames of a folder have depth, or none"
                 seen &= _at_nearest(there, x, y) >= here.depth * np.float32(1 - self.depth_tolerance)
             weights.append(seen * np.float32(neighbour.weight))
             colours.append(_between_pixels(neighbour.image.once(premultiplied), x, y))
         share = _share_of_second(weights[0], weights[1], t)[..., np.newaxis]
         mixed = (1 - share) * colours[0] + share * colours[1]
-        return as_image(mixed, image0.pixels, image1.pixels, t)
+        return as_image(mixed, image0.array, image1.array, t)
 
 
 def _places(place0: Fraction | None, place1: Fraction | None, t: float) -> tuple[Fraction, Fraction, int]:

@@ -28,7 +28,7 @@ class Warp:
         for t in times:
             mean = (1 - t) * _fetched(transition.image0.once(premultiplied), transition.field01.flow, t)
             mean += t * _fetched(transition.image1.once(premultiplied), transition.field10.flow, 1 - t)
-            yield as_image(mean, transition.image0.pixels, transition.image1.pixels, t)
+            yield as_image(mean, transition.image0.array, transition.image1.array, t)
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Extrapolate:
                 else (transition.image1, transition.field10, 1 - t)
             )
             fetched = _fetched(image.once(premultiplied), field.flow, time)
-            yield as_image(fetched, transition.image0.pixels, transition.image1.pixels, float(t > 0.5))
+            yield as_image(fetched, transition.image0.array, transition.image1.array, float(t > 0.5))
 
 
 def _fetched(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:

@@ -164,12 +164,12 @@ class AnimationSink:
             The frame does not fit the clip, or the file cannot be written.
         """
         assert self._writer is not None
-        if frame.image.shape[:2] != (self._info.height, self._info.width):
+        if frame.array.shape[:2] != (self._info.height, self._info.width):
             raise OutputError(
                 f"{self._name} is {self._info.width}x{self._info.height} and cannot take a frame of "
-                f"{describe(frame.image)}; make all frames one size first."
+                f"{describe(frame.array)}; make all frames one size first."
             )
-        image = self._storable(frame.image)
+        image = self._storable(frame.array)
         if self._begin is None:
             self._begin = frame.time
         end = frame.time + frame.duration - self._begin

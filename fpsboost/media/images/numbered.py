@@ -493,10 +493,10 @@ class ImageSink:
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
             self._metadata = read_metadata(path)
-            self._remark_on_kind(path, frame.image, passes=True)
+            self._remark_on_kind(path, frame.array, passes=True)
             return
-        check_format(path, frame.image)
-        self._remarks += [remark for remark in losses(path, frame.image) if remark not in self._remarks]
+        check_format(path, frame.array)
+        self._remarks += [remark for remark in losses(path, frame.array) if remark not in self._remarks]
         if self._frames > self._frames_there:
             data = self._content(path, frame)
             with explained(OutputError, "write", path, "check the free space and the permissions"):
@@ -510,15 +510,15 @@ class ImageSink:
             self._metadata = read_metadata(source)
             is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
             passes = is_same and can_pass(source) and not unread_channels(source)
-            self._remark_on_kind(source, frame.image, passes=passes)
+            self._remark_on_kind(source, frame.array, passes=passes)
             if passes:
                 return content_of(source)
         metadata, extension = self._metadata or ImageMetadata(), extension_of(path.name)
-        for lost in lost_metadata(extension, metadata, frame.image.shape[2]):
+        for lost in lost_metadata(extension, metadata, frame.array.shape[2]):
             remark = f"{self._path} cannot hold the {lost} of its source; left out."
             self._remarks += [remark] * (remark not in self._remarks)
-        data = encode_image(path, frame.image, half=self._half, attributes=metadata.attributes)
-        return with_metadata(extension, data, metadata, frame.image.shape[2])
+        data = encode_image(path, frame.array, half=self._half, attributes=metadata.attributes)
+        return with_metadata(extension, data, metadata, frame.array.shape[2])
 
     def _remark_on_kind(self, source: Path, image: Image, *, passes: bool) -> None:
         """Say once of each kind of originals that frames are written otherwise."""

@@ -17,13 +17,14 @@ from av.video.frame import PictureType
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import OutputError
-from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.frame import ClipInfo, Frame, Pixels
 from fpsboost.media import OutputTiming
 from fpsboost.media.video.encoding import EXACT_CLOCKS, Encoding, needs_hardware
 from fpsboost.media.video.hdr import with_hdr
 from fpsboost.media.video.pixel_choice import choose_pixel_format
+from fpsboost.media.video.planes import as_picture
 from fpsboost.media.video.traits import VideoTraits
-from fpsboost.media.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
+from fpsboost.media.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha
 
 NARROWEST_CUTREE = 64
 """Pixels; in narrower pictures x265's "cutree" writes past its memory (seen up to 48)."""
@@ -219,7 +220,7 @@ class VideoEncoder:
             ) from None
 
 
-def traits_of_image(image: Image | None) -> VideoTraits:
+def traits_of_image(image: Pixels | None) -> VideoTraits:
     """What to write for images, which carry no tags: BT.709, limited range, and their own channels and depth."""
     channels = 3 if image is None else image.shape[2]
     deep = image is not None and image.dtype != np.uint8

@@ -26,18 +26,18 @@ from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
-from fpsboost.frame import ClipInfo, Frame, Image, describe
+from fpsboost.frame import ClipInfo, Frame, Pixels, describe
 from fpsboost.media import Closing, OutputTiming
 from fpsboost.media.video.encoding import Encoding
 from fpsboost.media.video.losses import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.media.video.nominal_rate import ASSUMED_RATE, assumed_rate_remark
+from fpsboost.media.video.planes import as_picture, coding_of, in_planes
 from fpsboost.media.video.source import VideoSource
 from fpsboost.media.video.traits import VideoTraits
 from fpsboost.media.video.ycc import (
     FULL_RANGE,
     LIMITED_RANGE,
     UNSPECIFIED,
-    as_picture,
     assumed_color_space,
     chroma_location_of,
     plane_arrays,
@@ -204,6 +204,8 @@ class PipeSource(Closing):
         By default standard input. Opening reads its first line, and waits for it.
     for_images : bool
         For targets that hold pictures and nothing else: remark what is left behind; frames keep no picture of FFmpeg's.
+    keeps_planes : bool
+        Yield pictures of Y, Cb and Cr as they are, as `YCbCrImage`; others, and all without it, become BGR.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
 
@@ -218,6 +220,7 @@ class PipeSource(Closing):
         stream: BinaryIO | io.BufferedReader | None = None,
         *,
         for_images: bool = False,
+        keeps_planes: bool = False,
         limit: MemoryLimit | None = None,
     ) -> None:
         self._waiting = None if stream is not None else _standard_input()
@@ -238,6 +241,7 @@ class PipeSource(Closing):
         self._rate = self._header.rate or ASSUMED_RATE
         self._info = ClipInfo(INPUT_NAME, self._header.height, self._header.width, self._rate, 1 / self._rate, None)
         self._traits = _traits(self._header)
+        self._coding = coding_of(self._traits) if keeps_planes and not for_images else None
 
     @property
     def info(self) -> ClipInfo:
@@ -274,7 +278,7 @@ class PipeSource(Closing):
         while self._read_frame(samples, count):
             picture = self._picture(samples)
             picture.pts, picture.time_base = count, self._info.time_base
-            image = to_bgr(picture, self._reformatter)
+            image = to_bgr(picture, self._reformatter) if self._coding is None else in_planes(picture, self._coding)
             yield Frame(image, count / self._rate, 1 / self._rate, None if self._for_images else picture)
             count += 1
 
@@ -456,7 +460,7 @@ class PipeSink:
             self._send(np.ascontiguousarray(plane, plane.dtype.newbyteorder("<")).tobytes())
         self._count += 1
 
-    def _choose_header(self, image: Image) -> Header:
+    def _choose_header(self, image: Pixels) -> Header:
         """The source's pixel format or the nearest one; images keep all of their colour and depth."""
         traits = self._traits
         gray, deep = image.shape[2] < 3, image.dtype != np.uint8

@@ -193,7 +193,7 @@ class VideoSink:
                 self._start(traits_of_image(frame.image))
             assert self._encoder is not None
             if frame.image.dtype == np.float32:
-                self._say_floats(frame.image)
+                self._say_floats(frame.array)
             if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(self._encoder.pixel_format):
                 self._alpha_dropped = True
                 self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")

@@ -41,6 +41,7 @@ from fpsboost.media.video.nominal_rate import (
 )
 from fpsboost.media.video.orientation import is_on_its_side, turned_upright
 from fpsboost.media.video.packets import read_packets
+from fpsboost.media.video.planes import coding_of, in_planes
 from fpsboost.media.video.reading import Reading
 from fpsboost.media.video.showing_order import ShowingOrder
 from fpsboost.media.video.size_change import Alike
@@ -73,6 +74,8 @@ class VideoSource(Closing):
         What may be taken; what is available without it.
     keeps_alpha : bool
         Yield BGRA where the file has alpha; it is left out otherwise, with a remark.
+    keeps_planes : bool
+        Yield pictures of Y, Cb and Cr as they are, as `YCbCrImage`; others, and all without it, become BGR.
 
     Attributes
     ----------
@@ -96,11 +99,13 @@ class VideoSource(Closing):
         *,
         for_images: bool = False,
         keeps_alpha: bool = False,
+        keeps_planes: bool = False,
         reading: Reading | None = None,
         limit: MemoryLimit | None = None,
     ) -> None:
         self._name = os.fspath(path)
         self._for_images, self._keeps_alpha = for_images, keeps_alpha
+        self._keeps_planes = keeps_planes and not for_images
         self._reading = reading or Reading()
         self._limit = limit or MemoryLimit()
         self.path = Path(path)
@@ -261,6 +266,7 @@ class VideoSource(Closing):
     def _frames(self) -> Iterator[Frame]:
         """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
         matrix = self.traits.display_matrix
+        coding = coding_of(self.traits) if self._keeps_planes else None
         last: Frame | None = None
         count = 0
         try:
@@ -268,13 +274,15 @@ class VideoSource(Closing):
                 if last is not None:
                     yield last
                 count += 1
-                image = self._convert(picture)
-                original: av.VideoFrame | None = picture
-                if self._for_images:
-                    image, original = turned_upright(image, matrix), None
-                last = Frame(image, time, self._duration_of(picture), original)
+                duration = self._duration_of(picture)
+                if coding is not None:
+                    last = Frame(in_planes(picture, coding), time, duration, picture)
+                elif self._for_images:
+                    last = Frame(turned_upright(self._convert(picture), matrix), time, duration)
+                else:
+                    last = Frame(self._convert(picture), time, duration, picture)
             assert last is not None  # `traits` has found a frame, and the first one is never left out
-            yield Frame(last.image, last.time, self._last_duration(last), last.original)
+            yield replace(last, duration=self._last_duration(last))
         finally:  # also where not all of the clip was asked for
             self._conclude(count)
         self._compare_with_header(last.time + last.duration, count)

@@ -16,20 +16,11 @@ import numpy as np
 from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
-from fpsboost.frame import Frame, Image
+from fpsboost.frame import Image
+from fpsboost.ycbcr import bgr_to_ycc, luma_weights
 
 SMPTE170M, BT709, RGB, UNSPECIFIED = 6, 1, 0, 2  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
-
-luma_weights = {
-    1: (0.2126, 0.0722),
-    4: (0.30, 0.11),
-    5: (0.299, 0.114),
-    6: (0.299, 0.114),
-    7: (0.212, 0.087),
-    9: (0.2627, 0.0593),
-}
-"""(red, blue) share of luma by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
 
 SCALER_FLAGS = 0x4 | 0x40000 | 0x2000 | 0x4000
 """Bicubic, accurate rounding, full chroma interpolation and input: without them chroma drifts by half a level."""
@@ -217,39 +208,6 @@ def _from_bgra(
     return with_chroma_location(picture, chroma_location)
 
 
-def as_picture(
-    frame: Frame,
-    pixel_format: str,
-    color_space: int,
-    full_range: bool,
-    *,
-    chroma_location: str,
-    reformatter: VideoReformatter,
-    keeps_original: bool,
-) -> av.VideoFrame:
-    """Return a frame as a picture of a pixel format, from the decoder's own picture where there is one.
-
-    Parameters
-    ----------
-    frame : Frame
-    pixel_format, color_space, full_range, chroma_location, reformatter
-        See `from_bgr`.
-    keeps_original : bool
-        Whether the target says of its pictures what the source says of them.
-    """
-    original = frame.original
-    height, width = frame.image.shape[:2]
-    if keeps_original and isinstance(original, av.VideoFrame) and (original.width, original.height) == (width, height):
-        if original.format.name == pixel_format:
-            return original
-        has_rgb = original.format.is_rgb or av.VideoFormat(pixel_format).is_rgb
-        if not has_rgb and is_full_range(original) == full_range:
-            return reformatted(original, reformatter, pixel_format, full_range)
-    return from_bgr(
-        frame.image, pixel_format, color_space, full_range, chroma_location=chroma_location, reformatter=reformatter
-    )
-
-
 def _as_bgr(image: Image) -> Image:
     """Three contiguous integer channels."""
     if image.dtype == np.float32:
@@ -326,26 +284,6 @@ def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
 
 def _sample_type(bits: int) -> np.dtype[Any]:
     return np.dtype(np.uint8 if bits <= 8 else np.uint16)
-
-
-def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: int) -> NDArray[np.float64]:
-    """The matrix from BGR in [0, top] to the code values of Y, Cb, Cr.
-
-    Returns
-    -------
-    (3, 4) float64
-        Linear part and, as the last column, the offset.
-    """
-    red, blue = luma_weights[color_space]
-    luma = np.array([blue, 1 - red - blue, red])
-    chroma_blue = (np.array([1, 0, 0]) - luma) / (2 * (1 - blue))
-    chroma_red = (np.array([0, 0, 1]) - luma) / (2 * (1 - red))
-    unit = 2.0 ** (bits - 8)
-    luma_scale, chroma_scale, black = (219 * unit, 224 * unit, 16 * unit)
-    if full_range:
-        luma_scale, chroma_scale, black = (2.0**bits - 1, 2.0**bits - 1, 0.0)
-    linear = np.stack([luma * luma_scale, chroma_blue * chroma_scale, chroma_red * chroma_scale]) / top
-    return np.column_stack([linear, [black, 128 * unit, 128 * unit]])
 
 
 def color_space_of(picture: av.VideoFrame) -> int:

@@ -1,0 +1,370 @@
+"""Rows of the windows that `fpsboost.kernels.fuse` works on: loops so short that the compiler would leave them scalar.
+
+A row has 16 squares of two by two pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
+
+from fpsboost.kernels.lanes import address_of, spread_value
+
+SQUARES = 16
+"""Squares of a row."""
+
+PIXELS = 2 * SQUARES
+"""Pixels of a row."""
+
+END = 0.75
+"""What the first and the last of five squares count: as if patches of nine pixels around each pixel were summed."""
+
+_INDEX = ir.IntType(32)
+_SQUARES, _PIXELS = ir.VectorType(ir.FloatType(), SQUARES), ir.VectorType(ir.FloatType(), PIXELS)
+
+
+def filter_row(source, begin, step, w0, w1, w2, w3, out, target):
+    """Write ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]`` of sixteen values, where ``s[n]`` begins `n` steps on.
+
+    Parameters
+    ----------
+    source : (size,) float32
+    begin, step : int
+        The first value, and the distance to its next; no bounds are checked, here and below.
+    w0, w1, w2, w3 : float32
+    out : (size,) float32 out
+    target : int
+        Where the sixteen begin.
+    """
+    taps = [source[begin + n * step :][:SQUARES] for n in range(4)]
+    out[target : target + SQUARES] = w0 * taps[0] + w1 * taps[1] + w2 * taps[2] + w3 * taps[3]
+
+
+def sum_five(source, begin, step, out, target):
+    """Write ``END s[0] + s[1] + s[2] + s[3] + END s[4]`` of sixteen values; see `filter_row`."""
+    taps = [source[begin + n * step :][:SQUARES] for n in range(5)]
+    out[target : target + SQUARES] = (taps[1] + taps[2] + taps[3]) + np.float32(END) * (taps[0] + taps[4])
+
+
+def pool_row(values, begin, below, share, sums, target):
+    """Add `share` of the sum over the pixels of each of sixteen squares.
+
+    Parameters
+    ----------
+    values : (size,) float32
+    begin, below : int
+        The first pixel of the row above, and the distance to that of the row below.
+    share : float32
+    sums : (size,) float32
+        In and out.
+    target : int
+        Where the squares begin.
+    """
+    both = values[begin : begin + PIXELS] + values[begin + below :][:PIXELS]
+    sums[target : target + SQUARES] += share * (both[::2] + both[1::2])
+
+
+def add_row(weights, begin, values, here, sums, there):
+    """Add sixteen values times their weights.
+
+    Parameters
+    ----------
+    weights, values : (size,) float32
+    begin, here, there : int
+        Where the weights, the values and the sums begin.
+    sums : (size,) float32
+        In and out.
+    """
+    sums[there : there + SQUARES] += weights[begin : begin + SQUARES] * values[here : here + SQUARES]
+
+
+def blend_rows(squares, near, far, out, target):
+    """Write sixteen values a quarter of the way between two rows of squares.
+
+    Parameters
+    ----------
+    squares : (size,) float32
+    near, far : int
+        Where the nearer and the farther row begin.
+    out : (size,) float32 out
+    target : int
+        Where the sixteen begin.
+    """
+    out[target : target + SQUARES] = _between(squares[near:][:SQUARES], squares[far:][:SQUARES])
+
+
+def spread_rows(squares, near, far, out, target):
+    """Write what 32 pixels have between sixteen squares, a quarter of the way to their neighbours, too."""
+    values = _between(squares[near:][:SQUARES], squares[far:][:SQUARES])
+    out[target : target + PIXELS : 2] = _between(values, np.append(values[:1], values[:-1]))
+    out[target + 1 : target + PIXELS : 2] = _between(values, np.append(values[1:], values[-1:]))
+
+
+def _between(near, far):
+    return np.float32(0.75) * near + np.float32(0.25) * far
+
+
+class _Rows:
+    """Vectors of the arrays that an intrinsic is given."""
+
+    def __init__(self, context, builder, signature, arguments):
+        self.context, self.builder, self.kinds, self.arguments = context, builder, signature.args, arguments
+
+    def place(self, number, index, vector):
+        return address_of(self.context, self.builder, self.kinds[number], self.arguments[number], index, vector)
+
+    def load(self, number, index, vector=_SQUARES):
+        return self.builder.load(self.place(number, index, vector), align=4)
+
+    def store(self, values, number, index):
+        self.builder.store(values, self.place(number, index, values.type), align=4)
+
+    def fma(self, first, second, third):
+        kind = ir.FunctionType(first.type, [first.type] * 3)
+        name = f"llvm.fma.v{first.type.count}f32"
+        return self.builder.call(
+            cgutils.get_or_insert_function(self.builder.module, kind, name), [first, second, third]
+        )
+
+    def chosen(self, values, places, further=None):
+        """The values at some places, where those of `further` come after them."""
+        mask = ir.Constant(ir.VectorType(_INDEX, len(places)), list(places))
+        return self.builder.shuffle_vector(values, values if further is None else further, mask)
+
+    def between(self, near, far):
+        """A quarter of the way from near to far."""
+        nearer, farther = (ir.Constant(near.type, [share] * near.type.count) for share in (0.75, 0.25))
+        return self.fma(far, farther, self.builder.fmul(near, nearer))
+
+
+@intrinsic
+def _filter_row(typing, source, begin, step, w0, w1, w2, w3, out, target):
+    def emit(context, builder, signature, arguments):
+        rows, (_, begin, step, *weights, _, target) = _Rows(context, builder, signature, arguments), arguments
+        sums = None
+        for weight in weights:
+            values, spread = rows.load(0, begin), spread_value(builder, weight, _SQUARES)
+            sums = builder.fmul(values, spread) if sums is None else rows.fma(values, spread, sums)
+            begin = builder.add(begin, step)
+        rows.store(sums, 7, target)
+        return context.get_dummy_value()
+
+    return types.void(source, types.int64, types.int64, *(types.float32,) * 4, out, types.int64), emit
+
+
+@intrinsic
+def _sum_five(typing, source, begin, step, out, target):
+    def emit(context, builder, signature, arguments):
+        rows, (_, begin, step, _, target) = _Rows(context, builder, signature, arguments), arguments
+        taps = []
+        for _ in range(5):
+            taps.append(rows.load(0, begin))
+            begin = builder.add(begin, step)
+        near, far = builder.fadd(builder.fadd(taps[1], taps[2]), taps[3]), builder.fadd(taps[0], taps[4])
+        rows.store(rows.fma(far, ir.Constant(_SQUARES, [END] * SQUARES), near), 3, target)
+        return context.get_dummy_value()
+
+    return types.void(source, types.int64, types.int64, out, types.int64), emit
+
+
+@intrinsic
+def _pool_row(typing, values, begin, below, share, sums, target):
+    def emit(context, builder, signature, arguments):
+        rows, (_, begin, below, share, _, target) = _Rows(context, builder, signature, arguments), arguments
+        upper, lower = rows.load(0, begin, _PIXELS), rows.load(0, builder.add(begin, below), _PIXELS)
+        both = builder.fadd(upper, lower)
+        pooled = builder.fadd(rows.chosen(both, range(0, PIXELS, 2)), rows.chosen(both, range(1, PIXELS, 2)))
+        rows.store(rows.fma(spread_value(builder, share, _SQUARES), pooled, rows.load(4, target)), 4, target)
+        return context.get_dummy_value()
+
+    return types.void(values, types.int64, types.int64, types.float32, sums, types.int64), emit
+
+
+@intrinsic
+def _add_row(typing, weights, begin, values, here, sums, there):
+    def emit(context, builder, signature, arguments):
+        rows, (_, begin, _, here, _, there) = _Rows(context, builder, signature, arguments), arguments
+        rows.store(rows.fma(rows.load(0, begin), rows.load(2, here), rows.load(4, there)), 4, there)
+        return context.get_dummy_value()
+
+    return types.void(weights, types.int64, values, types.int64, sums, types.int64), emit
+
+
+@intrinsic
+def _blend_rows(typing, squares, near, far, out, target):
+    def emit(context, builder, signature, arguments):
+        rows, (_, near, far, _, target) = _Rows(context, builder, signature, arguments), arguments
+        rows.store(rows.between(rows.load(0, near), rows.load(0, far)), 3, target)
+        return context.get_dummy_value()
+
+    return types.void(squares, types.int64, types.int64, out, types.int64), emit
+
+
+@intrinsic
+def _spread_rows(typing, squares, near, far, out, target):
+    def emit(context, builder, signature, arguments):
+        rows, (_, near, far, _, target) = _Rows(context, builder, signature, arguments), arguments
+        values, last = rows.between(rows.load(0, near), rows.load(0, far)), SQUARES - 1
+        left = rows.between(values, rows.chosen(values, [max(place - 1, 0) for place in range(SQUARES)]))
+        right = rows.between(values, rows.chosen(values, [min(place + 1, last) for place in range(SQUARES)]))
+        rows.store(rows.chosen(left, [place // 2 + place % 2 * SQUARES for place in range(PIXELS)], right), 3, target)
+        return context.get_dummy_value()
+
+    return types.void(squares, types.int64, types.int64, out, types.int64), emit
+
+
+@overload(filter_row, inline="always")
+def _compiled_filter(source, begin, step, w0, w1, w2, w3, out, target):
+    def compiled(source, begin, step, w0, w1, w2, w3, out, target):
+        _filter_row(source, begin, step, w0, w1, w2, w3, out, target)
+
+    return compiled
+
+
+@overload(sum_five, inline="always")
+def _compiled_sum(source, begin, step, out, target):
+    def compiled(source, begin, step, out, target):
+        _sum_five(source, begin, step, out, target)
+
+    return compiled
+
+
+@overload(pool_row, inline="always")
+def _compiled_pool(values, begin, below, share, sums, target):
+    def compiled(values, begin, below, share, sums, target):
+        _pool_row(values, begin, below, share, sums, target)
+
+    return compiled
+
+
+@overload(add_row, inline="always")
+def _compiled_add(weights, begin, values, here, sums, there):
+    def compiled(weights, begin, values, here, sums, there):
+        _add_row(weights, begin, values, here, sums, there)
+
+    return compiled
+
+
+@overload(blend_rows, inline="always")
+def _compiled_blend(squares, near, far, out, target):
+    def compiled(squares, near, far, out, target):
+        _blend_rows(squares, near, far, out, target)
+
+    return compiled
+
+
+@overload(spread_rows, inline="always")
+def _compiled_spread(squares, near, far, out, target):
+    def compiled(squares, near, far, out, target):
+        _spread_rows(squares, near, far, out, target)
+
+    return compiled
+
+
+def columns_mixer(columns: int) -> Callable[..., None]:
+    """What samples this many columns of two windows, mixes them and adds up their squared differences."""
+    vector = ir.VectorType(ir.FloatType(), columns)
+
+    def mix_columns(first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target):
+        """Sample some columns of two windows, mix them and add up their squared differences.
+
+        Parameters
+        ----------
+        first, second : (size,) float32
+            Coefficients of both frames' splines.
+        begin0, begin1 : int
+            Where the sixteen coefficients of the first sample begin in each.
+        stride : int
+            Distance of their rows.
+        tall, wide : int
+            Rows of the window, and the distance of its rows in what is written.
+        taps : (16,) float32
+            Weights across and down in the first frame, and in the second.
+        t : float32
+            Share of the second frame.
+        mixed : (size,) float32 out
+        distance : (size,) float32
+            In and out.
+        target : int
+            Where the columns begin in both.
+        """
+        samples = []
+        for source, begin, (across, down) in zip((first, second), (begin0, begin1), taps.reshape(2, 2, 4), strict=True):
+            rows = np.array([source[begin + j * stride :][: columns + 3] for j in range(tall + 3)])
+            filtered = sum(across[n] * rows[:, n : n + columns] for n in range(4))
+            samples.append(sum(down[n] * filtered[n : n + tall] for n in range(4)))
+        apart = samples[1] - samples[0]
+        for j in range(tall):
+            place = slice(target + j * wide, target + j * wide + columns)
+            distance[place] += apart[j] * apart[j]
+            mixed[place] = samples[0][j] + t * apart[j]
+
+    @intrinsic
+    def in_vectors(typing, first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target):
+        place, number = types.int64, types.float32
+        kinds = first, place, second, place, place, place, taps, number, place, mixed, distance, place
+
+        def emit(context, builder, signature, arguments):
+            rows = _Rows(context, builder, signature, arguments)
+            _, begin0, _, begin1, stride, tall, _, t, wide, _, _, target = arguments
+            share = spread_value(builder, t, vector)
+
+            def tap(number):
+                weight = rows.load(6, ir.Constant(begin0.type, number), ir.FloatType())
+                return spread_value(builder, weight, vector)
+
+            weights = [tap(number) for number in range(16)]
+
+            def weighted(values, numbers):
+                sums = builder.fmul(values[0], weights[numbers[0]])
+                for value, number in zip(values[1:], numbers[1:], strict=True):
+                    sums = rows.fma(value, weights[number], sums)
+                return sums
+
+            places = [cgutils.alloca_once_value(builder, each) for each in (begin0, begin1, target)]
+            held = [[cgutils.alloca_once(builder, vector) for _ in range(3)] for _ in range(2)]
+
+            def filtered(frame):
+                """The next row of a frame, across."""
+                begin = builder.load(places[frame])
+                builder.store(builder.add(begin, stride), places[frame])
+                taken = [builder.add(begin, ir.Constant(begin.type, n)) for n in range(4)]
+                values = [rows.load(2 * frame, place, vector) for place in taken]
+                return weighted(values, range(8 * frame, 8 * frame + 4))
+
+            for n in range(3):
+                for frame in range(2):
+                    builder.store(filtered(frame), held[frame][n])
+            with cgutils.for_range(builder, tall):
+                samples = []
+                for frame in range(2):
+                    known = [builder.load(each) for each in held[frame]]
+                    known.append(filtered(frame))
+                    for each, value in zip(held[frame], known[1:], strict=True):
+                        builder.store(value, each)
+                    samples.append(weighted(known, range(8 * frame + 4, 8 * frame + 8)))
+                at = builder.load(places[2])
+                builder.store(builder.add(at, wide), places[2])
+                apart = builder.fsub(samples[1], samples[0])
+                rows.store(rows.fma(apart, apart, rows.load(10, at, vector)), 10, at)
+                rows.store(rows.fma(share, apart, samples[0]), 9, at)
+            return context.get_dummy_value()
+
+        return types.void(*kinds), emit
+
+    @overload(mix_columns, inline="always")
+    def compiled_mix(first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target):
+        def compiled(first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target):
+            in_vectors(first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target)
+
+        return compiled
+
+    return mix_columns
+
+
+mix_eight, mix_sixteen = columns_mixer(8), columns_mixer(16)

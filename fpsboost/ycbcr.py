@@ -1,0 +1,159 @@
+"""Images as video codes them: a plane of luma and two of chroma, which often have half the size.
+
+Pictures that come from a video and go into one stay as they are: no colour matrix, no rounding between, and half as
+many samples to compute with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Plane = NDArray[Any]
+"""(H, W) uint8 or uint16."""
+
+luma_weights = MappingProxyType(
+    {
+        1: (0.2126, 0.0722),
+        4: (0.30, 0.11),
+        5: (0.299, 0.114),
+        6: (0.299, 0.114),
+        7: (0.212, 0.087),
+        9: (0.2627, 0.0593),
+    }
+)
+"""(red, blue) share of luma by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
+
+
+class Levels(NamedTuple):
+    """Code values that have a meaning."""
+
+    black: float
+    """Of luma."""
+    luma_span: float
+    """From black to white."""
+    neutral: float
+    """Of the chroma of gray."""
+    chroma_span: float
+    """From the lowest chroma of a colour to the highest."""
+
+
+def code_levels(full_range: bool, bits: int) -> Levels:
+    """Code values of YCbCr by range and depth (ITU-T H.273, 8.3)."""
+    unit = 2.0 ** (bits - 8)
+    if full_range:
+        return Levels(0.0, 2.0**bits - 1, 128 * unit, 2.0**bits - 1)
+    return Levels(16 * unit, 219 * unit, 128 * unit, 224 * unit)
+
+
+def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: float) -> NDArray[np.float64]:
+    """The matrix from BGR in [0, top] to the code values of Y, Cb, Cr.
+
+    Returns
+    -------
+    (3, 4) float64
+        Linear part and, as the last column, the offset.
+    """
+    red, blue = luma_weights[color_space]
+    luma = np.array([blue, 1 - red - blue, red])
+    chroma_blue = (np.array([1, 0, 0]) - luma) / (2 * (1 - blue))
+    chroma_red = (np.array([0, 0, 1]) - luma) / (2 * (1 - red))
+    levels = code_levels(full_range, bits)
+    scaled = [luma * levels.luma_span, chroma_blue * levels.chroma_span, chroma_red * levels.chroma_span]
+    return np.column_stack([np.stack(scaled) / top, [levels.black, levels.neutral, levels.neutral]])
+
+
+@dataclass(frozen=True)
+class Coding:
+    """What the code values of YCbCr mean.
+
+    Parameters
+    ----------
+    bits : int
+        Of a sample, 8 to 16.
+    color_space : int
+        AVColorSpace, the matrix; a key of `luma_weights`.
+    full_range : bool
+        Black is 0 rather than 16 (in 8 bits).
+    chroma_location : str
+        Where a subsampled chroma sample sits: ``left``, ``center``, ``topleft``...
+    pixel_format : str
+        FFmpeg's name, ``yuv420p``.
+    """
+
+    bits: int
+    color_space: int
+    full_range: bool
+    chroma_location: str
+    pixel_format: str
+
+    @property
+    def highest(self) -> int:
+        """The highest code value."""
+        return (1 << self.bits) - 1
+
+    @property
+    def levels(self) -> Levels:
+        """Code values that have a meaning."""
+        return code_levels(self.full_range, self.bits)
+
+    def to_bgr(self) -> NDArray[np.float64]:
+        """The matrix from code values of Y, Cb, Cr to BGR in [0, 1], as `bgr_to_ycc` has it."""
+        forward = bgr_to_ycc(self.color_space, self.full_range, self.bits, 1)
+        inverse = np.linalg.inv(forward[:, :3])
+        return np.column_stack([inverse, -inverse @ forward[:, 3]])
+
+
+@dataclass(frozen=True, eq=False)
+class YCbCrImage:
+    """A picture in its own planes.
+
+    Parameters
+    ----------
+    planes : tuple of 3 arrays
+        Y of (H, W); Cb and Cr of that size, of half the width, or of half the width and height, rounded up. uint8 or
+        uint16, contiguous.
+    coding : Coding
+
+    Examples
+    --------
+    >>> coding = Coding(8, 1, full_range=False, chroma_location="left", pixel_format="yuv420p")
+    >>> gray = [np.full(size, 128, np.uint8) for size in ((4, 6), (2, 3), (2, 3))]
+    >>> image = YCbCrImage(tuple(gray), coding)
+    >>> image.shape, image.subsampling
+    ((4, 6, 3), (2, 2))
+    """
+
+    planes: tuple[Plane, Plane, Plane]
+    coding: Coding
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(H, W, 3), as of an array of BGR."""
+        height, width = self.planes[0].shape
+        return height, width, 3
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples."""
+        return self.planes[0].dtype
+
+    @property
+    def subsampling(self) -> tuple[int, int]:
+        """Rows and columns of pixels for each sample of chroma."""
+        (height, width), (rows, columns) = self.planes[0].shape, self.planes[1].shape
+        return (1 if rows == height else 2), (1 if columns == width else 2)
+
+    def mapped(self, function: Callable[..., Plane], *others: Self) -> Self:
+        """What a function makes of each plane, or of each and the same one of other images."""
+        y, cb, cr = (function(*planes) for planes in zip(self.planes, *(other.planes for other in others), strict=True))
+        return replace(self, planes=(y, cb, cr))
+
+    def copy(self) -> Self:
+        """The same samples in planes of their own."""
+        return self.mapped(np.copy)

@@ -1,0 +1,220 @@
+"""Pictures of video in their own planes: what they mean, and that methods make of them what they make of BGR."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from truth import affine
+from video_truth import pictures_of, samples_of, write_clip
+
+from fpsboost import Encoding, InputError, convert, methods
+from fpsboost.frame import Frame, as_array, check_pair
+from fpsboost.interpolator import with_neighbours
+from fpsboost.media.video.planes import PLANAR_FORMATS, bgr_of, in_planes, picture_of
+from fpsboost.media.video.source import VideoSource
+from fpsboost.media.video.ycc import from_bgr
+from fpsboost.motion.colour import contrast_components, contrast_planes, gray, small_copy
+from fpsboost.motion.nlm import pyramid
+from fpsboost.prepared import PreparedImage
+from fpsboost.scenes import brightness
+from fpsboost.ycbcr import Coding, YCbCrImage
+
+METHODS = sorted(name for name, method in methods.items() if method.takes_planes)
+FORMATS = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le", "yuvj420p"]
+LOSSLESS = Encoding(lossless=True, preset="ultrafast")
+
+
+def planar(image: np.ndarray, pixel_format: str = "yuv420p") -> YCbCrImage:
+    """An image of BGR in planes, by BT.709."""
+    full_range, deep = pixel_format.startswith("yuvj"), pixel_format.endswith("10le")
+    coding = Coding(10 if deep else 8, 1, full_range, "left", pixel_format)
+    return in_planes(from_bgr(image, pixel_format, 1, full_range), coding)
+
+
+def smooth(size: tuple[int, int] = (72, 96), **motion: float) -> list[np.ndarray]:
+    """Two frames whose chroma loses nothing by half the size."""
+    clip = affine(*size, **(motion or {"shift": (5, -3)}))
+    return [clip.image0, clip.image1]
+
+
+@pytest.mark.parametrize("pixel_format", sorted(PLANAR_FORMATS))
+def test_a_picture_comes_back_from_its_planes(pixel_format):
+    """Every sample, of odd sizes, too; and the shape is that of its BGR."""
+    bits = int(pixel_format.rpartition("p")[2].removesuffix("le") or 8)
+    coding = Coding(bits, 1, pixel_format.startswith("yuvj"), "left", pixel_format)
+    random = np.random.default_rng(0)
+    height, width = 35, 51
+    down, across = {"420": (2, 2), "422": (1, 2), "444": (1, 1)}[
+        pixel_format.removeprefix("yuvj").removeprefix("yuv")[:3]
+    ]
+    half = -(-height // down), -(-width // across)
+    dtype = np.uint8 if bits == 8 else np.uint16
+    planes = tuple(random.integers(0, 2**bits, size).astype(dtype) for size in ((height, width), half, half))
+    image = YCbCrImage(planes, coding)
+    assert image.shape == (height, width, 3)
+    assert image.subsampling == (down, across)
+    assert image.dtype == dtype
+    again = in_planes(picture_of(image), coding)
+    for before, after in zip(image.planes, again.planes, strict=True):
+        np.testing.assert_array_equal(before, after)
+        assert after.flags.c_contiguous
+    assert bgr_of(image).shape == (height, width, 3)
+
+
+@pytest.mark.parametrize("pixel_format", FORMATS)
+def test_what_motion_is_looked_for_in_is_that_of_bgr(pixel_format):
+    """Luma, its contrast, mean chroma, thumbnails and halves: to the levels that rounding and chroma's size cost."""
+    image = smooth()[0]
+    of_planes = planar(image, pixel_format)
+    of_array = bgr_of(of_planes)
+    assert np.abs(gray(of_planes).astype(int) - gray(of_array)).max() <= 20  # the matrix of luma is another
+    assert np.abs(small_copy(of_planes, 40) - small_copy(of_array, 40)).mean() < 0.02
+    for level, same in zip(pyramid(of_planes, 20), pyramid(of_array, 20), strict=True):
+        assert level.pixels.shape == same.pixels.shape
+        components, expected = (contrast_components(each.pixels) for each in (level, same))
+        assert np.abs(components - expected).mean() < 0.02
+        planes = contrast_planes(level.pixels, 48, 0.09)
+        height, width = level.pixels.shape[:2]
+        values = planes.values[:, 16 : 16 + height, 16 : 16 + width].transpose(1, 2, 0)
+        scale = values[..., 0].max() / components[..., 0].max()
+        np.testing.assert_allclose(values[..., :2] / scale, components[..., :2], atol=1e-3)
+        assert np.abs(values[..., 2] / scale - components[..., 2]).mean() < 0.02
+
+
+@pytest.mark.parametrize("bits", [8, 10, 16])
+@pytest.mark.parametrize("full_range", [False, True])
+def test_levels_have_their_meaning(bits, full_range):
+    """Black, white and gray of the standard are 0, 255 and 128 of gray, and the same of brightness."""
+    coding = Coding(bits, 1, full_range, "left", "yuv444p" if bits == 8 else f"yuv444p{bits}le")
+    unit = 2 ** (bits - 8)
+    codes = [0, 2 ** (bits - 1), 2**bits - 1] if full_range else [16 * unit, 126 * unit, 235 * unit]
+    dtype = np.uint8 if bits == 8 else np.uint16
+    y = np.array([[*codes, 0]], dtype)
+    image = YCbCrImage((y, *(np.full_like(y, 128 * unit) for _ in range(2))), coding)
+    np.testing.assert_allclose(gray(image)[0, [0, 1, 2]], [0, 128, 255], atol=1)
+    assert gray(image)[0, 3] == 0
+    np.testing.assert_allclose(brightness(image)[0, :3], [0, 128, 255], atol=0.6)
+    corner = small_copy(image, 4)
+    np.testing.assert_allclose(corner[0, :3], np.outer([0, 0.5, 1], [1, 1, 1]), atol=0.01)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("pixel_format", FORMATS)
+def test_made_images_are_those_of_bgr(method, pixel_format):
+    """In planes from the beginning to the end, and by way of BGR: the same to a few levels, at odd sizes, too."""
+    frames = [planar(image, pixel_format) for image in smooth((63, 95), shift=(4.5, 2))]
+    (made,) = methods[method].between(pair_of(method, *frames), [0.5]).images
+    assert isinstance(made, YCbCrImage)
+    assert made.coding == frames[0].coding
+    (expected,) = methods[method].between(pair_of(method, *map(bgr_of, frames)), [0.5]).images
+    white = np.iinfo(frames[0].dtype).max
+    apart = np.abs(bgr_of(made).astype(float) - expected)[8:-8, 8:-8] / white
+    assert apart.mean() < 0.006
+    assert np.percentile(apart, 99) < 0.04
+
+
+def pair_of(method: str, image0: object, image1: object) -> object:
+    """A pair of frames."""
+    return methods[method].pair(PreparedImage(image0), PreparedImage(image1))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("pixel_format", FORMATS)
+def test_what_stands_still_stays_as_it_is(method, pixel_format):
+    """Every sample of every plane, of a picture full of noise."""
+    noise = np.random.default_rng(1).integers(60, 200, (48, 66, 3), dtype=np.uint8)
+    image = planar(noise, pixel_format)
+    for t in (0.25, 0.5):
+        (made,) = methods[method].between(pair_of(method, image, image.copy()), [t]).images
+        for plane, expected in zip(made.planes, image.planes, strict=True):
+            np.testing.assert_array_equal(plane, expected)
+
+
+@pytest.mark.parametrize("at_cuts", ["repeat", "blend", "extrapolate"])
+def test_cuts_are_treated_in_planes(at_cuts):
+    """Repeated and mixed as they are; what goes on along its motion becomes BGR."""
+    random = np.random.default_rng(2)
+    same = [planar(image) for image in smooth((72, 96), shift=(3, 0))]
+    other = planar(random.integers(0, 256, (72, 96, 3), dtype=np.uint8))
+    nlm = replace(methods["nlm"], at_cuts=at_cuts)
+    frames = [PreparedImage(image) for image in (*same, other, other.copy())]
+    pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
+    found = [nlm.between(pair, [0.25], before, after) for before, pair, after in with_neighbours(pairs)]
+    assert [each.scene_cut for each in found] == [False, True, False]
+    (made,) = found[1].images
+    assert isinstance(made, YCbCrImage) == (at_cuts != "extrapolate")
+    if at_cuts == "repeat":
+        np.testing.assert_array_equal(made.planes[0], same[1].planes[0])
+
+
+def test_an_overlay_is_left_alone_in_planes():
+    """A bright bar before what moves by 12 pixels a frame has its own luma and chroma in between."""
+    clip = affine(96, 160, shift=(12, 0))
+    frames = []
+    for k in range(4):
+        image = clip.at(float(k)) if k > 1 else (clip.image0, clip.image1)[k]
+        image = image.copy()
+        image[40:44, 60:100] = (40, 220, 240)
+        frames.append(PreparedImage(planar(image)))
+    nlm = methods["nlm"]
+    pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
+    (made,) = nlm.between(pairs[1], [0.5], pairs[0], pairs[2]).images
+    for plane, expected, down in zip(made.planes, frames[1].pixels.planes, (1, 2, 2), strict=True):
+        inside = slice(41 // down + 1, 43 // down), slice(70 // down, 90 // down)
+        np.testing.assert_allclose(plane[inside].astype(int), expected[inside], atol=1)
+
+
+def test_light_that_changes_is_followed_by_way_of_bgr():
+    """A fade between two frames is made as it is of arrays, as an array."""
+    image0, image1 = (image.astype(float) for image in smooth())
+    frames = [planar(np.rint(image).astype(np.uint8)) for image in (image0 * 0.5, image1)]
+    pair = pair_of("nlm", *frames)
+    assert pair.lighting is not None
+    (made,) = methods["nlm"].between(pair, [0.5]).images
+    (expected,) = methods["nlm"].between(pair_of("nlm", *map(bgr_of, frames)), [0.5]).images
+    assert np.abs(as_array(made).astype(int) - expected).mean() < 2
+
+
+def test_pictures_of_different_coding_are_refused():
+    """And what works on arrays only says so."""
+    image = planar(smooth()[0])
+    other = replace(image, coding=replace(image.coding, full_range=True))
+    with pytest.raises(InputError, match="must be alike"):
+        check_pair(image, other)
+    with pytest.raises(InputError, match="must be an array"):
+        assert Frame(image, Fraction(0)).array is not None
+
+
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le"])
+def test_conversions_stay_in_planes(tmp_path, pixel_format):
+    """Without loss, what was read is what is written, and made frames are those of the library, sample by sample."""
+    clip = write_clip(tmp_path / "in.mkv", times=[0, 1, 2, 3], pixel_format=pixel_format, options={"crf": "0"})
+    convert(str(clip), str(tmp_path / "out.mkv"), factor=2, method="nlm", encoding=LOSSLESS)
+    with VideoSource(clip, keeps_planes=True) as source:
+        frames = [PreparedImage(frame.image) for frame in source]
+    assert all(isinstance(frame.pixels, YCbCrImage) for frame in frames)
+    nlm = methods["nlm"]
+    pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
+    expected = []
+    for frame, (before, pair, after) in zip(frames, with_neighbours(pairs), strict=False):
+        expected += [frame.pixels, *nlm.between(pair, [0.5], before, after).images]
+    written = pictures_of(tmp_path / "out.mkv")
+    assert written[0].format.name == pixel_format
+    for picture, image in zip(written, expected, strict=False):
+        for plane, samples in zip(samples_of(picture), image.planes, strict=True):
+            np.testing.assert_array_equal(plane, samples)
+
+
+@pytest.mark.parametrize("keeps_planes", [False, True])
+def test_sources_yield_bgr_unless_asked(tmp_path, keeps_planes):
+    """And BGR where a picture has no planes of luma and chroma."""
+    clip = write_clip(tmp_path / "in.mkv", times=[0, 1])
+    rgb = write_clip(tmp_path / "rgb.mkv", times=[0, 1], pixel_format="rgb24", codec="libx264rgb")
+    with VideoSource(clip, keeps_planes=keeps_planes) as source:
+        assert {isinstance(frame.image, YCbCrImage) for frame in source} == {keeps_planes}
+    with VideoSource(rgb, keeps_planes=keeps_planes) as source:
+        assert not any(isinstance(frame.image, YCbCrImage) for frame in source)
