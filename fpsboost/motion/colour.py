@@ -13,6 +13,7 @@ from fpsboost.kernels.contrast import finish_planes, quantise_planes, split_colo
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import level_scale
 from fpsboost.kernels.memory import aligned_empty
+from fpsboost.kernels.shrink import shrink
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.ycbcr import YCbCrImage
 
@@ -62,8 +63,12 @@ def gray(image: Pixels) -> NDArray[Any]:
     """
     if isinstance(image, YCbCrImage):
         black, span, _, _ = image.coding.levels
+        if image.dtype == np.uint8:
+            of_codes = (np.arange(256) - black) * (255 / span)
+            levels: NDArray[Any] = cv2.LUT(image.planes[0], np.rint(of_codes.clip(0, 255)).astype(np.uint8))
+            return levels
         above = np.maximum(image.planes[0], image.dtype.type(black))  # what follows takes the absolute value
-        levels: NDArray[Any] = cv2.convertScaleAbs(above, alpha=255 / span, beta=-255 / span * black)
+        levels = cv2.convertScaleAbs(above, alpha=255 / span, beta=-255 / span * black)
         return levels
     if image.dtype == np.uint8 and image.shape[2] == 3:
         return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -221,10 +226,22 @@ def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
     scale = longer_side / max(height, width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
     if isinstance(image, YCbCrImage):
-        codes = [cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in image.planes]
-        return cv2.transform(cv2.merge(codes).astype(np.float32), image.coding.to_bgr()).clip(0, 1)
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    return _in_bounds(normalised(small.reshape(size[1], size[0], -1)))
+        codes = np.dstack([_shrunk(plane[..., np.newaxis], size) for plane in image.planes])
+        return cv2.transform(codes, image.coding.to_bgr()).clip(0, 1)
+    small = _shrunk(image, size)
+    white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
+    return _in_bounds(normalised(small * np.float32(1 / white)))
+
+
+def _shrunk(image: Image, size: tuple[int, int]) -> NDArray[Any]:
+    """The image at a width and a height, float32 with its own white; enlarged where it is smaller."""
+    height, width, channels = image.shape
+    across, down = min(size[0], width), min(size[1], height)
+    small = np.empty((down, across, channels), np.float32)
+    shrink(np.ascontiguousarray(image).reshape(height, width * channels), small)
+    if (across, down) == size:
+        return small
+    return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)
 
 
 def _in_bounds(values: NDArray[Any]) -> NDArray[Any]:

@@ -62,7 +62,9 @@ def find_overlay(
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), AROUND) for axis in (0, 1)])
     marks = np.empty_like(grays[0])
     mark_overlay(*grays, surroundings, SPACING, SHORTEST, SAME, DIFFERENT, marks)
-    found = marks == STANDS_OUT
+    found: NDArray[Any] = marks == STANDS_OUT
+    if not found.any():  # nearly always
+        return found
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= NEIGHBOURS)
     near = cv2.dilate(together.astype(np.uint8), np.ones((2 * STROKE + 1, 2 * STROKE + 1), np.uint8))
     overlay: NDArray[Any] = (near > 0) & (marks > 0)
@@ -71,9 +73,12 @@ def find_overlay(
 
 def keep_overlay(image: Pixels, image0: Pixels, image1: Pixels, t: float, overlay: NDArray[Any]) -> None:
     """Give an in-between frame the overlay's own pixels, in place; chroma where half of its pixels are of it."""
+    if not overlay.any():
+        return
     if isinstance(image, YCbCrImage) and isinstance(image0, YCbCrImage) and isinstance(image1, YCbCrImage):
         rows, columns = image.planes[1].shape
-        chroma = cv2.resize(overlay.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA) >= 0.5
+        share = cv2.resize(overlay.astype(np.uint8) * 255, (columns, rows), interpolation=cv2.INTER_AREA)
+        chroma = share >= 127
         parts = overlay, chroma, chroma
         for plane, plane0, plane1, part in zip(image.planes, image0.planes, image1.planes, parts, strict=True):
             _keep(plane, plane0, plane1, t, part)
