@@ -37,10 +37,10 @@ from fpsboost.frame import Image
 from fpsboost.interpolator import InBetween, Interpolator, Pair
 from fpsboost.kernels.candidates import list_candidates
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.similarity import colour_scale
+from fpsboost.kernels.levels import WHITE, level_scale
 from fpsboost.method_table import methods
 from fpsboost.motion import MotionEstimator, nlm
-from fpsboost.motion.colour import BORDER, Planes, colour_components, padded_planes, with_levels
+from fpsboost.motion.colour import colour_components, padded_planes
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
 from fpsboost.prepared import PreparedImage
@@ -68,10 +68,10 @@ def whole_pixels(field: MotionField) -> MotionField:
     return replace(field, vectors=np.rint(field.vectors))
 
 
-def plain_planes(image: Image, padding: int, v: float) -> Planes:
+def plain_planes(image: Image, padding: int, v: float) -> NDArray[np.uint8]:
     """Like `fpsboost.motion.colour.contrast_planes`, of the report's plain colours."""
-    values = padded_planes(colour_components(image), BORDER, 0, 2 * LANES, colour_scale(v))
-    return with_levels(values, image.shape[:2], padding, v, np.zeros(3, np.float32))
+    values = padded_planes(colour_components(image), padding, 0, 2 * LANES, level_scale(v))
+    return np.rint(values.clip(0, WHITE)).astype(np.uint8)
 
 
 @dataclass(frozen=True)

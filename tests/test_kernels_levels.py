@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 from twins import level_similarity, uncompiled
 
-from fpsboost.kernels.contrast import quantise_planes
+from fpsboost.kernels.contrast import finish_planes
 from fpsboost.kernels.levels import SIXTEEN, WHITE, compare_one, compare_sixteen, level_scale, truncation
 from fpsboost.motion.colour import contrast_components, contrast_planes
 
@@ -52,13 +52,12 @@ def test_the_truncation_is_four_widths(v, most):
     assert level_scale(v) == pytest.approx(min(255, 255 / (4 * v)))
 
 
-def test_planes_are_rounded_and_clipped():
-    """To the nearest level; what is beyond black or white is black or white, and beyond the frame as at its edge."""
-    frame = np.float32([[[-1, 0, 0.499, 0.501, 100.2, 300]], [[-200, -128, -0.6, 0, 126.6, 400]]])
-    planes, levels = np.pad(frame, ((0, 0), (1, 1), (1, 3))), np.empty((2, 5, 12), np.uint8)
-    quantise_planes(planes, 1, 1, 6, np.float32(1), np.float32([0, 128]), 2, levels)
-    expected = np.uint8([[[0, 0, 0, 1, 100, 255]], [[0, 0, 127, 128, 255, 255]]])
-    np.testing.assert_array_equal(levels, np.pad(expected, ((0, 0), (2, 2), (2, 4)), "edge"))
+def test_the_high_pass_is_rounded_and_clipped():
+    """Around the middle, to the nearest level; what is beyond the bytes is black or white."""
+    luma, around = np.float32([[0, 0, 0.2, 0.5, 1]]), np.float32([[1, 0.001, 0.1994, 0.501, 0]])
+    levels = np.zeros((3, 5, 12), np.uint8)
+    uncompiled(finish_planes)(luma, around, np.float32(255), np.float32(128), 2, levels)
+    np.testing.assert_array_equal(levels[1], np.pad(np.uint8([[0, 127, 128, 127, 255]]), ((2, 2), (2, 5)), "edge"))
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
@@ -68,7 +67,7 @@ def test_levels_are_those_of_the_components(dtype):
     image = random.random((9, 14, 3)) * 0.3 + 0.3
     image = image.astype(dtype) if dtype == np.float32 else (image * np.iinfo(dtype).max).astype(dtype)
     expected = contrast_components(image) * level_scale(v) + [0, 128, 0]
-    levels = contrast_planes(image, padding, v).levels.transpose(1, 2, 0)
+    levels = contrast_planes(image, padding, v).transpose(1, 2, 0)
     assert np.abs(levels[padding : padding + 9, padding : padding + 14] - expected.clip(0, WHITE)).max() < 0.51
     np.testing.assert_array_equal(levels[:padding, padding], np.broadcast_to(levels[padding, padding], (padding, 3)))
     np.testing.assert_array_equal(levels[padding, -1], levels[padding, padding + 13])

@@ -13,28 +13,34 @@ from hypothesis import strategies as st
 from truth import noise, waves
 from twins import refined
 
-from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.refine import WIDE, refine_points
-from fpsboost.motion.colour import padded_planes
+from fpsboost.kernels.refine import refine_points
 
 PADDING = 40
 
+UNIT = 4 / 255
+"""Widths of the similarity of one level."""
 
-def refine(components0, components1, step, flow, damping=0.1, largest=1.0, steps=1, known=None):
+DAMPING, TAIL = 0.1 / UNIT**2, UNIT**2 / 32
+
+
+def refine(components0, components1, step, flow, damping=DAMPING, largest=1.0, steps=1, known=None):
     """The kernel on a copy of the flow."""
     height, width = components0.shape[:2]
-    planes = [padded_planes(each, PADDING, 0, 2 * LANES, 1.0) for each in (components0, components1)]
+    sides = (0, 0), (PADDING, PADDING), (PADDING, PADDING + 16)
+    padded = [np.pad(each.transpose(2, 0, 1), sides, "edge") for each in (components0, components1)]
+    planes = [np.ascontiguousarray(each) for each in padded]
     out = np.array(flow, np.float32)
-    limits = np.float32(damping), np.float32(largest), steps
+    limits = np.float32(TAIL), np.float32(damping), np.float32(largest), steps
     unknown = np.full_like(out, 1e6)
-    refine_points(*planes, PADDING, height, width, step, WIDE, *limits, unknown if known is None else known, out)
+    refine_points(*planes, PADDING, height, width, step, *limits, unknown if known is None else known, out)
     return out
 
 
-def moved(size, shift):
-    """Components of a smooth texture in two frames, of some contrast, that shifts by ``(dx, dy)``."""
+def moved(size, shift, seed=5):
+    """Levels of a smooth texture in two frames, of some contrast, that shifts by ``(dx, dy)``."""
     y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
-    return [4 * waves(x - k * shift[0], y - k * shift[1], seed=5).astype(np.float32) for k in (0, 1)]
+    frames = [waves(x - k * shift[0], y - k * shift[1], seed=seed) for k in (0, 1)]
+    return [np.rint(255 * frame).clip(0, 255).astype(np.uint8) for frame in frames]
 
 
 def points(size, step):
@@ -43,14 +49,20 @@ def points(size, step):
 
 
 @settings(max_examples=8)
-@given(st.integers(1, 20), st.integers(1, 20), st.integers(4, 9), st.sampled_from([0.1, 5.0]), st.integers(0, 2**32))
+@given(
+    st.integers(1, 20),
+    st.integers(1, 20),
+    st.integers(4, 9),
+    st.sampled_from([1, 50]),
+    st.integers(0, 2**32),
+)
 def test_refinement_equals_its_slow_twin(height, width, step, damping, seed):
     """Any frames and whole vectors, also such as lead out of the frame, move by the twin's step."""
     random = np.random.default_rng(seed)
-    components = [2 * noise(height, width, 3, np.float32, seed + k) for k in (0, 1)]
+    components = [noise(height, width, 3, np.uint8, seed + k) // 2 for k in (0, 1)]
     flow = random.integers(-6, 7, (*points((height, width), step), 2)).astype(np.float32)
-    found = refine(*components, step, flow, damping)
-    np.testing.assert_allclose(found, refined(*components, step, damping, 1.0, flow), atol=1e-3)
+    found = refine(*components, step, flow, damping * DAMPING)
+    np.testing.assert_allclose(found, refined(*components, step, TAIL, damping * DAMPING, 1.0, flow), atol=1e-3)
 
 
 @pytest.mark.parametrize("steps", [2, 3])
@@ -91,16 +103,15 @@ def test_fractions_of_a_pixel_are_found(shift):
 
 def test_equal_frames_stay_where_they_are():
     """Where nothing changes there is no step, to the bit; nor where there is no gradient."""
-    image = noise(24, 30, 3, np.float32)
+    image = noise(24, 30, 3)
     still = np.zeros((*points((24, 30), 8), 2), np.float32)
     assert not refine(image, image, 8, still).any()
-    assert not refine(np.full_like(image, 0.2), np.full_like(image, 0.3), 8, still).any()
+    assert not refine(np.full_like(image, 50), np.full_like(image, 80), 8, still).any()
 
 
 def test_no_step_is_longer_than_allowed():
     """Along x and along y."""
-    y, x = np.mgrid[0:24, 0:40].astype(float)
-    components = [4 * waves(x - k * 2.5, y + k * 2.5, seed=1).astype(np.float32) for k in (0, 1)]
+    components = moved((24, 40), (2.5, -2.5), seed=1)
     still = np.zeros((*points((24, 40), 8), 2), np.float32)
     found = refine(*components, 8, still, largest=0.25)
     assert np.abs(found).max() == 0.25
@@ -108,12 +119,12 @@ def test_no_step_is_longer_than_allowed():
 
 def test_vectors_that_lead_far_away_do_no_harm():
     """Beyond the padding everything is the frame's edge, and nothing else is read."""
-    components = [noise(20, 24, 3, np.float32, seed) for seed in (1, 2)]
+    components = [noise(20, 24, 3, seed=seed) // 4 for seed in (1, 2)]
     flow = np.empty((*points((20, 24), 8), 2), np.float32)
     for far in (-500, 500):
         flow[:] = far
         found = refine(*components, 8, flow)
-        np.testing.assert_allclose(found, refined(*components, 8, 0.1, 1.0, flow), atol=2e-3)
+        np.testing.assert_allclose(found, refined(*components, 8, TAIL, DAMPING, 1.0, flow), atol=2e-3)
 
 
 def test_what_is_known_is_not_refined_again():
@@ -138,7 +149,7 @@ print(hashlib.sha256(refine(*moved((30, 50), (0.4, -0.3)), 6, flow).tobytes()).h
 
 
 def test_compiling_and_loading_from_the_cache_give_the_same_bits(tmp_path):
-    """The compiler optimises a kernel once more before it is saved: the only reordered sums must survive that."""
+    """The compiler optimises a kernel once more before it is saved, which must not change a sum."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     first, second = (
         subprocess.run(
@@ -151,6 +162,6 @@ def test_compiling_and_loading_from_the_cache_give_the_same_bits(tmp_path):
 
 def test_what_noise_explains_by_chance_is_no_motion():
     """Most vectors between frames of nothing but noise stay as they are."""
-    components = [noise(80, 80, 3, np.float32, seed) for seed in (1, 2)]
+    components = [noise(80, 80, 3, seed=seed) // 4 for seed in (1, 2)]
     still = np.zeros((*points((80, 80), 8), 2), np.float32)
     assert (refine(*components, 8, still) == 0).mean() > 0.8

@@ -546,7 +546,9 @@ def spline_window(coefficients: Array, beyond: int, y: float, x: float, size: tu
     return down @ coefficients @ across.T
 
 
-def refined(components0: Array, components1: Array, step: int, damping: float, largest: float, flow: Array) -> Array:
+def refined(
+    components0: Array, components1: Array, step: int, tail: float, damping: float, largest: float, flow: Array
+) -> Array:
     """One weighted least-squares step of the motion at points `step` pixels apart; windows of 8 x 8, edges repeat."""
     height, width = components0.shape[:2]
     both = components0.astype(float), components1.astype(float)
@@ -569,7 +571,7 @@ def refined(components0: Array, components1: Array, step: int, damping: float, l
                     along_x = along_x + pixel(1, y + dy, x + dx + 1) - pixel(1, y + dy, x + dx - 1)
                     along_y = pixel(0, y + 1, x) - pixel(0, y - 1, x)
                     along_y = along_y + pixel(1, y + dy + 1, x + dx) - pixel(1, y + dy - 1, x + dx)
-                    weight = (1 + (change**2).sum() / 32) ** -4
+                    weight = (1 + (change**2).sum() * tail) ** -4
                     gradient = np.array([along_x, along_y])
                     matrix += weight * gradient @ gradient.T
                     vector += weight * gradient @ change

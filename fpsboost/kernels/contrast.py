@@ -1,4 +1,4 @@
-"""Images as the padded component planes that the tile search compares, in one go."""
+"""Images as the padded component planes in levels that the searches compare, in one go."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ from numba import njit
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.levels import WHITE
 from fpsboost.kernels.tiles import Index
+
+
+@njit(inline="always", **FINITE_JIT)
+def as_level(value):
+    """Rounded and clipped to a byte."""
+    return np.uint8(min(max(value + np.float32(0.5), np.float32(0)), np.float32(WHITE)))
 
 
 @njit(forceinline=True, **FINITE_JIT)
@@ -28,8 +34,8 @@ def split_row(pixels, channels, normalise, scale, luma, first, third):
             chroma = (chroma_red * (red - value) + chroma_blue * (blue - value)) * alpha + half
         value *= alpha
         luma[x] = value
-        first[x] = value * half * scale
-        third[x] = chroma * scale
+        first[x] = as_level(value * half * scale)
+        third[x] = as_level(chroma * scale)
 
 
 @njit(cache=True, **FINITE_JIT)
@@ -43,10 +49,10 @@ def split_colours(image, normalise, scale, padding, luma, planes):
     normalise : float32
         Factor that brings the image's white to 1.
     scale : float32
-        Factor on the planes.
+        Levels of 1.
     padding : int
     luma : (H, W) float32 out
-    planes : (3, H + 2 padding, W + 2 padding or more) float32 out
+    planes : (3, H + 2 padding, W + 2 padding or more) uint8 out
         Only the frame itself is written, and nothing of the second plane.
     """
     height, width, channels = image.shape
@@ -76,23 +82,19 @@ def split_planes(y_plane, cb_plane, cr_plane, black, luma_unit, neutral, chroma_
     """
     height, width = y_plane.shape
     rows, columns = cb_plane.shape
-    half, down, mean = np.float32(0.5), 1 if rows == height else 2, np.empty(columns, np.float32)
+    half, down, mean = np.float32(0.5), 1 if rows == height else 2, np.empty(columns, np.uint8)
     for y in range(height):
-        codes, to, first, third = (
-            y_plane[y],
-            luma[y],
-            planes[0, padding + y, padding:],
-            planes[2, padding + y, padding:],
-        )
+        codes, to = y_plane[y], luma[y]
+        first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
         for x in range(width):
             value = (np.float32(codes[x]) - black) * luma_unit
             to[x] = value
-            first[x] = value * half * scale
+            first[x] = as_level(value * half * scale)
         if y % down == 0:
             cb, cr = cb_plane[y // down], cr_plane[y // down]
             for x in range(columns):
                 chroma = np.float32(cb[x]) + np.float32(cr[x])
-                mean[x] = ((chroma * half - neutral) * chroma_unit + half) * scale
+                mean[x] = as_level(((chroma * half - neutral) * chroma_unit + half) * scale)
         if columns == width:
             for x in range(width):
                 third[x] = mean[x]
@@ -104,67 +106,35 @@ def split_planes(y_plane, cb_plane, cr_plane, black, luma_unit, neutral, chroma_
 
 
 @njit(cache=True, **FINITE_JIT)
-def finish_planes(luma, local_mean, scale, padding, planes):
+def finish_planes(luma, local_mean, scale, middle, padding, planes):
     """The second plane, twice the luma less its local mean, and repeated edges on all three.
 
     Parameters
     ----------
     luma, local_mean : (H, W) float32
-    scale, padding
-        As for `split_colours`.
-    planes : (3, H + 2 padding, W + 2 padding or more) float32
+    scale, middle : float32
+        Levels of 1, and the level of no difference: it is as often below as above.
+    padding : int
+    planes : (3, H + 2 padding, W + 2 padding or more) uint8
         In and out.
     """
     height, width = luma.shape
-    twice = np.float32(2) * scale
-    for row in range(height):
-        y = row + padding
+    columns, twice = planes.shape[2], np.float32(2) * scale
+    for y in range(height):
+        here, around, second = luma[y], local_mean[y], planes[1, padding + y, padding:]
         for x in range(width):
-            planes[1, y, padding + x] = twice * (luma[row, x] - local_mean[row, x])
+            second[x] = as_level(twice * (here[x] - around[x]) + middle)
         for c in range(3):
+            row = planes[c, padding + y]
+            first, last = row[padding], row[padding + width - 1]
             for x in range(padding):
-                planes[c, y, x] = planes[c, y, padding]
-            for x in range(padding + width, planes.shape[2]):
-                planes[c, y, x] = planes[c, y, padding + width - 1]
-    for row in range(padding):
-        below = row + padding + height
-        for c in range(3):
-            for x in range(planes.shape[2]):
-                planes[c, row, x] = planes[c, padding, x]
-                planes[c, below, x] = planes[c, padding + height - 1, x]
-
-
-@njit(cache=True, **FINITE_JIT)
-def quantise_planes(planes, inner, height, width, scale, shifts, outer, levels):
-    """Planes in bytes, rounded and clipped, with repeated edges.
-
-    Parameters
-    ----------
-    planes : (C, height + 2 inner, width + 2 inner or more) float32
-    inner, height, width : int
-        How far in the frame begins, and its size.
-    scale : float32
-        Levels of 1.
-    shifts : (C,) float32
-        Level of 0 in each plane.
-    outer : int
-        How far in the frame begins in the levels.
-    levels : (C, height + 2 outer, width + 2 outer or more) uint8 out
-    """
-    count, rows, columns = levels.shape
-    nothing, white = np.float32(0), np.float32(WHITE)
-    for c, y in np.ndindex(count, height):
-        values, row = planes[c, inner + y, inner:], levels[c, outer + y]
-        frame, shift = row[outer:], shifts[c] + np.float32(0.5)
-        for x in range(width):
-            frame[x] = np.uint8(min(max(values[x] * scale + shift, nothing), white))
-        first, last = frame[0], frame[width - 1]
-        for x in range(outer):
-            row[x] = first
-        for x in range(outer + width, columns):
-            row[x] = last
-    for c, y in np.ndindex(count, rows - height):
-        beyond, edge = (y, outer) if y < outer else (y + height, outer + height - 1)
-        source, target = levels[c, edge], levels[c, beyond]
-        for x in range(columns):
-            target[x] = source[x]
+                row[x] = first
+            for x in range(padding + width, columns):
+                row[x] = last
+    for c in range(3):
+        above, below = planes[c, padding], planes[c, padding + height - 1]
+        for y in range(padding):
+            first, last = planes[c, y], planes[c, y + padding + height]
+            for x in range(columns):
+                first[x] = above[x]
+                last[x] = below[x]

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image, Pixels, has_alpha
-from fpsboost.kernels.contrast import finish_planes, quantise_planes, split_colours, split_planes
+from fpsboost.kernels.contrast import finish_planes, split_colours, split_planes
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import level_scale
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.shrink import shrink
-from fpsboost.kernels.similarity import colour_scale
 from fpsboost.ycbcr import YCbCrImage
 
 Components = NDArray[Any]
@@ -23,8 +22,8 @@ Components = NDArray[Any]
 HIGHLIGHTS = np.float32(0.5)
 """Twice as bright as white looks brighter by 0.35, as twice as bright as a middle gray does."""
 
-SIGNED = np.array([0, 128, 0], np.float32)
-"""Level of 0 in each plane: the high-pass is as often below as above."""
+MIDDLE = np.float32(128)
+"""Level of no difference from the local mean."""
 
 BRIGHTEST = np.float32(1e6)
 """Times white, for looking at motion."""
@@ -113,27 +112,14 @@ def _luma_and_chroma(image: Pixels) -> tuple[NDArray[Any], NDArray[Any]]:
     return converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
 
 
-BORDER = 16
-"""How far around the frame the values of `Planes` go on, pixels: a window farther out would see nothing else."""
-
-
-class Planes(NamedTuple):
-    """Components as the kernels compare them: planes with repeated edges."""
-
-    values: NDArray[Any]
-    """(3, H + 2 BORDER, W + 2 BORDER or more) float32, scaled by `fpsboost.kernels.similarity.colour_scale`."""
-    levels: NDArray[Any]
-    """(3, H + 2 padding, W + 2 padding or more) uint8, scaled by `fpsboost.kernels.levels.level_scale`."""
-
-
-def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int = 9) -> Planes:
-    """`contrast_components` for the kernels, in one go.
+def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int = 9) -> NDArray[Any]:
+    """`contrast_components` in bytes for the kernels, in one go.
 
     Parameters
     ----------
     image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     padding : int
-        Pixels on every side of the levels; the right has room for a few vectors more.
+        Pixels on every side; the right has room for a few vectors more.
     v : float
         Width of the similarity measure.
     high_pass_size : int
@@ -141,51 +127,24 @@ def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int =
 
     Returns
     -------
-    Planes
-        Contiguous.
+    (3, H + 2 padding, W + 2 padding or more) uint8
+        Scaled by `fpsboost.kernels.levels.level_scale`, with repeated edges; contiguous.
     """
     height, width = image.shape[:2]
-    scale = colour_scale(v)
+    scale = np.float32(level_scale(v))
     luma = np.empty((height, width), np.float32)
-    planes = aligned_empty((3, height + 2 * BORDER, width + 2 * BORDER + 2 * LANES), np.float32)
+    planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
     if isinstance(image, YCbCrImage):
         black, luma_span, neutral, chroma_span = image.coding.levels
         codes = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
-        split_planes(*image.planes, *codes, np.float32(scale), BORDER, luma, planes)
+        split_planes(*image.planes, *codes, scale, padding, luma, planes)
     else:
         white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
         colours = seen(image) if image.dtype == np.float32 else image
-        split_colours(colours, np.float32(1 / white), np.float32(scale), BORDER, luma, planes)
+        split_colours(colours, np.float32(1 / white), scale, padding, luma, planes)
     local_mean = cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))
-    finish_planes(luma, local_mean.reshape(luma.shape), np.float32(scale), BORDER, planes)
-    return with_levels(planes, (height, width), padding, v, SIGNED)
-
-
-def with_levels(values: NDArray[Any], size: tuple[int, int], padding: int, v: float, shifts: NDArray[Any]) -> Planes:
-    """Planes, and the same in bytes.
-
-    Parameters
-    ----------
-    values : (3, H + 2 BORDER, W + 2 BORDER or more) float32
-        Scaled by `fpsboost.kernels.similarity.colour_scale`.
-    size : int, int
-        H and W.
-    padding : int
-        Pixels on every side of the levels; the right has room for a few vectors more.
-    v : float
-        Width of the similarity measure.
-    shifts : (3,) float32
-        Level of 0 in each plane.
-
-    Returns
-    -------
-    Planes
-    """
-    height, width = size
-    levels = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
-    scale = np.float32(level_scale(v) / colour_scale(v))
-    quantise_planes(values, BORDER, height, width, scale, shifts, padding, levels)
-    return Planes(values, levels)
+    finish_planes(luma, local_mean.reshape(luma.shape), scale, MIDDLE, padding, planes)
+    return planes
 
 
 def normalised(image: Image) -> NDArray[Any]:

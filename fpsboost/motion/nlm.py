@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Pixels, check_pair
-from fpsboost.kernels.levels import truncation
+from fpsboost.kernels.levels import level_scale, truncation
 from fpsboost.kernels.points import measure_trips
-from fpsboost.kernels.refine import WIDE, refine_points
+from fpsboost.kernels.refine import refine_points
 from fpsboost.kernels.semi_global import choose_labels, smooth_labels
+from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, search_tiles
 from fpsboost.kernels.unexplained import measure_points, search_unexplained
-from fpsboost.motion.colour import BORDER, Planes, contrast_components, contrast_planes, normalised
+from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
 from fpsboost.prepared import PreparedImage
@@ -53,8 +54,11 @@ COARSE_STEP = 4
 DENSE_STEP = 2
 """The same where a second look is taken first: small things need points that lie well inside of them, pixels."""
 
-DAMPING = np.float32(0.1)
-"""Of the least-squares step: holds it back where there is hardly any gradient."""
+DAMPING = 0.1
+"""Of the least-squares step, in squared widths v: holds it back where there is hardly any gradient."""
+
+TAIL = 1 / 32
+"""How fast the weight of a pixel falls in it: slower than its similarity, as the fraction is not known yet."""
 
 LONGEST_STEP = np.float32(1)
 """Of the least-squares step, pixels."""
@@ -213,7 +217,7 @@ class CoarseToFine:
             count, similarity = np.empty(shape, np.int32), np.empty((*shape, self.labels), np.float32)
             flows = np.empty((*shape, self.labels, 2), np.float32)
             search_tiles(
-                *(planes.levels for planes in pair),
+                *pair,
                 self._alike,
                 *size,
                 np.rint(proposed).astype(np.int32),
@@ -261,14 +265,12 @@ class CoarseToFine:
         pairs = self._both_ways(image0, image1)
         known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
         for flow, pair, similarity in zip(flows, pairs, known, strict=True):
-            levels = (planes.levels for planes in pair)
-            measure_points(*levels, self._alike, padding, *size, step, SMALL_RADIUS, flow, similarity)
+            measure_points(*pair, self._alike, padding, *size, step, SMALL_RADIUS, flow, similarity)
         looked = [flow.copy() for flow in flows]
         around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # least of the neighbours'
         for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
-            levels = (planes.levels for planes in pair)
             search_unexplained(
-                *levels, self._alike, padding, *size, step, limit, SMALL_RADIUS, here, there, enough, BETTER, flow
+                *pair, self._alike, padding, *size, step, limit, SMALL_RADIUS, here, there, enough, BETTER, flow
             )
         self._refine(image0, image1, looked, flows, step)
         ties = []
@@ -290,12 +292,13 @@ class CoarseToFine:
         step: int,
     ) -> None:
         """Make motion in both directions exact, in place."""
-        size = image0.pixels.shape[:2]
+        size, padding = image0.pixels.shape[:2], PADDING + self.patch_radius
+        squared = (level_scale(self.v) / colour_scale(self.v)) ** 2  # levels for each width
+        tail, damping = np.float32(TAIL / squared), np.float32(DAMPING * squared)
         for flow, refined, pair in zip(flows, known, self._both_ways(image0, image1), strict=True):
-            values = (planes.values for planes in pair)
-            refine_points(*values, BORDER, *size, step, WIDE, DAMPING, LONGEST_STEP, STEPS, refined, flow)
+            refine_points(*pair, padding, *size, step, tail, damping, LONGEST_STEP, STEPS, refined, flow)
 
-    def _both_ways(self, image0: PreparedImage, image1: PreparedImage) -> tuple[tuple[Planes, Planes], ...]:
+    def _both_ways(self, image0: PreparedImage, image1: PreparedImage) -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
         """What the kernels compare, from frame 0 to frame 1 and back."""
         planes0, planes1 = (
             image.once(contrast_planes, PADDING + self.patch_radius, self.v) for image in (image0, image1)

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.shortest import find_shortest
-from fpsboost.kernels.tiles import PADDING
-from fpsboost.motion.colour import BORDER, contrast_planes, small_copy
+from fpsboost.kernels.similarity import colour_scale
+from fpsboost.motion.colour import contrast_components, padded_planes, small_copy
 from fpsboost.motion.field import MotionField, point_places, round_trip
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
@@ -56,6 +56,9 @@ STEP = 4
 
 AROUND = 4
 """Points each way whose motion may explain a point as well: 16 pixels."""
+
+BORDER = 16
+"""How far around the frame its edges are repeated, pixels: a window farther out would see nothing else."""
 
 PATCH_RADIUS = 5
 """Of the patches that are compared, the report's."""
@@ -140,7 +143,10 @@ def expected_motion(image0: PreparedImage, image1: PreparedImage) -> float:
         image0, image1 = (PreparedImage(image.once(small_copy, LONGER_SIDE)) for image in (image0, image1))
     regular = Dis("medium").estimate(image0, image1)
     detailed = CoarseToFine(reach=LARGEST_MOTION, step=STEP).estimate(image0, image1)
-    planes0, planes1 = (image.once(contrast_planes, PADDING + PATCH_RADIUS, V).values for image in (image0, image1))
+    planes0, planes1 = (
+        padded_planes(image.once(contrast_components), BORDER, 0, 2 * LANES, colour_scale(V))
+        for image in (image0, image1)
+    )
     size = image0.pixels.shape[:2]
     largest = 0.0
     for planes, there, back in (((planes0, planes1), 0, 1), ((planes1, planes0), 1, 0)):
