@@ -14,7 +14,9 @@ import numpy as np
 from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT, LANES
+from fpsboost.kernels.lanes import EIGHT
 from fpsboost.kernels.levels import SIXTEEN, compare_sixteen
+from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, NUMBERS, insert_eight
 
 TILE = 32
 """Side of a tile, pixels."""
@@ -71,32 +73,21 @@ def sum_patches(column, size, step, across, totals):
             totals[q] += column[q + i]
 
 
-@njit(inline="always", **FINITE_JIT)
-def insert_offset(dx, dy, value, row, column, count, best, flows):
-    """Put an offset into a point's list, falling by value; of neighbouring offsets the better stays."""
-    capacity, listed = best.shape[2], count[row, column]
-    if listed == capacity and value <= best[row, column, Index(capacity - 1)]:
-        return
-    place, end = Index(0), Index(listed)
-    while place < end and not (
-        abs(flows[row, column, place, 0] - dx) <= 1 and abs(flows[row, column, place, 1] - dy) <= 1
-    ):
-        place += Index(1)
-    if place < end:
-        if value <= best[row, column, place]:
-            return
-    elif listed < capacity:
-        count[row, column] = listed + 1
-    else:
-        place -= Index(1)
-    while place > 0 and best[row, column, place - Index(1)] < value:
-        above = place - Index(1)
-        best[row, column, place] = best[row, column, above]
-        flows[row, column, place, 0] = flows[row, column, above, 0]
-        flows[row, column, place, 1] = flows[row, column, above, 1]
-        place = above
-    best[row, column, place] = value
-    flows[row, column, place, 0], flows[row, column, place, 1] = dx, dy
+@njit(**FINITE_JIT)
+def write_lists(lists, size, first_down, first_across, down, across, per_tile, count, best, flows):
+    """Write the lists of a tile's points, without empty entries, to those of the frame."""
+    for p in range(down):
+        for q in range(across):
+            row, column, point = first_down + p, first_across + q, p * per_tile + q
+            listed = 0
+            for entry in range(best.shape[2]):
+                place = entry * NUMBERS * size + point
+                if lists[place] > np.float32(NOTHING):
+                    best[row, column, entry] = lists[place]
+                    flows[row, column, entry, 0] = lists[place + size]
+                    flows[row, column, entry, 1] = lists[place + 2 * size]
+                    listed = entry + 1
+            count[row, column] = listed
 
 
 @njit(**FINITE_JIT)
@@ -166,6 +157,8 @@ def search_tiles(
     running = np.zeros((TILE + 2 * radius + 1) * lanes, np.uint16)
     column, totals = np.empty(lanes, np.uint16), np.empty(TILE, np.int32)
     likely, kept = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
+    entries, points = best.shape[2], max(per_tile * per_tile, EIGHT)
+    lists, values = np.empty(entries * NUMBERS * points, np.float32), np.empty(points, np.float32)
     for tile in range(tiles):
         top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
         bottom, right = min(top + TILE, height), min(left + TILE, width)
@@ -175,6 +168,12 @@ def search_tiles(
         count[first_down : first_down + down, first_across : first_across + across] = 0
         best[first_down : first_down + down, first_across : first_across + across] = np.float32(-2)
         flows[first_down : first_down + down, first_across : first_across + across] = 0
+        values[:] = np.float32(NOTHING)  # of points beyond the frame, too
+        for k in range(entries):
+            begin = k * NUMBERS * points
+            for i in range(points):
+                lists[begin + i] = np.float32(NOTHING)
+                lists[begin + points + i] = lists[begin + 2 * points + i] = np.float32(NOWHERE)
         proposed = gather_offsets(
             proposals,
             max(0, (top - AROUND) // spacing),
@@ -214,12 +213,12 @@ def search_tiles(
                 sum_patches(column, size, step, across, totals)
                 for q in range(across):
                     value = np.float32(totals[q]) * share
+                    values[p * per_tile + q] = value
                     if dx == likely[p, q, 0] and dy == likely[p, q, 1]:
                         kept[p, q] = value
-                    insert_offset(
-                        np.float32(dx), np.float32(dy), value, Index(first_down + p), Index(first_across + q),
-                        count, best, flows,
-                    )  # fmt: skip
+            for i in range(0, points, EIGHT):
+                insert_eight(np.float32(dx), np.float32(dy), values, i, lists, points, entries)
+        write_lists(lists, points, first_down, first_across, down, across, per_tile, count, best, flows)
         for p in range(down):
             for q in range(across):
                 if kept[p, q] >= 0:

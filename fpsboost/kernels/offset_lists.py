@@ -1,0 +1,107 @@
+"""Lists of the most similar offsets of eight points at once, in the processor's own instructions."""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
+
+from fpsboost.kernels.lanes import EIGHT, address_of, spread_value
+
+NUMBERS = 3
+"""Of an entry: similarity, dx, dy."""
+
+NOTHING, NOWHERE = -2.0, 1e6
+"""Similarity and offset of an empty entry."""
+
+_FLOATS, _INTEGERS = ir.VectorType(ir.FloatType(), EIGHT), ir.VectorType(ir.IntType(32), EIGHT)
+
+
+def insert_eight(dx, dy, similarities, at, lists, size, capacity):
+    """Put an offset into the lists of eight points, which fall by similarity; of neighbouring offsets the better stays.
+
+    Parameters
+    ----------
+    dx, dy : float32
+    similarities : (size,) float32
+        Of the offset at every point.
+    at : int
+        The first of the eight points; no bounds are checked.
+    lists : (capacity * NUMBERS * size,) float32
+        Entry by entry, number by number, point by point; empty ones last, with NOTHING and NOWHERE. In and out.
+    size, capacity : int
+        Points, and entries of a list.
+    """
+    for point in range(at, at + EIGHT):
+        held = [similarities[point], dx, dy]
+        for entry in range(capacity):
+            places = [(entry * NUMBERS + number) * size + point for number in range(NUMBERS)]
+            before = [lists[place] for place in places]
+            if similarities[point] > before[0]:
+                for place, number in zip(places, held, strict=True):
+                    lists[place] = number
+                held = before
+            if abs(before[1] - dx) <= 1 and abs(before[2] - dy) <= 1:
+                break
+
+
+@intrinsic
+def _insert_eight(typing, dx, dy, similarities, at, lists, size, capacity):
+    place, number = types.int64, types.float32
+    return types.void(number, number, similarities, place, lists, place, place), _emit
+
+
+def _emit(context, builder, signature, arguments):
+    dx, dy, similarities, at, lists, size, capacity = arguments
+    fabs = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_FLOATS, [_FLOATS]), f"llvm.fabs.v{EIGHT}f32")
+    one = ir.Constant(_FLOATS, [1.0] * EIGHT)
+
+    def address(number, array, index):
+        return address_of(context, builder, signature.args[number], array, index, _FLOATS)
+
+    def is_near(numbers, number):
+        apart = builder.fsub(numbers, spread_value(builder, number, _FLOATS))
+        return builder.fcmp_ordered("<=", builder.call(fabs, [apart]), one)
+
+    def any_of(mask):
+        bits = builder.bitcast(mask, ir.IntType(EIGHT))
+        return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
+
+    value = builder.load(address(2, similarities, at), align=4)
+    entry = builder.mul(size, ir.Constant(size.type, NUMBERS))
+    last = builder.add(at, builder.mul(entry, builder.sub(capacity, ir.Constant(capacity.type, 1))))
+    least = builder.load(address(4, lists, last), align=4)
+    with builder.if_then(any_of(builder.fcmp_ordered(">", value, least))):
+        new = [value, *(spread_value(builder, each, _FLOATS) for each in (dx, dy))]
+        held = [cgutils.alloca_once_value(builder, each) for each in new]
+        open_ = ir.VectorType(ir.IntType(1), EIGHT)
+        is_open = cgutils.alloca_once_value(builder, ir.Constant(open_, [1] * EIGHT))
+        begin = cgutils.alloca_once_value(builder, at)
+        with cgutils.for_range(builder, capacity):
+            index = builder.load(begin)
+            addresses = []
+            for number in range(NUMBERS):
+                shift = builder.mul(size, ir.Constant(size.type, number))
+                addresses.append(address(4, lists, builder.add(index, shift)))
+            before = [builder.load(each, align=4) for each in addresses]
+            goes_on = builder.load(is_open)
+            writes = builder.and_(goes_on, builder.fcmp_ordered(">", value, before[0]))
+            for where, known, waiting in zip(addresses, before, held, strict=True):
+                moved = builder.load(waiting)
+                builder.store(builder.select(writes, moved, known), where, align=4)
+                builder.store(builder.select(writes, known, moved), waiting)
+            near = builder.and_(is_near(before[1], dx), is_near(before[2], dy))
+            builder.store(builder.and_(goes_on, builder.not_(near)), is_open)
+            builder.store(builder.add(index, entry), begin)
+    return context.get_dummy_value()
+
+
+@overload(insert_eight, inline="always")
+def _compiled(dx, dy, similarities, at, lists, size, capacity):
+    """What `insert_eight` is within kernels."""
+
+    def compiled(dx, dy, similarities, at, lists, size, capacity):
+        _insert_eight(dx, dy, similarities, at, lists, size, capacity)
+
+    return compiled
