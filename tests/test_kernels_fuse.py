@@ -89,8 +89,8 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
         np.float32(-1e30),
         np.float32(1e30),
         False,
-        image,
-        made,
+        image.transpose(2, 0, 1),
+        made.transpose(2, 0, 1),
         confidence,
     )
     return (image, confidence) if chroma is None else (image, made, confidence)

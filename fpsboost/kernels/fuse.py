@@ -410,9 +410,9 @@ def finish_rows(band, first, last, top, white, half, lowest, highest, straight_a
         What 1 becomes, what is added before the fraction is cut off, and the range of the image's values.
     straight_alpha : bool
         Whether all other planes are to be divided by the last.
-    image : (height, width, C) out
+    image : (C, height, width) out
     """
-    _, width, channels = image.shape
+    channels, _, width = image.shape
     for j in range(first, last):
         weight = band[channels, j]
         for c in range(channels):
@@ -420,7 +420,7 @@ def finish_rows(band, first, last, top, white, half, lowest, highest, straight_a
             for x in range(width):
                 values[x] /= weight[x]
         for c in range(channels):
-            values, alpha, to = band[c, j], band[channels - 1, j], image[top + j, :, c]
+            values, alpha, to = band[c, j], band[channels - 1, j], image[c, top + j]
             divides = straight_alpha and c < channels - 1
             for x in range(Index(width)):
                 value = values[x]
@@ -490,15 +490,15 @@ def fuse_candidates(
         What `window_shape` and `patch_shares` give.
     white, half, lowest, highest, straight_alpha
         As for `finish_rows`.
-    image : (height, width, C) out
-    chroma : (rows of chroma, columns of chroma, 0 or 2) out
+    image : (C, height, width) out
+    chroma : (0 or 2, rows of chroma, columns of chroma) out
     confidence : (height, width) float32 out
         Or without columns, where nobody asks.
     """
     channels, end, stride = samples0.planes.shape
     flat0, spline0, unit = samples0.planes.ravel(), samples0.coefficients.ravel(), samples0.unit
     flat1, spline1 = samples1.planes.ravel(), samples1.coefficients.ravel()
-    height, width, _ = image.shape
+    _, height, width = image.shape
     rows_of_nodes, columns_of_nodes = count.shape
     # what the windows of a row of nodes add up to: the weighted mean of each plane, weights and weighted similarities
     told = 1 if confidence.shape[1] else 0
@@ -518,7 +518,10 @@ def fuse_candidates(
     differences, end_of_chroma, stride_of_chroma = chroma0.planes.shape
     chroma_flat0, chroma_spline0 = chroma0.planes.ravel(), chroma0.coefficients.ravel()
     chroma_flat1, chroma_spline1 = chroma1.planes.ravel(), chroma1.coefficients.ravel()
-    tall, chroma_width = WINDOW // down, chroma.shape[1]
+    chroma_width = chroma.shape[2]
+    # no constants, for which everything below would be compiled once more
+    pixels, samples = marks.shape[1], marks.shape[1] // 2
+    tall, has_alpha, cell = pixels // down, straight_alpha, pixels // 2
     chroma_area, by_row = tall * HALF, one / np.float32(down)
     chroma_band = np.zeros((differences + 1, tall, chroma_width), np.float32)
     chroma_distance = np.empty(chroma_area, np.float32)
@@ -549,7 +552,7 @@ def fuse_candidates(
                 for c in range(channels):
                     mix_fetched(
                         flat0, spline0, flat1, spline1, unit, c * end * stride, stride, end, y0, x0, y1, x1, t, motion,
-                        WINDOW, WINDOW, within, marks, room, distance, mixed[c],
+                        pixels, pixels, within, marks, room, distance, mixed[c],
                     )  # fmt: skip
                 apart[:] = 0
                 for j in range(HALF):
@@ -565,7 +568,7 @@ def fuse_candidates(
                     begin = c * end_of_chroma * stride_of_chroma
                     mix_fetched(
                         chroma_flat0, chroma_spline0, chroma_flat1, chroma_spline1, unit, begin, stride_of_chroma,
-                        end_of_chroma, y0, x0, y1, x1, t, chroma_motion, HALF, tall, within, marks, room,
+                        end_of_chroma, y0, x0, y1, x1, t, chroma_motion, samples, tall, within, marks, room,
                         chroma_distance, chroma_mixed[c],
                     )  # fmt: skip
                 if differences:
@@ -597,12 +600,12 @@ def fuse_candidates(
                 weight[i] = shape[i] / math.sqrt(node_weights[i])
             spread_squares(weight, 1, 1, of_pixels)
             for c in range(channels):
-                add_window(of_pixels, WINDOW, total[c], begin_y, end_y, begin_x, end_x, left, band[c])
+                add_window(of_pixels, pixels, total[c], begin_y, end_y, begin_x, end_x, left, band[c])
             spread_squares(node_weights, 1, 1, of_node)
-            add_window(of_pixels, WINDOW, of_node, begin_y, end_y, begin_x, end_x, left, band[channels])
+            add_window(of_pixels, pixels, of_node, begin_y, end_y, begin_x, end_x, left, band[channels])
             if told:
                 spread_squares(node_similarities, 1, 1, of_node)
-                add_window(of_pixels, WINDOW, of_node, begin_y, end_y, begin_x, end_x, left, band[channels + 1])
+                add_window(of_pixels, pixels, of_node, begin_y, end_y, begin_x, end_x, left, band[channels + 1])
             if differences:
                 first_y, last_y = begin_y // down, (end_y + down - 1) // down
                 first_x, last_x = begin_x // 2, (end_x + 1) // 2
@@ -610,17 +613,17 @@ def fuse_candidates(
                 spread_squares(node_weights, 2, down, of_node)
                 for c in range(differences + 1):
                     source = chroma_total[c] if c < differences else of_node
-                    add_window(of_pixels, HALF, source, first_y, last_y, first_x, last_x, left // 2, chroma_band[c])
+                    add_window(of_pixels, samples, source, first_y, last_y, first_x, last_x, left // 2, chroma_band[c])
         # the next row of nodes reaches over the lower half
         ready = CELL if row < rows_of_nodes - 1 else end_y
         if told:
             finish_confidence(band[channels], band[channels + 1], begin_y, ready, top, confidence)
-        finish_rows(band, begin_y, ready, top, white, half, lowest, highest, straight_alpha, image)
-        move_up(band, CELL)
+        finish_rows(band, begin_y, ready, top, white, half, lowest, highest, has_alpha, image)
+        move_up(band, cell)
         if differences:
             begin, ready = begin_y // down, (ready + down - 1) // down
-            finish_rows(chroma_band, begin, ready, top // down, white, half, lowest, highest, False, chroma)
-            move_up(chroma_band, CELL // down)
+            finish_rows(chroma_band, begin, ready, top // down, white, half, lowest, highest, has_alpha, chroma)
+            move_up(chroma_band, cell // down)
 
 
 def window_shape() -> np.ndarray:

@@ -277,14 +277,14 @@ def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Sam
 
 
 def _blank(image: Pixels) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
-    """An image like this one to be written to: whole, its full planes as (H, W, C), and those of half the width."""
+    """An image like this one to be written to: whole, its full planes as (C, H, W), and those of half the width."""
     if not isinstance(image, YCbCrImage):
         made = np.empty_like(image)
-        return made, made, np.empty((0, 0, 0), image.dtype)
+        return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), image.dtype)
     (height, width, _), (rows, columns) = image.shape, image.planes[1].shape
     full = 1 if image.subsampling[1] == 2 else 3
     whole, halves = np.empty((full, height, width), image.dtype), np.empty((3 - full, rows, columns), image.dtype)
-    return replace(image, planes=(*whole, *halves)), whole.transpose(1, 2, 0), halves.transpose(1, 2, 0)
+    return replace(image, planes=(*whole, *halves)), whole, halves
 
 
 def _white(image: Pixels) -> np.float32:
