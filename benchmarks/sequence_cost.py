@@ -11,7 +11,17 @@ import time
 
 from scoring import make_between, one_thread, read_frames
 
+from fpsboost.frame import Image
+from fpsboost.media.video.planes import in_planes
+from fpsboost.media.video.ycc import BT709, from_bgr
 from fpsboost.method_table import find_method
+from fpsboost.ycbcr import Coding, YCbCrImage
+
+
+def as_video(image: Image) -> YCbCrImage:
+    """A frame as video has it: 4:2:0, 8 bits, BT.709."""
+    coding = Coding(8, BT709, full_range=False, chroma_location="left", pixel_format="yuv420p")
+    return in_planes(from_bgr(image, coding.pixel_format, BT709, full_range=False), coding)
 
 
 def main() -> None:
@@ -20,9 +30,12 @@ def main() -> None:
     parser.add_argument("clip")
     parser.add_argument("--method", default="nlm")
     parser.add_argument("--frames", type=int, default=31, help="frames read at most; the last is one end of a pair")
+    parser.add_argument("--video", action="store_true", help="in planes of 4:2:0, 8 bits, and not as arrays of BGR")
     arguments = parser.parse_args()
     one_thread()
     frames = read_frames(arguments.clip, arguments.frames)
+    if arguments.video:
+        frames = [as_video(frame) for frame in frames]
     interpolator = find_method(arguments.method)
     interpolator.compile_for(frames[0])
     wall, cpu = time.perf_counter(), time.process_time()
