@@ -3,20 +3,94 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
 
 from fpsboost.kernels.jit import FINITE_JIT, LANES
-from fpsboost.kernels.similarity import similarity
+from fpsboost.kernels.lanes import address_of
+from fpsboost.kernels.similarity import COEFFICIENTS, LARGEST, similarity
+
+_FLOATS, _INTEGERS = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(ir.IntType(32), LANES)
 
 
-@njit(inline="always", **FINITE_JIT)
-def slide_box(a0, a1, a2, b0, b1, b2, slot, width, ring, column):
-    """Move the column sums of a box down by one row: the new row in, the oldest out."""
-    oldest = ring[slot]
-    for x in range(width):
-        w = np.int32(similarity(a0[x], a1[x], a2[x], b0[x], b1[x], b2[x]))
-        column[x] += w - oldest[x]
-        oldest[x] = w
+def slide_box(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
+    """Move the column sums of a box down by one row, for LANES columns: the new row in, the oldest out.
+
+    Parameters
+    ----------
+    planes0, planes1 : (size,) float32
+        As `fpsboost.kernels.similarity.similarity` takes them.
+    place0, plane0, place1, plane1 : int
+        The first pixel of the new row in the first of three planes, and the distance of the planes; no bounds are
+        checked.
+    oldest : (size,) int32
+        Similarities of the rows in the box; in and out.
+    newest : int
+        Where the new row takes the place of the oldest.
+    columns : (size,) int32
+        In and out.
+    at : int
+        Where the columns begin.
+    """
+    for x in range(LANES):
+        pixels = [planes0[place0 + c * plane0 + x] for c in range(3)]
+        pixels += [planes1[place1 + c * plane1 + x] for c in range(3)]
+        w = np.int32(similarity(*pixels))
+        columns[at + x] += w - oldest[newest + x]
+        oldest[newest + x] = w
+
+
+@intrinsic
+def _slide_box(typing, planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
+    """The processor's own instructions."""
+    place = types.int64
+    return types.void(planes0, place, place, planes1, place, place, oldest, place, columns, place), _emit
+
+
+def _emit(context, builder, signature, arguments):
+    planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at = arguments
+    fma = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(_FLOATS, [_FLOATS] * 3), f"llvm.fma.v{LANES}f32"
+    )
+
+    def place(number, array, index, vector):
+        return address_of(context, builder, signature.args[number], array, index, vector)
+
+    def constant(number):
+        return ir.Constant(_FLOATS, [float(number)] * LANES)
+
+    squares = None
+    for _ in range(3):
+        first = builder.load(place(0, planes0, place0, _FLOATS), align=4)
+        second = builder.load(place(3, planes1, place1, _FLOATS), align=4)
+        apart = builder.fsub(first, second)
+        squares = builder.fmul(apart, apart) if squares is None else builder.call(fma, [apart, apart, squares])
+        place0, place1 = builder.add(place0, plane0), builder.add(place1, plane1)
+    largest = constant(LARGEST)
+    squares = builder.select(builder.fcmp_ordered("<", squares, largest), squares, largest)
+    whole = builder.fptosi(squares, _INTEGERS)
+    fraction = builder.fsub(squares, builder.sitofp(whole, _FLOATS))
+    power = constant(COEFFICIENTS[-1])
+    for coefficient in COEFFICIENTS[-2::-1]:
+        power = builder.call(fma, [power, fraction, constant(coefficient)])
+    alike = builder.ashr(builder.fptosi(power, _INTEGERS), whole)
+    row, sums = place(6, oldest, newest, _INTEGERS), place(8, columns, at, _INTEGERS)
+    change = builder.sub(alike, builder.load(row, align=4))
+    builder.store(builder.add(builder.load(sums, align=4), change), sums, align=4)
+    builder.store(alike, row, align=4)
+    return context.get_dummy_value()
+
+
+@overload(slide_box, inline="always")
+def _compiled(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
+    """What `slide_box` is within kernels."""
+
+    def compiled(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
+        _slide_box(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at)
+
+    return compiled
 
 
 @njit(inline="always", **FINITE_JIT)

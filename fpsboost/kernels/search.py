@@ -153,7 +153,12 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         room = (min(STRIP, width) + margin + 3 * LANES - 1) // LANES * LANES
         last_four = search_radius // 4
         rings = np.empty((4 * GROUP, ring_rows, room), dtype)
-        columns = np.empty((4 * GROUP, room + reach + LANES), dtype)
+        column_room = room + reach + LANES
+        columns = np.empty((4 * GROUP, column_room), dtype)
+        flat_rings, flat_columns = rings.reshape(rings.size), columns.reshape(columns.size)
+        flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
+        stride0, stride1 = planes0.shape[2], planes1.shape[2]
+        plane0, plane1 = planes0.shape[1] * stride0, planes1.shape[1] * stride1
         partial = np.empty(room + reach, dtype)
         # what lies before the first pixel and behind the last is no candidate: the four read over the edge
         totals = np.full((4, room + 2 * LANES), -1, dtype)
@@ -181,25 +186,35 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                 if abs(offset) > search_radius:
                                     total[: whole + LANES] = -1
                                     continue
-                                ring, column = (
-                                    rings[4 * (four - group) + which],
-                                    columns[4 * (four - group) + which],
-                                )
-                                begin = left + shift + offset
-                                # one slice a plane: a slice of all three would be strided and would not vectorise
-                                a0 = planes0[0, row, left : left + spread]
-                                a1 = planes0[1, row, left : left + spread]
-                                a2 = planes0[2, row, left : left + spread]
-                                b0 = planes1[0, row + dy, begin : begin + spread]
-                                b1 = planes1[1, row + dy, begin : begin + spread]
-                                b2 = planes1[2, row + dy, begin : begin + spread]
+                                begin, number = left + shift + offset, 4 * (four - group) + which
                                 slot = row % size
                                 if box:
-                                    slide_box(a0, a1, a2, b0, b1, b2, slot, spread, ring, column)
+                                    place0 = row * stride0 + left
+                                    place1 = (row + dy) * stride1 + begin
+                                    newest, at = (number * ring_rows + slot) * room, number * column_room
+                                    for x in range(0, spread, LANES):
+                                        slide_box(
+                                            flat0, place0 + x, plane0, flat1, place1 + x, plane1, flat_rings,
+                                            newest + x, flat_columns, at + x,
+                                        )  # fmt: skip
                                 else:
+                                    # one slice a plane: a slice of all three would be strided and not vectorise
+                                    a0 = planes0[0, row, left : left + spread]
+                                    a1 = planes0[1, row, left : left + spread]
+                                    a2 = planes0[2, row, left : left + spread]
+                                    b0 = planes1[0, row + dy, begin : begin + spread]
+                                    b1 = planes1[1, row + dy, begin : begin + spread]
+                                    b2 = planes1[2, row + dy, begin : begin + spread]
+                                    ring, column = rings[number], columns[number]
                                     slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, spread, ring, column)
-                                if y < top:
+                            if y < top:
+                                continue
+                            for which in range(4):
+                                offset = dx + step * which
+                                total = totals[which, LANES:]
+                                if abs(offset) > search_radius:
                                     continue
+                                column = columns[4 * (four - group) + which]
                                 price = prices[search_radius + dy, search_radius + offset]
                                 if box:
                                     sum_box_across(column, size, whole, price, partial, total)
@@ -209,8 +224,6 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                 first, last = max(0, -offset - left), min(pixels, width - offset - left)
                                 total[: min(first, pixels)] = -1
                                 total[max(0, last) : whole + LANES] = -1
-                            if y < top:
-                                continue
                             keep_best_of_four(
                                 totals[0, LANES:],
                                 totals[1, LANES:],

@@ -25,7 +25,12 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
     np.float32(c) for c in _CHEBYSHEV.convert(kind=np.polynomial.Polynomial, domain=[-1, 1], window=[-1, 1]).coef * UNIT
 )
 _ROUNDED_C0 = np.float32(_C0 + np.float32(0.5))
-_LARGEST = np.float32(FRACTION_BITS + 1)
+
+COEFFICIENTS = _ROUNDED_C0, _C1, _C2, _C3, _C4, _C5
+"""Of the polynomial that is `UNIT` times 2^-f for a fraction f, from the constant on, which also rounds."""
+
+LARGEST = np.float32(FRACTION_BITS + 1)
+"""Sum of squares from which on the similarity is 0."""
 
 
 def colour_scale(v: float) -> float:
@@ -39,7 +44,7 @@ def similarity(a0, a1, a2, b0, b1, b2):
     d0 = a0 - b0
     d1 = a1 - b1
     d2 = a2 - b2
-    s = min(fma(d2, d2, fma(d1, d1, d0 * d0)), _LARGEST)
+    s = min(fma(d2, d2, fma(d1, d1, d0 * d0)), LARGEST)
     whole = np.int32(s)
     f = s - np.float32(whole)
     p = fma(fma(fma(fma(fma(_C5, f, _C4), f, _C3), f, _C2), f, _C1), f, _ROUNDED_C0)
