@@ -16,6 +16,7 @@ import json
 import os
 import resource
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -33,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scaling import convert_together, serial_share, times_faster, worker_counts
+from scaling import convert_together, pinned, serial_share, times_faster, worker_counts
 from scoring import make_between, one_thread, read_frames, wide_console
 from stages import WHOLE, copy_bandwidth, profile_sequence
 
@@ -48,6 +49,9 @@ Figures = dict[str, Any]
 
 SIZES = {"640x360": (360, 640), "960x540": (540, 960), "1280x720": (720, 1280), "1920x1080": (1080, 1920)}
 """Height and width by name."""
+
+CONVERTED = {"640x360": 48, "1280x720": 32, "1920x1080": 24, "3840x2160": 10}
+"""Frames of the videos that `conversions` draws, by width and height."""
 
 REACHES = (1 / 24, 1 / 12, 1 / 6, 1 / 3)
 PATCH_RADII = (2, 5, 10)
@@ -120,11 +124,11 @@ def turned(image: Image, degrees: float, scale: float = 1.0) -> Image:
     return cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REFLECT)
 
 
-def draw_video(path: Path, height: int, width: int, count: int) -> None:
+def draw_video(path: Path, height: int, width: int, count: int, pixel_format: str = "yuv420p") -> None:
     """An H.264 video of 24 frames a second: a texture with detail at every scale that turns."""
     texture, _ = textured_pair(height, width)
     with av.open(str(path), "w") as output:
-        stream = output.add_stream("libx264", 24, width=width, height=height, pix_fmt="yuv420p")
+        stream = output.add_stream("libx264", 24, width=width, height=height, pix_fmt=pixel_format)
         for number in range(count):
             output.mux(stream.encode(av.VideoFrame.from_ndarray(turned(texture, 0.5 * number))))
         output.mux(stream.encode(None))
@@ -377,6 +381,54 @@ def threads(console: Console, options: Options) -> Figures:
     return figures
 
 
+def conversions(console: Console, options: Options) -> Figures:
+    """Whole conversions of drawn video by size, depth and method, two workers on two cores, and FFmpeg's own filter."""
+    if sys.platform != "linux":
+        raise OptionError("conversions pins them to cores, which only Linux lets a program do; leave it out.")
+    table = Table("video", "method", "frames/s", "CPU, ms a made frame", "peak, MB", title="24 to 48 frames a second")
+    figures: Figures = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        for size, count in CONVERTED.items():
+            for pixel_format in ("yuv420p", "yuv420p10le"):
+                clip = Path(scratch, f"{size}-{pixel_format}.mp4")
+                draw_video(clip, *map(int, reversed(size.split("x"))), count, pixel_format)
+                rows = {name: partial(convert_one, clip, scratch, name) for name in ("blend", "nlm-fast", "nlm")}
+                if shutil.which("ffmpeg"):
+                    rows["FFmpeg minterpolate"] = partial(minterpolate, clip, scratch, 2 * count)
+                for name, run in rows.items():
+                    runs = [run() for _ in range(options.rounds)]
+                    best = max(runs, key=lambda each: each["frames_per_s"])
+                    figures[f"{clip.stem} {name}"] = best
+                    cells = (
+                        f"{best['frames_per_s']:.1f}",
+                        f"{best['cpu_s'] / count * 1e3:.0f}",
+                        f"{best['peak_mb']:.0f}",
+                    )
+                    table.add_row(clip.stem, name, *cells)
+    console.print(table, "Two workers on two cores, H.264 with --preset veryfast; a made frame is one of two written.")
+    return figures
+
+
+def convert_one(clip: Path, folder: str, method: str) -> Figures:
+    """One conversion by two workers on two cores."""
+    (figures,) = convert_together(str(clip), folder, method, workers=2, conversions=1)
+    return figures
+
+
+def minterpolate(clip: Path, folder: str, frames: int) -> Figures:
+    """The same by FFmpeg's motion-compensated filter, on two cores."""
+    out = [*("-vf", "minterpolate=fps=48"), *("-c:v", "libx264", "-preset", "veryfast"), str(Path(folder, "peer.mp4"))]
+    with pinned(2):
+        begin = time.perf_counter()
+        process = subprocess.Popen(["ffmpeg", "-v", "error", "-y", "-threads", "2", "-i", str(clip), *out])
+        _, status, usage = os.wait4(process.pid, 0)
+        seconds = time.perf_counter() - begin
+    if status:
+        raise OptionError(f"ffmpeg could not convert {clip.name}; take it off the path, or mend it.")
+    cpu = usage.ru_utime + usage.ru_stime
+    return {"frames_per_s": frames / seconds, "cpu_s": cpu, "peak_mb": usage.ru_maxrss / 1024}
+
+
 def peers(console: Console, options: Options) -> Figures:
     """CPU time against MVTools and MVUtensils: the same frames, in memory, one thread, runs in turn."""
     others = [(options.mvtools, MVTOOLS_SETTINGS), (options.mvutensils, MVUTENSILS_SETTINGS)]
@@ -431,6 +483,7 @@ parts = {
     "stages": stages,
     "sizes": sizes,
     "threads": threads,
+    "conversions": conversions,
     "peers": peers,
 }
 
@@ -443,7 +496,7 @@ def main() -> None:
     parser.add_argument("--method", default="nlm", choices=methods, help="for stages, threads and peers")
     parser.add_argument("--mvtools", metavar="'PYTHON SCRIPT'", help="for peers")
     parser.add_argument("--mvutensils", metavar="'PYTHON SCRIPT'", help="for peers")
-    parser.add_argument("--rounds", type=int, default=3, help="of runs in turn, for stages, sizes, threads and peers")
+    parser.add_argument("--rounds", type=int, default=3, help="of runs in turn, for stages to peers")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     options = Options(
@@ -451,7 +504,8 @@ def main() -> None:
     )
     console = wide_console()
     one_thread()
-    possible = {"threads": sys.platform == "linux", "peers": options.mvtools or options.mvutensils}
+    on_linux = sys.platform == "linux"
+    possible = {"threads": on_linux, "conversions": on_linux, "peers": options.mvtools or options.mvutensils}
     chosen = arguments.part or [name for name in parts if possible.get(name, True)]
     try:
         figures = {name: parts[name](console, options) for name in chosen}
