@@ -149,6 +149,11 @@ class YCbCrImage:
         (height, width), (rows, columns) = self.planes[0].shape, self.planes[1].shape
         return (1 if rows == height else 2), (1 if columns == width else 2)
 
+    @property
+    def has_full_chroma(self) -> bool:
+        """Whether every pixel has chroma of its own."""
+        return self.planes[1].shape == self.planes[0].shape
+
     def mapped(self, function: Callable[..., Plane], *others: Self) -> Self:
         """What a function makes of each plane, or of each and the same one of other images."""
         y, cb, cr = (function(*planes) for planes in zip(self.planes, *(other.planes for other in others), strict=True))

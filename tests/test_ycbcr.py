@@ -134,6 +134,20 @@ def test_what_stands_still_stays_as_it_is(method, pixel_format):
             np.testing.assert_array_equal(plane, expected)
 
 
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv422p"])
+@pytest.mark.parametrize("size", [(1, 1), (1, 5), (5, 1), (2, 2), (3, 3)])
+def test_tiny_pictures_have_pictures_between_them(method, pixel_format, size):
+    """Also where half the size is the size."""
+    frames = [planar(np.full((*size, 3), level, np.uint8), pixel_format) for level in (100, 120)]
+    (made,) = methods[method].between(pair_of(method, *frames), [0.5]).images
+    in_planes_still = made if isinstance(made, YCbCrImage) else planar(made, pixel_format)
+    for plane, *ends in zip(in_planes_still.planes, *(frame.planes for frame in frames), strict=True):
+        assert plane.shape == ends[0].shape
+        assert (plane >= np.minimum(*ends) - 1).all()
+        assert (plane <= np.maximum(*ends) + 1).all()
+
+
 @pytest.mark.parametrize("at_cuts", ["repeat", "blend", "extrapolate"])
 def test_cuts_are_treated_in_planes(at_cuts):
     """Repeated and mixed as they are; what goes on along its motion becomes BGR."""

@@ -239,7 +239,7 @@ class Fuse:
 
 def _samples(image: Pixels) -> SampledImage:
     if isinstance(image, YCbCrImage):
-        full = 1 if image.subsampling[1] == 2 else 3
+        full = 3 if image.has_full_chroma else 1
         return SampledImage(*(_planar_samples(image, planes) for planes in (image.planes[:full], image.planes[full:])))
     nothing = np.empty((0, 1, 1), image.dtype)
     return SampledImage(_array_samples(image), Samples(nothing, nothing.astype(np.float32), np.float32(1)))
@@ -282,7 +282,7 @@ def _blank(image: Pixels) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
         made = np.empty_like(image)
         return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), image.dtype)
     (height, width, _), (rows, columns) = image.shape, image.planes[1].shape
-    full = 1 if image.subsampling[1] == 2 else 3
+    full = 3 if image.has_full_chroma else 1
     whole, halves = np.empty((full, height, width), image.dtype), np.empty((3 - full, rows, columns), image.dtype)
     return replace(image, planes=(*whole, *halves)), whole, halves
 
