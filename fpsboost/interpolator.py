@@ -371,8 +371,8 @@ class Interpolator:
         if isinstance(image, YCbCrImage):
             down, across = image.subsampling
             halves = size[0] // down, size[1] // across
-            noise = image.mapped(lambda plane: random.integers(0, 256, halves).astype(plane.dtype))
-            noise = replace(noise, planes=(random.integers(0, 256, size).astype(image.dtype), *noise.planes[1:]))
+            y, cb, cr = (random.integers(0, 256, each).astype(image.dtype) for each in (size, halves, halves))
+            noise = replace(image, planes=(y, cb, cr))
         else:
             noise = random.integers(0, 256, (*size, image.shape[2])).astype(image.dtype)
         first, second, third = (PreparedImage(noise) for _ in range(3))

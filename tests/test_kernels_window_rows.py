@@ -7,12 +7,12 @@ import pytest
 from numba import njit
 from twins import uncompiled
 
+from fpsboost.kernels.lanes import filter_sixteen
 from fpsboost.kernels.window_rows import (
     PIXELS,
     SQUARES,
     add_row,
     blend_rows,
-    filter_row,
     mix_eight,
     mix_sixteen,
     pool_row,
@@ -24,7 +24,7 @@ from fpsboost.kernels.window_rows import (
 @njit
 def filtered(source, weights, out):
     """Call the compiled form, and so below."""
-    filter_row(source, 3, 7, weights[0], weights[1], weights[2], weights[3], out, 5)
+    filter_sixteen(source, 3, 7, weights[0], weights[1], weights[2], weights[3], out, 5)
 
 
 @njit

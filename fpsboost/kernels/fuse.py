@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fpsboost.kernels.candidates import CELL, MOTION
 from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES
-from fpsboost.kernels.lanes import EIGHT, filter_eight
+from fpsboost.kernels.lanes import EIGHT, filter_eight, filter_sixteen
 from fpsboost.kernels.spline import MARGIN, spline_weights
 from fpsboost.kernels.tiles import Index
 from fpsboost.kernels.window_rows import (
@@ -27,7 +27,6 @@ from fpsboost.kernels.window_rows import (
     SQUARES,
     add_row,
     blend_rows,
-    filter_row,
     mix_eight,
     mix_sixteen,
     pool_row,
@@ -159,10 +158,10 @@ def fetch_rigid(planes, coefficients, unit, begin, stride, y, x, wide, tall, row
     for j in range(tall + 3):
         place, to = begin + (top - 1 + j) * stride + left - 1, j * wide
         for i in range(0, wide, SQUARES):
-            filter_row(coefficients, place + i, 1, w0, w1, w2, w3, rows, to + i)
+            filter_sixteen(coefficients, place + i, 1, w0, w1, w2, w3, rows, to + i)
     w0, w1, w2, w3 = spline_weights(fraction_y)
     for i in range(0, tall * wide, SQUARES):
-        filter_row(rows, i, wide, w0, w1, w2, w3, out, i)
+        filter_sixteen(rows, i, wide, w0, w1, w2, w3, out, i)
 
 
 @njit(**FINITE_JIT)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -12,43 +14,56 @@ EIGHT = 8
 """Pixels of a vector."""
 
 _VECTOR = ir.VectorType(ir.FloatType(), EIGHT)
-_FMA = ir.FunctionType(_VECTOR, [_VECTOR] * 3)
 
 
-def filter_eight(source, begin, step, w0, w1, w2, w3, out, target):
-    """Write ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]`` of eight pixels, where ``s[n]`` begins `n` steps on.
+def row_filter(length: int) -> Callable[..., None]:
+    """What filters so many values of a row with four taps."""
+    vector = ir.VectorType(ir.FloatType(), length)
+    fma_type = ir.FunctionType(vector, [vector] * 3)
 
-    Parameters
-    ----------
-    source : (size,) float32
-    begin, step : int
-        The first pixel's first value, and the distance to its next; no bounds are checked.
-    w0, w1, w2, w3 : float32
-    out : (size,) float32 out
-    target : int
-        Where the eight begin.
-    """
-    taps = [source[begin + n * step :][:EIGHT] for n in range(4)]
-    out[target : target + EIGHT] = w0 * taps[0] + w1 * taps[1] + w2 * taps[2] + w3 * taps[3]
+    def filter_row(source, begin, step, w0, w1, w2, w3, out, target):
+        """Write ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]`` of some values, where ``s[n]`` begins `n` steps on.
+
+        Parameters
+        ----------
+        source : (size,) float32
+        begin, step : int
+            The first value, and the distance to its next; no bounds are checked.
+        w0, w1, w2, w3 : float32
+        out : (size,) float32 out
+        target : int
+            Where the values begin.
+        """
+        taps = [source[begin + n * step :][:length] for n in range(4)]
+        out[target : target + length] = w0 * taps[0] + w1 * taps[1] + w2 * taps[2] + w3 * taps[3]
+
+    def emit(context, builder, signature, arguments):
+        source, begin, step, *weights, out, target = arguments
+        fma = cgutils.get_or_insert_function(builder.module, fma_type, f"llvm.fma.v{length}f32")
+        sums = None
+        for weight in weights:
+            values = builder.load(address_of(context, builder, signature.args[0], source, begin, vector), align=4)
+            spread = spread_value(builder, weight, vector)
+            sums = builder.fmul(values, spread) if sums is None else builder.call(fma, [values, spread, sums])
+            begin = builder.add(begin, step)
+        builder.store(sums, address_of(context, builder, signature.args[7], out, target, vector), align=4)
+        return context.get_dummy_value()
+
+    @intrinsic
+    def in_vectors(typing, source, begin, step, w0, w1, w2, w3, out, target):
+        return types.void(source, types.int64, types.int64, *(types.float32,) * 4, out, types.int64), emit
+
+    @overload(filter_row, inline="always")
+    def compiled_filter(source, begin, step, w0, w1, w2, w3, out, target):
+        def compiled(source, begin, step, w0, w1, w2, w3, out, target):
+            in_vectors(source, begin, step, w0, w1, w2, w3, out, target)
+
+        return compiled
+
+    return filter_row
 
 
-@intrinsic
-def _vector_filter(typing, source, begin, step, w0, w1, w2, w3, out, target):
-    """The processor's own instructions."""
-    return types.void(source, types.int64, types.int64, *(types.float32,) * 4, out, types.int64), _emit
-
-
-def _emit(context, builder, signature, arguments):
-    source, begin, step, *weights, out, target = arguments
-    fma = cgutils.get_or_insert_function(builder.module, _FMA, f"llvm.fma.v{EIGHT}f32")
-    sums = None
-    for weight in weights:
-        values = builder.load(address_of(context, builder, signature.args[0], source, begin, _VECTOR), align=4)
-        spread = spread_value(builder, weight, _VECTOR)
-        sums = builder.fmul(values, spread) if sums is None else builder.call(fma, [values, spread, sums])
-        begin = builder.add(begin, step)
-    builder.store(sums, address_of(context, builder, signature.args[7], out, target, _VECTOR), align=4)
-    return context.get_dummy_value()
+filter_eight, filter_sixteen = row_filter(EIGHT), row_filter(2 * EIGHT)
 
 
 def relax_eight(x, y, here, before, costs, least, slope, limit, cheapest, at):
@@ -133,13 +148,3 @@ def spread_value(builder, value, vector):
     integer = ir.IntType(32)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(integer, 0))
     return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(integer, vector.count), [0] * vector.count))
-
-
-@overload(filter_eight, inline="always")
-def _compiled(source, begin, step, w0, w1, w2, w3, out, target):
-    """What `filter_eight` is within kernels."""
-
-    def compiled(source, begin, step, w0, w1, w2, w3, out, target):
-        _vector_filter(source, begin, step, w0, w1, w2, w3, out, target)
-
-    return compiled

@@ -28,25 +28,11 @@ _INDEX = ir.IntType(32)
 _SQUARES, _PIXELS = ir.VectorType(ir.FloatType(), SQUARES), ir.VectorType(ir.FloatType(), PIXELS)
 
 
-def filter_row(source, begin, step, w0, w1, w2, w3, out, target):
-    """Write ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]`` of sixteen values, where ``s[n]`` begins `n` steps on.
-
-    Parameters
-    ----------
-    source : (size,) float32
-    begin, step : int
-        The first value, and the distance to its next; no bounds are checked, here and below.
-    w0, w1, w2, w3 : float32
-    out : (size,) float32 out
-    target : int
-        Where the sixteen begin.
-    """
-    taps = [source[begin + n * step :][:SQUARES] for n in range(4)]
-    out[target : target + SQUARES] = w0 * taps[0] + w1 * taps[1] + w2 * taps[2] + w3 * taps[3]
-
-
 def sum_five(source, begin, step, out, target):
-    """Write ``END s[0] + s[1] + s[2] + s[3] + END s[4]`` of sixteen values; see `filter_row`."""
+    """Write ``END s[0] + s[1] + s[2] + s[3] + END s[4]`` of sixteen values, where ``s[n]`` begins `n` steps on.
+
+    No bounds are checked, here and below; see `fpsboost.kernels.lanes.row_filter`.
+    """
     taps = [source[begin + n * step :][:SQUARES] for n in range(5)]
     out[target : target + SQUARES] = (taps[1] + taps[2] + taps[3]) + np.float32(END) * (taps[0] + taps[4])
 
@@ -143,21 +129,6 @@ class _Rows:
 
 
 @intrinsic
-def _filter_row(typing, source, begin, step, w0, w1, w2, w3, out, target):
-    def emit(context, builder, signature, arguments):
-        rows, (_, begin, step, *weights, _, target) = _Rows(context, builder, signature, arguments), arguments
-        sums = None
-        for weight in weights:
-            values, spread = rows.load(0, begin), spread_value(builder, weight, _SQUARES)
-            sums = builder.fmul(values, spread) if sums is None else rows.fma(values, spread, sums)
-            begin = builder.add(begin, step)
-        rows.store(sums, 7, target)
-        return context.get_dummy_value()
-
-    return types.void(source, types.int64, types.int64, *(types.float32,) * 4, out, types.int64), emit
-
-
-@intrinsic
 def _sum_five(typing, source, begin, step, out, target):
     def emit(context, builder, signature, arguments):
         rows, (_, begin, step, _, target) = _Rows(context, builder, signature, arguments), arguments
@@ -216,14 +187,6 @@ def _spread_rows(typing, squares, near, far, out, target):
         return context.get_dummy_value()
 
     return types.void(squares, types.int64, types.int64, out, types.int64), emit
-
-
-@overload(filter_row, inline="always")
-def _compiled_filter(source, begin, step, w0, w1, w2, w3, out, target):
-    def compiled(source, begin, step, w0, w1, w2, w3, out, target):
-        _filter_row(source, begin, step, w0, w1, w2, w3, out, target)
-
-    return compiled
 
 
 @overload(sum_five, inline="always")
