@@ -266,6 +266,19 @@ def test_a_window_zooms_and_turns_with_its_motion(gradient):
     assert off[0] < off[1] / 2
 
 
+def test_a_window_is_not_torn_by_motion_that_changes_too_fast():
+    """What changes by more than half a pixel from pixel to pixel borders another motion: windows move as a whole."""
+    y, x = np.mgrid[0:32, 0:48].astype(float)
+    image0, image1 = (waves(x - k, y, 1, seed=2).astype(np.float32) for k in (0, 3))
+    options = {"scale": 0.0, "sharpness": 0.0, "enough": 2.0}
+    rigid, steep, zoomed = (
+        fuse(image0, image1, 0.5, nodes_of((32, 48), [(1, 3, 0, 0, 0, change, 0, 0, 0)]), **options)[0]
+        for change in (0, 0.6, 0.4)
+    )
+    np.testing.assert_array_equal(steep, rigid)
+    assert np.abs(zoomed - rigid).max() > 0.01
+
+
 def test_motions_of_negligible_weight_are_left_out():
     """As the twin does it: what every pixel already has five times as much of is not tried."""
     size = (16, 16)

@@ -73,8 +73,13 @@ QUADS = HALF * HALF
 BLOCK = EIGHT
 """Side of the parts of a window that move as their middle does, pixels."""
 
-RIGID = np.float32(0.05)
-"""Change of motion from pixel to pixel below which a window moves as a whole."""
+MIN_GRADIENT, MAX_GRADIENT = np.float32(0.05), np.float32(0.5)
+"""Changes of motion from pixel to pixel between which a window is zoomed or turned; the sum along both axes.
+
+Below them the parts of a window would be moved by less than windows overlap anyway. Above them there is no zoom and no
+turn, which would have to be by half or by 30 degrees from frame to frame, but the border of two motions, and the parts
+would be torn apart at their edges.
+"""
 
 PATCH_RADIUS = 2
 """Of the patches that are compared at time t, squares; beyond their window they are cut off."""
@@ -177,7 +182,8 @@ def locate_block(y, x, down, across, share, motion, wide, tall, end, stride):
 @njit(**FINITE_JIT)
 def is_rigid(motion):
     """Whether a window moves as a whole."""
-    return abs(motion[4]) + abs(motion[5]) + abs(motion[6]) + abs(motion[7]) < RIGID
+    gradient = abs(motion[4]) + abs(motion[5]) + abs(motion[6]) + abs(motion[7])
+    return gradient < MIN_GRADIENT or gradient > MAX_GRADIENT
 
 
 @njit(**FINITE_JIT)
