@@ -34,6 +34,7 @@ from scoring import (
 from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import InBetween, Interpolator, Pair
 from fpsboost.kernels.candidates import list_candidates
 from fpsboost.kernels.jit import LANES
@@ -43,8 +44,7 @@ from fpsboost.motion import MotionEstimator, nlm
 from fpsboost.motion.colour import colour_components, padded_planes
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
-from fpsboost.prepared import PreparedImage
-from fpsboost.synthesis import Transition, fuse
+from fpsboost.synthesis import FramePair, multi_hypothesis
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.reproject import Reproject
 
@@ -57,7 +57,7 @@ class WholePixels:
 
     inner: MotionEstimator
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         field01, field10 = self.inner.estimate(image0, image1)
         return whole_pixels(field01), whole_pixels(field10)
@@ -80,7 +80,7 @@ class PlainColours:
 
     inner: nlm.CoarseToFine
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         with patch.multiple(nlm, contrast_components=colour_components, contrast_planes=plain_planes):
             return self.inner.estimate(image0, image1)
@@ -92,7 +92,7 @@ class Unfiltered:
 
     inner: nlm.CoarseToFine
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         with patch.object(nlm.cv2, "GaussianBlur", lambda image, *_, **__: image):
             return self.inner.estimate(image0, image1)
@@ -100,23 +100,23 @@ class Unfiltered:
 
 @dataclass(frozen=True)
 class Looking:
-    """The default search with fewer second looks at what is not explained."""
+    """The default search with fewer residual searchs at what is not explained."""
 
     inner: nlm.CoarseToFine
     looks: int
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
-        with patch.object(nlm, "ENOUGH", nlm.ENOUGH[: self.looks]):
+        with patch.object(nlm, "MIN_SIMILARITY", nlm.MIN_SIMILARITY[: self.looks]):
             return self.inner.estimate(image0, image1)
 
 
 @dataclass(frozen=True)
-class OneDirection(fuse.Fuse):
+class OneDirection(multi_hypothesis.MultiHypothesis):
     """The default synthesizer with candidates from the first frame's motion alone."""
 
-    def _all_voters(self, transition: Transition) -> tuple[fuse.Voters, fuse.Voters]:
-        voters0, voters1 = super()._all_voters(transition)
+    def _collect_votes(self, frame_pair: FramePair) -> tuple[multi_hypothesis.Votes, multi_hypothesis.Votes]:
+        voters0, voters1 = super()._collect_votes(frame_pair)
         return voters0, voters1._replace(trust=np.zeros_like(voters1.trust))
 
 
@@ -124,13 +124,13 @@ class OneDirection(fuse.Fuse):
 class WithConstants:
     """The default synthesizer with other constants of its module."""
 
-    inner: fuse.Fuse
+    inner: multi_hypothesis.MultiHypothesis
     constants: dict[str, Any]
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        with patch.multiple(fuse, **self.constants):
-            images = list(self.inner.synthesize(transition, times))
+        with patch.multiple(multi_hypothesis, **self.constants):
+            images = list(self.inner.synthesize(frame_pair, times))
         yield from images
 
 
@@ -187,11 +187,11 @@ SYNTHESIS: dict[str, dict[str, Any]] = {
 
 CONSTANTS: dict[str, dict[str, Any]] = {
     "no candidate without motion": {
-        "STILL_VOTES": np.float32(1e-30),
+        "ZERO_MOTION_PRIOR": np.float32(1e-30),
         "list_candidates": list_moving_candidates,
     },
-    "votes not weighed by the way back": {"ASTRAY": 1e6},
-    "paths bent however votes scatter": {"STEADY": np.float32(1e6)},
+    "votes not weighed by the way back": {"CONSISTENCY_TOLERANCE": 1e6},
+    "paths bent however votes scatter": {"ACCELERATION_TOLERANCE": np.float32(1e6)},
 }
 """Names of the synthesizer's module that stand for something else."""
 
@@ -207,12 +207,12 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
         "plain colours, v = 0.25": replace(full, estimator=PlainColours(replace(search, v=0.25))),
         **{name: replace(full, estimator=each) for name, each in changed(search, MOTION).items()},
         "halves not filtered": replace(full, estimator=Unfiltered(search)),
-        "no second look": replace(full, estimator=Looking(search, 0)),
-        "one second look": replace(full, estimator=Looking(search, 1)),
+        "no residual search": replace(full, estimator=Looking(search, 0)),
+        "one residual search": replace(full, estimator=Looking(search, 1)),
         "DIS instead of the search": replace(full, estimator=Dis()),
         "straight paths": replace(full, curved=False),
         "paths curved by the next pair alone": NextPairOnly(**options_of(full)),
-        "light not matched": replace(full, relight=False),
+        "light not matched": replace(full, compensate_illumination=False),
         "overlays move along": replace(full, overlays=False),
         "one direction's candidates": replace(full, synthesizer=OneDirection(**options_of(fusing))),
         **{name: replace(full, synthesizer=WithConstants(fusing, each)) for name, each in CONSTANTS.items()},

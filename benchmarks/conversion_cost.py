@@ -13,16 +13,17 @@ import sys
 import time
 from pathlib import Path
 
+from fpsboost.conversion import convert
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo
-from fpsboost.media.video.encoding import Encoding
+from fpsboost.io.video.encoding import Encoding
 from fpsboost.method_table import methods
-from fpsboost.pipeline import Silent, convert
+from fpsboost.streaming import SilentObserver
 
 READY = "ready"
 
 
-class Starting(Silent):
+class Starting(SilentObserver):
     """Waits for a line before the first frame is made."""
 
     size = (0, 0)

@@ -110,7 +110,11 @@ def run(command: list[str], stdin: Path | None = None, stdout: Path | None = Non
         done = subprocess.run(program, stdin=source, stdout=target, stderr=subprocess.PIPE, check=False)
     lines = done.stderr.decode(errors="replace").splitlines()
     folder = command[-1] if stdout is None else str(stdout)
-    kept = [line.replace(str(Path(folder).parent), "") for line in lines if "frames/s" not in line and line.strip()]
+    kept = [
+        line.replace(str(Path(folder).parent), "").replace(str(SAMPLES), "samples")
+        for line in lines
+        if line.strip() and "frames/s" not in line and not line.startswith("Compiling")
+    ]
     return [f"exit {done.returncode}", *(re.sub(r"[\d.]+ s\b", "N s", line) for line in kept)]
 
 
@@ -126,16 +130,16 @@ def stopped_and_resumed(command: list[str]) -> list[str]:
     return run([*command[:-1], "--resume", command[-1]])
 
 
-Job = tuple[str, Callable[[Path], list[str]], str]
+JobFingerprint = tuple[str, Callable[[Path], list[str]], str]
 """A name, what makes a result in a folder, and the result's name in it."""
 
 
-def converting(name: str, result: str, *command: object) -> Job:
+def converting(name: str, result: str, *command: object) -> JobFingerprint:
     """Return the job of a conversion to a file or folder."""
     return name, lambda folder: run([*map(str, command), str(folder / result)]), result
 
 
-def sample_jobs() -> Iterator[Job]:
+def sample_jobs() -> Iterator[JobFingerprint]:
     """Yield conversions of the samples."""
     short = "--end", f"{FRAMES}f"
     for method in (*FAST, *SLOW):
@@ -181,7 +185,7 @@ def piped(folder: Path) -> list[str]:
     return [*said, *run(["-", "-", "-m", "nlm-fast"], stdin=first, stdout=folder / "out.y4m")]
 
 
-def given_jobs(folder: Path) -> Iterator[Job]:
+def given_jobs(folder: Path) -> Iterator[JobFingerprint]:
     """Yield conversions of the videos and folders of images in a folder."""
     options = "-m", "nlm-fast", "--preset", "ultrafast", "--end", f"{FRAMES}f"
     for path in sorted(each for each in folder.iterdir() if not each.name.startswith(".")):
@@ -193,7 +197,7 @@ def given_jobs(folder: Path) -> Iterator[Job]:
             yield converting(path.name, "out.mkv", path, *options)
 
 
-def fingerprint(job: Job) -> tuple[str, dict[str, Any]]:
+def fingerprint(job: JobFingerprint) -> tuple[str, dict[str, Any]]:
     """Run a job in a folder of its own; return its name and what came out."""
     name, make, result = job
     with tempfile.TemporaryDirectory() as folder:

@@ -25,20 +25,20 @@ from scoring import SAMPLE, Clip, Figures, find_clips, one_thread, read_clip, wi
 from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.kernels.candidates import CELL
 from fpsboost.method_table import methods
-from fpsboost.motion.field import MotionField, round_trip
+from fpsboost.motion.field import MotionField, forward_backward_error
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
-from fpsboost.prepared import PreparedImage
-from fpsboost.synthesis import Transition
-from fpsboost.synthesis.fuse import Fuse
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 
 MIDDLE = 0.5
 """When the hidden frame is."""
 
-ASTRAY = 1.5
+CONSISTENCY_TOLERANCE = 1.5
 """A pixel is hidden in a frame if the way there and back ends farther than this from where it began, pixels."""
 
 EDGE = 2.0
@@ -96,13 +96,13 @@ ORACLES = {
 class KeepingTransition:
     """A synthesizer that also keeps what it is given."""
 
-    inner: Fuse
-    kept: list[Transition] = field(default_factory=list)
+    inner: MultiHypothesis
+    kept: list[FramePair] = field(default_factory=list)
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        self.kept.append(transition)
-        yield from self.inner.synthesize(transition, times)
+        self.kept.append(frame_pair)
+        yield from self.inner.synthesize(frame_pair, times)
 
 
 class Case(NamedTuple):
@@ -110,7 +110,7 @@ class Case(NamedTuple):
 
     truth: Image
     made: Image
-    transition: Transition
+    frame_pair: FramePair
 
 
 def make_cases(method: Interpolator, clip: Clip, largest: int) -> list[Case]:
@@ -119,7 +119,7 @@ def make_cases(method: Interpolator, clip: Clip, largest: int) -> list[Case]:
     keeping = KeepingTransition(synthesizer)
     watched = replace(method, synthesizer=keeping)
     inner, outer = [], []
-    pairs = starmap(watched.pair, pairwise(map(PreparedImage, clip.shown)))
+    pairs = starmap(watched.pair, pairwise(map(FrameCache, clip.shown)))
     for index, (before, pair, after) in enumerate(with_neighbours(pairs)):
         if index not in clip.scored:
             continue
@@ -144,8 +144,8 @@ def psnr(error: NDArray[Any]) -> float:
 
 def motion_of_truth(case: Case) -> list[tuple[MotionField, MotionField]]:
     """Motion from the hidden frame to each of the shown ones, and back."""
-    truth, transition = PreparedImage(case.truth), case.transition
-    return [Dis("medium").estimate(truth, other) for other in (transition.image0, transition.image1)]
+    truth, frame_pair = FrameCache(case.truth), case.frame_pair
+    return [Dis("medium").estimate(truth, other) for other in (frame_pair.image0, frame_pair.image1)]
 
 
 def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
@@ -158,7 +158,7 @@ def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
     for there, back in both_ways:
         end_y, end_x = y[:, np.newaxis] + there.flow[..., 1], x + there.flow[..., 0]
         outside = (end_x < -0.5) | (end_x > width - 0.5) | (end_y < -0.5) | (end_y > height - 0.5)
-        hidden |= outside | (round_trip(there.flow, y, x, back) > ASTRAY)
+        hidden |= outside | (forward_backward_error(there.flow, y, x, back) > CONSISTENCY_TOLERANCE)
     flat, repeated = find_alike(case.truth)
     areas = {
         "hidden": hidden,
@@ -203,9 +203,9 @@ def find_alike(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
     return back[0], back[1]
 
 
-def with_best_time(case: Case, fusing: Fuse, error: NDArray[Any]) -> NDArray[Any]:
+def with_best_time(case: Case, fusing: MultiHypothesis, error: NDArray[Any]) -> NDArray[Any]:
     """The squared error if every block may choose among the frame that was made and straight paths at `TIMES`."""
-    straight = replace(case.transition, before=None, after=None)
+    straight = replace(case.frame_pair, before=None, after=None)
     errors = [error, *(squared_error(case.truth, image) for image in fusing.synthesize(straight, TIMES))]
     height, width = error.shape
     least = error.copy()
@@ -216,25 +216,25 @@ def with_best_time(case: Case, fusing: Fuse, error: NDArray[Any]) -> NDArray[Any
     return least
 
 
-def choose_by_truth(case: Case, fusing: Fuse) -> dict[str, NDArray[Any]]:
+def choose_by_truth(case: Case, fusing: MultiHypothesis) -> dict[str, NDArray[Any]]:
     """The squared error if the truth chooses among the method's candidates, by oracle."""
-    transition, truth = case.transition, case.truth
+    frame_pair, truth = case.frame_pair, case.truth
     size = truth.shape[0], truth.shape[1]
-    count, motions, weights = fusing._candidates(fusing._all_voters(transition), size, MIDDLE)
+    count, motions, weights = fusing._candidates(fusing._collect_votes(frame_pair), size, MIDDLE)
     tried = np.take_along_axis(motions, np.argsort(-weights, axis=2, kind="stable")[..., np.newaxis], axis=2)
-    node, choice = best_of(transition, truth, MIDDLE, count, motions)
+    node, choice = best_of(frame_pair, truth, MIDDLE, count, motions)
     images = {
-        "tried": best_of(transition, truth, MIDDLE, (weights > 0).sum(axis=2, dtype=np.int32), tried)[0],
+        "tried": best_of(frame_pair, truth, MIDDLE, (weights > 0).sum(axis=2, dtype=np.int32), tried)[0],
         "node": node,
-        "patch": best_of(transition, truth, MIDDLE, count, motions, radius=PATCH)[0],
-        "node_alone": best_of(transition, truth, MIDDLE, count, motions, alone=True)[0],
-        "patch_alone": best_of(transition, truth, MIDDLE, count, motions, alone=True, radius=PATCH)[0],
+        "patch": best_of(frame_pair, truth, MIDDLE, count, motions, radius=PATCH)[0],
+        "node_alone": best_of(frame_pair, truth, MIDDLE, count, motions, alone=True)[0],
+        "patch_alone": best_of(frame_pair, truth, MIDDLE, count, motions, alone=True, radius=PATCH)[0],
     }
     through = with_motion_of_truth(case, motions, choice)
-    images["other"] = best_of(transition, truth, MIDDLE, count + through.shape[2] - motions.shape[2], through)[0]
+    images["other"] = best_of(frame_pair, truth, MIDDLE, count + through.shape[2] - motions.shape[2], through)[0]
     for name, paths in (("motion", False), ("path", True)):
         moved = shifted(motions, choice, MIDDLE, paths=paths)
-        images[name] = best_of(transition, truth, MIDDLE, np.full_like(count, moved.shape[2]), moved)[0]
+        images[name] = best_of(frame_pair, truth, MIDDLE, np.full_like(count, moved.shape[2]), moved)[0]
     return {name: squared_error(truth, image) for name, image in images.items()}
 
 
@@ -257,7 +257,7 @@ def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]
     return together
 
 
-def budget(case: Case, fusing: Fuse, reach: float) -> Figures:
+def budget(case: Case, fusing: MultiHypothesis, reach: float) -> Figures:
     """Figures of one hidden frame: PSNR, shares of the squared error and of the area, and dB that oracles gain."""
     error = squared_error(case.truth, case.made)
     whole = psnr(error)
@@ -272,7 +272,7 @@ def budget(case: Case, fusing: Fuse, reach: float) -> Figures:
 def measure(paths: Sequence[str], method: Interpolator, largest: int) -> dict[str, Figures]:
     """Means over the hidden frames of every clip."""
     fusing, search = method.synthesizer, method.estimator
-    if not isinstance(fusing, Fuse) or not isinstance(search, CoarseToFine):
+    if not isinstance(fusing, MultiHypothesis) or not isinstance(search, CoarseToFine):
         raise TypeError("Only a method that searches coarse to fine and fuses has such a budget.")
     figures = {}
     for name, path in find_clips(paths).items():
@@ -304,7 +304,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     one_thread()
-    method = replace(methods["nlm"], relight=False, overlays=False)
+    method = replace(methods["nlm"], compensate_illumination=False, overlays=False)
     try:
         figures = measure(arguments.clip, method, arguments.frames)
     except FpsboostError as error:

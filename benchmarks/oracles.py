@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from fpsboost.frame import Image
 from fpsboost.kernels.candidates import CELL, MOTION
-from fpsboost.kernels.fuse import AREA, WINDOW, fetch_window, locate_window, mix_inside, window_shape
 from fpsboost.kernels.jit import FINITE_JIT
-from fpsboost.synthesis import Transition
-from fpsboost.synthesis.fuse import _samples
+from fpsboost.kernels.multi_hypothesis import AREA, WINDOW, fetch_window, locate_window, mix_inside, window_shape
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.multi_hypothesis import _samples
 
 PATCH = 2
 """r of the patches that choose for themselves, pixels."""
@@ -39,12 +39,12 @@ def sum_around(values, radius, sums):
 
 @njit(**FINITE_JIT)
 def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks, images):
-    """A window along one candidate: both frames mixed, and each alone, as in `fpsboost.kernels.fuse`.
+    """A window along one candidate: both frames mixed, and each alone, as in `fpsboost.kernels.multi_hypothesis`.
 
     Parameters
     ----------
     samples0, samples1 : Samples
-        See `fpsboost.kernels.fuse`.
+        See `fpsboost.kernels.multi_hypothesis`.
     size : (int, int)
         Height and width of the frame.
     top, left : int
@@ -114,7 +114,7 @@ def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radiu
     radius : int
         r of the patches that choose, pixels; below 0 a window chooses as a whole.
     shape : (AREA,) float32
-        See `fpsboost.kernels.fuse.window_shape`.
+        See `fpsboost.kernels.multi_hypothesis.window_shape`.
     mean : (C, height, width) float32
         Sum of the windows; in and out.
     weight : (height, width) float32
@@ -153,7 +153,7 @@ def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radiu
 
 
 def best_of(
-    transition: Transition,
+    frame_pair: FramePair,
     truth: Image,
     t: float,
     count: NDArray[Any],
@@ -166,7 +166,7 @@ def best_of(
 
     Parameters
     ----------
-    transition : Transition
+    frame_pair : FramePair
         Between two frames of 8 bits.
     truth : (H, W, C) uint8
     t : float
@@ -183,7 +183,7 @@ def best_of(
     (H, W, C) uint8, and (rows, columns) int32
         The second is what each window would choose as a whole.
     """
-    samples0, samples1 = (image.once(_samples) for image in (transition.image0, transition.image1))
+    samples0, samples1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
     wanted = np.ascontiguousarray(truth.transpose(2, 0, 1), np.float32) / np.float32(255)
     mean, weight, choice = np.zeros_like(wanted), np.zeros(wanted.shape[1:], np.float32), np.zeros_like(count)
     choose_candidates(

@@ -20,10 +20,10 @@ from rich.markup import escape
 from rich.table import Table
 from scoring import wide_console
 
-PATIENCE = 600
+POLL_INTERVAL = 600
 """Seconds that a conversion may take; none of them should hang."""
 
-LARGEST_SHIFT = 0.5
+MAX_SHIFT = 0.5
 """Levels of 8 bits by which the mean of a channel may change."""
 
 CONTAINERS = (".mp4", ".mkv")
@@ -54,9 +54,9 @@ def convert(path: Path, folder: Path, options: list[str]) -> tuple[Path | None, 
         target = folder / f"{path.name}{suffix}"  # two files may differ in their endings alone
         command = [sys.executable, "-m", "fpsboost", str(path), str(target), *options]
         try:
-            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
+            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=POLL_INTERVAL)
         except subprocess.TimeoutExpired:
-            return None, [f"no end within {PATIENCE} s"]
+            return None, [f"no end within {POLL_INTERVAL} s"]
         lines = done.stderr.strip().splitlines()
         if done.returncode == 0:
             return target, lines
@@ -97,7 +97,7 @@ def find_faults(row: Row, before: Video, after: Video) -> list[str]:
         faults.append("length")
     if row.sound not in ("none", "identical"):
         faults.append("sound")
-    if row.colour_shift is not None and row.colour_shift > LARGEST_SHIFT:
+    if row.colour_shift is not None and row.colour_shift > MAX_SHIFT:
         faults.append("colour")
     changed = [name for name, tag in before.tags.items() if after.tags.get(name) != tag]
     faults += [f"{name} {before.tags[name]} -> {after.tags.get(name)}" for name in changed]

@@ -50,7 +50,7 @@ from fpsboost.evaluation.further_metrics import choose_metrics, figures_of
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.metrics import absolute_error, means
 from fpsboost.frame import Image
-from fpsboost.media.images.files import IMAGE_SUFFIXES, read_image
+from fpsboost.io.images.files import IMAGE_SUFFIXES, read_image
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.colour import normalised
 

@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
+from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
 from fpsboost.evaluation.further_metrics import Meters, figures_of, summarise
 from fpsboost.evaluation.metrics import low_percentile, means, score
 from fpsboost.frame import Image
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, with_neighbours
-from fpsboost.media.images.files import IMAGE_SUFFIXES
-from fpsboost.media.opening import open_source
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import CutDetector
-from fpsboost.synthesis import Transition
-from fpsboost.synthesis.fuse import Fuse
+from fpsboost.io.images.files import IMAGE_SUFFIXES
+from fpsboost.io.opening import open_source
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 
 Figures = dict[str, float]
 
@@ -120,36 +120,36 @@ def read_clip(name: str, path: str, largest: int) -> Clip:
         raise InputError(f"{path} holds fewer than three frames; one between two others is needed.")
     with open_source(path) as source:
         rate = source.info.rate
-    cuts = CutDetector().find_cuts([CutDetector().likeness(*pair) for pair in pairwise(map(PreparedImage, shown))])
+    cuts = CutDetector().find_cuts([CutDetector().match_score(*pair) for pair in pairwise(map(FrameCache, shown))])
     return Clip(name, shown, hidden, [index for index, cut in enumerate(cuts) if not cut], rate)
 
 
 @dataclass(frozen=True)
 class KeepingConfidence:
-    """A synthesizer like `Fuse` that also keeps the confidence of everything it makes."""
+    """A synthesizer like `MultiHypothesis` that also keeps the confidence of everything it makes."""
 
-    inner: Fuse
+    inner: MultiHypothesis
     kept: list[NDArray[Any]] = field(default_factory=list)
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        for fused in self.inner.fuse(transition, times):
+        for fused in self.inner.fuse(frame_pair, times):
             self.kept.append(fused.confidence)
             yield fused.image
 
 
 def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:
     """The frame in the middle of every two."""
-    prepared = pairwise(map(PreparedImage, frames))  # one of each frame, for both of its pairs
+    prepared = pairwise(map(FrameCache, frames))  # one of each frame, for both of its pairs
     for before, pair, after in with_neighbours(starmap(interpolator.pair, prepared)):
         yield from interpolator.between(pair, [0.5], before, after).images
-        pair.settle()
+        pair.release_caches()
 
 
 def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False) -> Made:
     """Make the hidden frames of a clip, with how far they can be trusted if asked and known."""
     kept: list[NDArray[Any]] = []
-    if confidence and isinstance(interpolator.synthesizer, Fuse):
+    if confidence and isinstance(interpolator.synthesizer, MultiHypothesis):
         interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
     interpolator.compile_for(clip.shown[0])
     kept.clear()

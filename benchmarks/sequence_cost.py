@@ -12,8 +12,8 @@ import time
 from scoring import make_between, one_thread, read_frames
 
 from fpsboost.frame import Image
-from fpsboost.media.video.planes import in_planes
-from fpsboost.media.video.ycc import BT709, from_bgr
+from fpsboost.io.video.planes import in_planes
+from fpsboost.io.video.ycc import BT709, from_bgr
 from fpsboost.method_table import find_method
 from fpsboost.ycbcr import Coding, YCbCrImage
 

@@ -19,10 +19,10 @@ import numpy as np
 from scoring import make_between
 
 from fpsboost.frame import Image
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.prepared import PreparedImage
 
-INTERPOLATOR, NLM, FUSE = "fpsboost.interpolator", "fpsboost.motion.nlm", "fpsboost.synthesis.fuse"
+INTERPOLATOR, NLM, SYNTHESIS = "fpsboost.interpolator", "fpsboost.motion.nlm", "fpsboost.synthesis.multi_hypothesis"
 
 
 class Stage(NamedTuple):
@@ -36,8 +36,8 @@ class Stage(NamedTuple):
 
 
 STAGES = {
-    "lighting": Stage(INTERPOLATOR, "find_lighting"),
-    "cut detection": Stage("fpsboost.scenes", "CutDetector.likeness"),
+    "illumination": Stage(INTERPOLATOR, "estimate_illumination"),
+    "cut detection": Stage("fpsboost.analysis.scene_cuts", "CutDetector.match_score"),
     "pyramid": Stage(NLM, "pyramid"),
     "components, coarsest": Stage(NLM, "contrast_components"),
     "components, padded": Stage(NLM, "contrast_planes"),
@@ -45,16 +45,16 @@ STAGES = {
     "tile search": Stage(NLM, "search_tiles", width_of=lambda planes0, planes1, most, height, width, *_: width),
     "smoothing of offsets": Stage(NLM, "smooth_labels"),
     "choice of offsets": Stage(NLM, "choose_labels"),
-    "second look: measuring": Stage(NLM, "measure_points"),
-    "second look: search": Stage(NLM, "search_unexplained"),
+    "residual search: measuring": Stage(NLM, "measure_point_similarity"),
+    "residual search": Stage(NLM, "search_residuals"),
     "least-squares step": Stage(NLM, "refine_points"),
-    "accelerations": Stage(FUSE, "accelerations_at_points"),
-    "votes": Stage(FUSE, "Fuse._all_voters"),
-    "sample planes": Stage(FUSE, "fill_planes"),
-    "spline filter": Stage(FUSE, "find_coefficients"),
-    "collecting": Stage(FUSE, "collect_candidates"),
-    "listing": Stage(FUSE, "list_candidates"),
-    "fusing": Stage(FUSE, "fuse_candidates"),
+    "accelerations": Stage(SYNTHESIS, "accelerations_at_points"),
+    "votes": Stage(SYNTHESIS, "MultiHypothesis._collect_votes"),
+    "sample planes": Stage(SYNTHESIS, "fill_planes"),
+    "spline filter": Stage(SYNTHESIS, "find_coefficients"),
+    "collecting": Stage(SYNTHESIS, "collect_candidates"),
+    "listing": Stage(SYNTHESIS, "list_candidates"),
+    "blending": Stage(SYNTHESIS, "blend_hypotheses"),
     "overlay": Stage(INTERPOLATOR, "find_overlay"),
 }
 """By the name in the table."""
@@ -128,7 +128,7 @@ def bytes_of(value: Any) -> int:
     """Bytes of all arrays in nested tuples, lists and dataclasses, and of the pixels of images."""
     if isinstance(value, np.ndarray):
         return value.nbytes
-    if isinstance(value, PreparedImage):
+    if isinstance(value, FrameCache):
         return value.pixels.nbytes
     if isinstance(value, tuple | list):
         return sum(bytes_of(each) for each in value)

@@ -1,9 +1,10 @@
 """Frame-rate conversion by non-local means motion.
 
-Three depths, the upper a few lines over the lower:
+Four depths, the upper a few lines over the lower:
 
 - `convert` ``("in.mp4", "out.mp4", factor=2)``: files in, files out;
-- `boost` ``(source, interpolator, sink, schedule)``: the same over objects;
+- `stream` ``(source, factor=2)``: from a path, a ``cv2.VideoCapture`` or arrays, to arrays as they are made;
+- `run_conversion` ``(source, interpolator, sink, schedule)``: the same over objects;
 - `Interpolator.interpolate` ``(frame0, frame1, times)``, or `interpolate` for one image: arrays in, arrays out.
 """
 
@@ -13,15 +14,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fpsboost.analysis.duplicates import DuplicateDetector
+    from fpsboost.analysis.scene_cuts import CutDetector
+    from fpsboost.array_stream import stream
+    from fpsboost.conversion import convert
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame
     from fpsboost.interpolator import Interpolator
-    from fpsboost.media.video.encoding import Encoding
-    from fpsboost.media.video.reading import Reading
+    from fpsboost.io.video.decode_options import DecodeOptions
+    from fpsboost.io.video.encoding import Encoding
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
-    from fpsboost.pipeline import Summary, boost, convert
-    from fpsboost.scenes import CutDetector, DuplicateDetector
-    from fpsboost.timing import ByFactor, ByRate
+    from fpsboost.streaming import Summary, run_conversion
+    from fpsboost.timing.schedule import ByFactor, ByRate
 
 from fpsboost.version import __version__
 
@@ -30,6 +34,7 @@ __all__ = [
     "ByRate",
     "ClipInfo",
     "CutDetector",
+    "DecodeOptions",
     "DuplicateDetector",
     "Encoding",
     "FpsboostError",
@@ -38,35 +43,36 @@ __all__ = [
     "Interpolator",
     "OptionError",
     "OutputError",
-    "Reading",
     "SceneCutWarning",
     "Summary",
     "__version__",
-    "boost",
     "convert",
     "interpolate",
     "interpolate_with_confidence",
     "methods",
+    "run_conversion",
+    "stream",
 ]
 
 _homes = {
-    "ByFactor": "timing",
-    "ByRate": "timing",
+    "ByFactor": "timing.schedule",
+    "ByRate": "timing.schedule",
     "ClipInfo": "frame",
-    "CutDetector": "scenes",
-    "DuplicateDetector": "scenes",
-    "Encoding": "media.video.encoding",
+    "CutDetector": "analysis.scene_cuts",
+    "DuplicateDetector": "analysis.duplicates",
+    "Encoding": "io.video.encoding",
     "FpsboostError": "errors",
     "Frame": "frame",
     "InputError": "errors",
     "Interpolator": "interpolator",
     "OptionError": "errors",
     "OutputError": "errors",
-    "Reading": "media.video.reading",
+    "DecodeOptions": "io.video.decode_options",
     "SceneCutWarning": "errors",
-    "Summary": "pipeline",
-    "boost": "pipeline",
-    "convert": "pipeline",
+    "Summary": "streaming",
+    "run_conversion": "streaming",
+    "stream": "array_stream",
+    "convert": "conversion",
     "interpolate": "method_table",
     "interpolate_with_confidence": "method_table",
     "methods": "method_table",

@@ -21,9 +21,9 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as nohup and a shell's & have it
         signal.signal(signal.SIGINT, leave)
     signal.signal(signal.SIGTERM, leave)
-    from fpsboost import cli  # noqa: PLC0415 (takes a while, and may be stopped meanwhile)
+    from fpsboost.cli import app  # noqa: PLC0415 (takes a while, and may be stopped meanwhile)
 
-    cli.main()
+    app.main()
 
 
 if __name__ == "__main__":

@@ -11,22 +11,22 @@ from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
+from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
+from fpsboost.analysis.overlay import find_overlay, keep_overlay
+from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame import Image, Pixels, as_array, check_pair
-from fpsboost.lighting import Lighting, find_lighting, in_either_light
-from fpsboost.media.video.planes import bgr_of
+from fpsboost.frame_cache import FrameCache, Results
+from fpsboost.io.video.planes import bgr_of
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import MotionField
-from fpsboost.motion.opencv import Still
+from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.motion.trajectory import Neighbour
-from fpsboost.motion.vectors import RenderedMotion
-from fpsboost.prepared import PreparedImage, Results
-from fpsboost.scenes import CutDetector, CutPolicy
-from fpsboost.synthesis import Synthesizer, Transition
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
-from fpsboost.synthesis.overlay import find_overlay, keep_overlay
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.ycbcr import YCbCrImage
@@ -63,7 +63,7 @@ class Pair:
     Parameters
     ----------
     interpolator : Interpolator
-    image0, image1 : PreparedImage
+    image0, image1 : FrameCache
         Two frames of one size and type.
     duration : Fraction or float
         Time between them, in any unit that neighbouring pairs share.
@@ -77,8 +77,8 @@ class Pair:
     def __init__(
         self,
         interpolator: Interpolator,
-        image0: PreparedImage,
-        image1: PreparedImage,
+        image0: FrameCache,
+        image1: FrameCache,
         duration: Fraction | float = 1,
     ) -> None:
         check_pair(image0.pixels, image1.pixels)
@@ -87,61 +87,68 @@ class Pair:
         self._results = Results()
 
     @property
-    def lighting(self) -> Lighting | None:
+    def illumination(self) -> IlluminationModel | None:
         """How the light changes from one to the other; None where it does not."""
-        return self._results.once("lighting", self._find_lighting)
+        return self._results.cached("lighting", self._estimate_illumination)
 
-    def _find_lighting(self) -> Lighting | None:
-        return find_lighting(self.image0, self.image1) if self._interpolator.relight else None
+    def _estimate_illumination(self) -> IlluminationModel | None:
+        return estimate_illumination(self.image0, self.image1) if self._interpolator.compensate_illumination else None
 
     @property
-    def in_one_light(self) -> tuple[PreparedImage, PreparedImage]:
+    def compensated(self) -> tuple[FrameCache, FrameCache]:
         """The two frames, both in the light of the first."""
-        return self._results.once("in_one_light", self._put_in_one_light)
+        return self._results.cached("in_one_light", self._compensate)
 
-    def _put_in_one_light(self) -> tuple[PreparedImage, PreparedImage]:
-        if self.lighting is None:
+    def _compensate(self) -> tuple[FrameCache, FrameCache]:
+        if self.illumination is None:
             return self.image0, self.image1
         return (
-            PreparedImage(normalised(_in_bgr(self.image0).array), self.image0.place, self.image0.moment),
-            PreparedImage(self.lighting.undo(_in_bgr(self.image1).array), self.image1.place, self.image1.moment),
+            FrameCache(
+                normalised(_in_bgr(self.image0).array), self.image0.output_position, self.image0.source_position
+            ),
+            FrameCache(
+                self.illumination.undo(_in_bgr(self.image1).array),
+                self.image1.output_position,
+                self.image1.source_position,
+            ),
         )
 
     @property
-    def likeness(self) -> float:
+    def match_score(self) -> float:
         """How much of the two can be found in each other, 0 to 1; 1 where scene cuts are not looked for.
 
         Where the light changes, in the light of either: dim pictures all look alike, but not in the brighter one's.
         """
-        return self._results.once("likeness", self._measure_likeness)
+        return self._results.cached("likeness", self._measure_match_score)
 
-    def _measure_likeness(self) -> float:
+    def _measure_match_score(self) -> float:
         cuts = self._interpolator.cuts
         if cuts is None:
             return 1.0
-        if self.lighting is None:
-            return cuts.likeness(self.image0, self.image1)
+        if self.illumination is None:
+            return cuts.match_score(self.image0, self.image1)
         return min(
-            cuts.likeness(*thumbnails) for thumbnails in in_either_light(self.image0, self.image1, self.lighting)
+            cuts.match_score(*thumbnails)
+            for thumbnails in compensate_either(self.image0, self.image1, self.illumination)
         )
 
-    def breaks_off(self, before: Pair | None = None, after: Pair | None = None) -> bool:
+    def is_discontinuous(self, before: Pair | None = None, after: Pair | None = None) -> bool:
         """Whether no motion leads from one to the other, given the pairs before and after where they are known."""
         cuts = self._interpolator.cuts
-        if cuts is None or not cuts.is_cut(self.likeness, *(each.likeness for each in (before, after) if each)):
+        if cuts is None or not cuts.is_cut(self.match_score, *(each.match_score for each in (before, after) if each)):
             return False
-        return not cuts.is_gradual(self.likeness, *(each.likeness for each in self._across(before, after)))
+        return not cuts.is_gradual(self.match_score, *(each.match_score for each in self._across(before, after)))
 
     def is_cut(self, before: Pair | None = None, after: Pair | None = None) -> bool:
         """Whether a scene ends between the two: motion breaks off, and no flash of one frame is the reason."""
-        return self.breaks_off(before, after) and not self._goes_on_behind(before, after)
+        return self.is_discontinuous(before, after) and not self._goes_on_behind(before, after)
 
     def _goes_on_behind(self, before: Pair | None, after: Pair | None) -> bool:
         """Whether the frames on both sides of the two's first or last show one scene."""
         cuts = self._interpolator.cuts
-        usual = max((each.likeness for each in (before, after) if each), default=1.0)
+        usual = max((each.match_score for each in (before, after) if each), default=1.0)
         across = self._across(before, after)
-        return cuts is not None and any(cuts.is_flash(self.likeness, each.likeness, usual) for each in across)
+        return cuts is not None and any(cuts.is_flash(self.match_score, each.match_score, usual) for each in across)
 
     def _across(self, before: Pair | None, after: Pair | None) -> list[Pair]:
         """The pairs of a frame of the two and the one beyond the other, as far as they are known."""
@@ -154,13 +161,13 @@ class Pair:
     @property
     def fields(self) -> tuple[MotionField, MotionField]:
         """Motion in both directions."""
-        return self._results.once("fields", self._estimate)
+        return self._results.cached("fields", self._estimate)
 
     def _estimate(self) -> tuple[MotionField, MotionField]:
-        fields = self._interpolator.estimator.estimate(*self.in_one_light)
-        if self.lighting is not None:  # these belong to no other pair: saves memory
-            for image in self.in_one_light:
-                image.forget()
+        fields = self._interpolator.estimator.estimate(*self.compensated)
+        if self.illumination is not None:  # these belong to no other pair: saves memory
+            for image in self.compensated:
+                image.clear()
         return fields
 
     @property
@@ -168,10 +175,10 @@ class Pair:
         """Largest motion that was searched for, pixels; None where an estimator has no such limit or none has run."""
         return self.fields[0].search_radius if "fields" in self._results else None
 
-    def settle(self) -> None:
+    def release_caches(self) -> None:
         """Keep only what the next pair asks for: called once its own frames are made, saves memory."""
-        self.image0.forget()
-        self._results.forget("in_one_light")
+        self.image0.clear()
+        self._results.clear("in_one_light")
 
 
 @dataclass(frozen=True)
@@ -190,7 +197,7 @@ class Interpolator:
         Across a cut or a flash, repeat the nearer frame, mix the two, or let each go on along the motion that it has.
     curved : bool
         Follow curved paths where the pairs before and after are known, straight ones otherwise.
-    relight : bool
+    compensate_illumination : bool
         Where the light changes between two frames, search for motion in the same light.
     overlays : bool
         Leave alone what stands still in front of a moving picture; the pairs before and after must be known.
@@ -199,7 +206,7 @@ class Interpolator:
     --------
     >>> import numpy as np
     >>> noise = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
-    >>> (middle,) = Interpolator(Still(), Blend()).interpolate(noise, noise, [0.5])
+    >>> (middle,) = Interpolator(ZeroMotion(), Blend()).interpolate(noise, noise, [0.5])
     >>> bool((middle == noise).all())
     True
     """
@@ -209,7 +216,7 @@ class Interpolator:
     cuts: CutPolicy | None = CutDetector()
     at_cuts: AtCuts = "repeat"
     curved: bool = True
-    relight: bool = True
+    compensate_illumination: bool = True
     overlays: bool = True
 
     def __post_init__(self) -> None:
@@ -260,14 +267,14 @@ class Interpolator:
             There is a cut, and a time lies between the two.
         """
         judged = replace(self, cuts=cuts)
-        pair = judged.pair(PreparedImage(image0), PreparedImage(image1))
+        pair = judged.pair(FrameCache(image0), FrameCache(image1))
         images, scene_cut = judged.between(pair, times)
         made = [as_array(image) for image in images]
         if scene_cut and any(0 < t < 1 for t in times):
             warnings.warn(ACROSS_A_CUT[self.at_cuts], SceneCutWarning, stacklevel=2)
         return made
 
-    def pair(self, image0: PreparedImage, image1: PreparedImage, duration: Fraction | float = 1) -> Pair:
+    def pair(self, image0: FrameCache, image1: FrameCache, duration: Fraction | float = 1) -> Pair:
         """Two frames as `between` takes them; see `Pair`."""
         return Pair(self, image0, image1, duration)
 
@@ -311,22 +318,22 @@ class Interpolator:
             yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
 
     def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Pixels]:
-        breaks_off = pair.breaks_off(before, after)
+        is_discontinuous = pair.is_discontinuous(before, after)
         # what is beyond these two is not known here
-        before = None if before is None or before.breaks_off(after=pair) else before
-        after = None if after is None or after.breaks_off(before=pair) else after
-        if breaks_off:
+        before = None if before is None or before.is_discontinuous(after=pair) else before
+        after = None if after is None or after.is_discontinuous(before=pair) else after
+        if is_discontinuous:
             onward = self.at_cuts == "extrapolate"
-            fields = _onward(pair, before, after) if onward else Still().estimate(pair.image0, pair.image1)
+            fields = _onward(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (_in_bgr(pair.image0), _in_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
-            return AT_CUTS[self.at_cuts].synthesize(Transition(image0, image1, *fields), times)
+            return AT_CUTS[self.at_cuts].synthesize(FramePair(image0, image1, *fields), times)
         # the next pair's motion first: a thread that makes the frames of that one waits for it
         following = _neighbour(after, pair) if self.curved else None
         fields = pair.fields
         neighbours = (_neighbour(before, pair), following) if self.curved else ()
-        images = self.synthesizer.synthesize(Transition(*pair.in_one_light, *fields, *neighbours), times)
-        if pair.lighting is not None:
-            images = _relit(images, times, pair.lighting, pair.image0.pixels.dtype)
+        images = self.synthesizer.synthesize(FramePair(*pair.compensated, *fields, *neighbours), times)
+        if pair.illumination is not None:
+            images = _with_illumination(images, times, pair.illumination, pair.image0.pixels.dtype)
         elif self.overlays and (before or after):
             images = _with_overlay(images, times, pair, before or pair, after or pair)
         return images
@@ -375,7 +382,7 @@ class Interpolator:
             noise = replace(image, planes=(y, cb, cr))
         else:
             noise = random.integers(0, 256, (*size, image.shape[2])).astype(image.dtype)
-        first, second, third = (PreparedImage(noise) for _ in range(3))
+        first, second, third = (FrameCache(noise) for _ in range(3))
         rehearsal = self._without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
         for _ in rehearsal.between(pair, [0.5], before).images:
@@ -383,7 +390,7 @@ class Interpolator:
 
     def _without_vectors(self) -> Interpolator:
         """The same kernels, for images that no motion was rendered for."""
-        estimator = Still() if isinstance(self.estimator, RenderedMotion) else self.estimator
+        estimator = ZeroMotion() if isinstance(self.estimator, RenderedMotion) else self.estimator
         if isinstance(estimator, ExhaustiveSearch):
             estimator = replace(estimator, vectors=None)
         synthesizer = Blend() if isinstance(self.synthesizer, SceneAssisted) else self.synthesizer
@@ -402,16 +409,16 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
         yield before, item, None
 
 
-def _in_bgr(image: PreparedImage) -> PreparedImage:
+def _in_bgr(image: FrameCache) -> FrameCache:
     """An image as an array."""
     if not isinstance(image.pixels, YCbCrImage):
         return image
-    return PreparedImage(bgr_of(image.pixels), image.place, image.moment)
+    return FrameCache(bgr_of(image.pixels), image.output_position, image.source_position)
 
 
 def _onward(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
     """How each frame of a pair goes on at the speed that its own scene has; still where that is not known."""
-    onward, back = Still().estimate(pair.image0, pair.image1)
+    onward, back = ZeroMotion().estimate(pair.image0, pair.image1)
     if before is not None:
         onward = _continued(before.fields[1], float(pair.duration / before.duration))
     if after is not None:
@@ -430,11 +437,11 @@ def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
     return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration))
 
 
-def _relit(
-    images: Iterator[Pixels], times: Sequence[float], lighting: Lighting, dtype: np.dtype[Any]
+def _with_illumination(
+    images: Iterator[Pixels], times: Sequence[float], illumination: IlluminationModel, dtype: np.dtype[Any]
 ) -> Iterator[Pixels]:
     for image, t in zip(images, times, strict=True):
-        yield lighting.apply(as_array(image), t, dtype)
+        yield illumination.apply(as_array(image), t, dtype)
 
 
 def _with_overlay(

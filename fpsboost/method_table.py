@@ -12,45 +12,47 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from fpsboost.analysis.scene_cuts import CutPolicy
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.nlm import CoarseToFine
-from fpsboost.motion.opencv import Dis, Farneback, Still, TvL1
-from fpsboost.motion.vectors import RenderedMotion, VectorFolder
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import CutPolicy
-from fpsboost.synthesis import Transition
+from fpsboost.motion.opencv import Dis, Farneback, TvL1
+from fpsboost.motion.rendered import RenderedMotion
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.blend import Blend, Nearest
-from fpsboost.synthesis.fuse import Fuse, Fused
-from fpsboost.synthesis.paint import Paint
+from fpsboost.synthesis.multi_hypothesis import InterpolatedImage, MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
 from fpsboost.synthesis.scene_assisted import SceneAssisted
+from fpsboost.synthesis.splat import Splat
 from fpsboost.synthesis.warp import Warp
 
-plain = partial(Interpolator, curved=False, relight=False, overlays=False)
+plain = partial(Interpolator, curved=False, compensate_illumination=False, overlays=False)
 """For methods that are to be what others do: nothing of ours around them."""
 
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
-        "nlm": Interpolator(CoarseToFine(), Fuse()),
-        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), Fuse(step=16, enough=0.95)),
+        "nlm": Interpolator(CoarseToFine(), MultiHypothesis()),
+        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), MultiHypothesis(step=16, enough=0.95)),
         "nlm-exhaustive": plain(ExhaustiveSearch(), Reproject()),
         "nlm-brute-force": plain(ExhaustiveSearch(), Reproject(search="brute-force")),
         "nlm-passes": plain(ExhaustiveSearch(implementation="passes"), Reproject()),
-        "dis": Interpolator(Dis(), Fuse()),
-        "farneback": Interpolator(Farneback(), Fuse()),
-        "tvl1": Interpolator(TvL1(), Fuse()),
+        "dis": Interpolator(Dis(), MultiHypothesis()),
+        "farneback": Interpolator(Farneback(), MultiHypothesis()),
+        "tvl1": Interpolator(TvL1(), MultiHypothesis()),
         "dis-warp": plain(Dis(), Warp()),
         "farneback-warp": plain(Farneback(), Warp()),
         "tvl1-warp": plain(TvL1(), Warp()),
-        "block": plain(BlockMatching(), Paint()),
-        "codec": plain(CodecMotion(), Paint()),
-        "blend": plain(Still(), Blend()),
-        "nearest": plain(Still(), Nearest(), cuts=None),
+        "block": plain(BlockMatching(), Splat()),
+        "codec": plain(CodecMotion(), Splat()),
+        "blend": plain(ZeroMotion(), Blend()),
+        "nearest": plain(ZeroMotion(), Nearest(), cuts=None),
     }
 )
 """The methods by the names that the command line knows."""
@@ -60,7 +62,7 @@ vector_methods: Mapping[str, Callable[[VectorFolder], Interpolator]] = MappingPr
     {
         # Yang et al. 2011, image-based and scene-assisted
         "reproject-image": lambda vectors: plain(RenderedMotion(vectors), Reproject()),
-        "reproject-scene": lambda vectors: plain(Still(), SceneAssisted(vectors)),
+        "reproject-scene": lambda vectors: plain(ZeroMotion(), SceneAssisted(vectors)),
     }
 )
 """The methods that need a renderer's motion vectors, by name."""
@@ -254,7 +256,7 @@ def interpolate(
 
 def interpolate_with_confidence(
     frame0: Image, frame1: Image, t: float | Fraction = 0.5, *, method: str | Interpolator = "nlm"
-) -> Fused:
+) -> InterpolatedImage:
     """Like `interpolate`, with a map of how far each pixel can be trusted.
 
     Where two frames have nothing alike to show for an in-between pixel, its confidence is low and its error high: such
@@ -288,17 +290,17 @@ def interpolate_with_confidence(
     True
     """
     interpolator = find_method(method) if isinstance(method, str) else method
-    if not isinstance(interpolator.synthesizer, Fuse):
+    if not isinstance(interpolator.synthesizer, MultiHypothesis):
         raise OptionError(f"The method {method!r} does not know its confidence; take nlm or nlm-fast.")
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
-    image0, image1 = (PreparedImage(image) for image in _with_channels(frame0, frame1))
+    image0, image1 = (FrameCache(image) for image in _with_channels(frame0, frame1))
     pair = interpolator.pair(image0, image1)
-    (fused,) = interpolator.synthesizer.fuse(Transition(*pair.in_one_light, *pair.fields), [float(t)])
+    (fused,) = interpolator.synthesizer.fuse(FramePair(*pair.compensated, *pair.fields), [float(t)])
     image = fused.image
-    if pair.lighting is not None:
-        image = pair.lighting.apply(image, float(t), frame0.dtype)
-    return Fused(image.reshape(frame0.shape), fused.confidence)
+    if pair.illumination is not None:
+        image = pair.illumination.apply(image, float(t), frame0.dtype)
+    return InterpolatedImage(image.reshape(frame0.shape), fused.confidence)
 
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:

@@ -13,25 +13,23 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.held import Shown, by_moments
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair, with_neighbours
-from fpsboost.media import FrameSource, OutputTiming
-from fpsboost.media.animation.source import AnimationSource, animation_format
-from fpsboost.media.images.numbered import ImageSource
-from fpsboost.media.opening import open_sink, open_source
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.listing import StreamFacts, list_streams
-from fpsboost.media.video.reading import Reading
-from fpsboost.media.video.source import VideoSource
-from fpsboost.media.video.traits import VideoTraits
+from fpsboost.io import FrameSource
+from fpsboost.io.animation.source import AnimationSource, animation_format
+from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.opening import open_sink, open_source
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.listing import StreamFacts, list_streams
+from fpsboost.io.video.source import VideoSource
+from fpsboost.io.video.traits import VideoTraits
 from fpsboost.method_table import methods
-from fpsboost.pace import Pace
-from fpsboost.pipeline import count_frames
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import DuplicateDetector
-from fpsboost.timing import Schedule
+from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.schedule import OutputTiming, Schedule, count_frames
 
 matrices = {0: "rgb", 1: "bt709", 4: "fcc", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020nc", 10: "bt2020c"}
 primaries = {1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 9: "bt2020", 12: "smpte432"}
@@ -169,19 +167,19 @@ class _Findings:
     duplicates: int = 0
     moments: list[Fraction] = field(default_factory=list)
 
-    def shown(self, frames: FrameSource) -> Iterator[Shown]:
+    def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
         """The frames, noted down."""
         for frame in frames:
             self.times.append(frame.time)
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)
             self.interlaced += _is_interlaced(frame)
-            yield Shown(frame, PreparedImage(frame.image))
+            yield SourceFrame(frame, FrameCache(frame.image))
 
     def pairs(self, frames: FrameSource) -> Iterator[Pair]:
         """The pairs that a conversion would make frames for."""
         interpolator = methods["nlm"]
-        last: Shown | None = None
-        for held in by_moments(self.shown(frames), DuplicateDetector()):
+        last: SourceFrame | None = None
+        for held in group_duplicates(self.shown(frames), DuplicateDetector()):
             self.duplicates += len(held) - 1
             self.moments.append(held[0].frame.time)
             if last is not None:
@@ -208,12 +206,12 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     Raises
     ------
     OptionError, InputError
-        See `fpsboost.media.opening.open_source`.
+        See `fpsboost.io.opening.open_source`.
     """
     # A size that changes is a fact to be told, though a conversion would stop there.
     may_change = Path(path).is_file() and animation_format(Path(path)) is None
-    reading = Reading(stream, size_change="scale" if may_change else "stop")
-    with open_source(path, input_fps, reading=reading) as source:
+    decoding = DecodeOptions(stream, size_change="scale" if may_change else "stop")
+    with open_source(path, input_fps, decoding=decoding) as source:
         video = source if isinstance(source, VideoSource) else None
         has_clock = isinstance(source, VideoSource | AnimationSource)
         schedule, refused = _plan(source.info, has_clock=has_clock)
@@ -263,9 +261,9 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
 def _plan(info: ClipInfo, *, has_clock: bool) -> tuple[Schedule, str | None]:
     """Where a conversion's frames would lie, and why there would be none; then the rate is kept out of it."""
     try:
-        return Pace().schedule(info, has_clock=has_clock), None
+        return OutputRate().schedule(info, has_clock=has_clock), None
     except FpsboostError as error:
-        return Pace(keep_timing=True).schedule(info, has_clock=has_clock), str(error)
+        return OutputRate(keep_timing=True).schedule(info, has_clock=has_clock), str(error)
 
 
 class _EnoughError(Exception):

@@ -16,10 +16,10 @@ import numpy as np
 from stage.geometry import trace
 from stage.scenes import Scene, scenes
 
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import find_method, vector_methods
 from fpsboost.motion.exhaustive import ExhaustiveSearch
-from fpsboost.motion.vectors import VectorFolder
-from fpsboost.prepared import PreparedImage
 
 METHODS = ("reproject-scene", "reproject-image", "nlm-exhaustive", "nlm-brute-force", "nlm", "dis", "blend")
 ROOM = 2
@@ -47,7 +47,7 @@ def main() -> None:
         method = find_method(name, vectors if takes_vectors else None)
         errors = []
         for number in range(1, len(images) - 1, 2):
-            image0, image1 = (PreparedImage(images[each], Fraction(each)) for each in (number - 1, number + 1))
+            image0, image1 = (FrameCache(images[each], Fraction(each)) for each in (number - 1, number + 1))
             (made,) = method.between(method.pair(image0, image1), [Fraction(1, 2)]).images
             height, width = made.shape[:2]
             inside = find_solids(scene, float(number * options.step), width, height)

@@ -16,8 +16,8 @@ from hypothesis import settings
 from numpy.typing import NDArray
 from video_truth import scene
 
-from fpsboost import cli, cli_progress
-from fpsboost.exr import write_exr
+from fpsboost.cli import app, progress
+from fpsboost.io.images.exr import write_exr
 
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 
@@ -64,7 +64,7 @@ def save_images() -> SaveImages:
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""
-    monkeypatch.setattr("fpsboost.overlap.PATIENCE", 0.005)
+    monkeypatch.setattr("fpsboost.io.prefetch.POLL_INTERVAL", 0.005)
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
     """Run the command line in this process and in `tmp_path`, as if its output were piped."""
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli_progress.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
+    monkeypatch.setattr(progress.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
     for name in COLOUR_VARIABLES:
         monkeypatch.delenv(name, raising=False)
 
@@ -95,7 +95,7 @@ def fpsboost_(monkeypatch, capfd, tmp_path) -> Iterator[Command]:
         capfd.readouterr()
         code = 0
         try:
-            cli.main()
+            app.main()
         except SystemExit as stop:
             code = int(stop.code or 0)
         return Result(code, *capfd.readouterr())

@@ -18,12 +18,13 @@ import cv2
 import numpy as np
 from video_truth import scene, stream_of, write_clip
 
-from fpsboost import overlap, pipeline
+from fpsboost import conversion
 from fpsboost.errors import FpsboostError, notes_of
-from fpsboost.exr import read_exr, write_exr
+from fpsboost.io import prefetch
+from fpsboost.io.flow_files import write_flow
+from fpsboost.io.images.exr import read_exr, write_exr
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import find_method
-from fpsboost.motion.flow_files import write_flow
-from fpsboost.motion.vectors import VectorFolder
 
 SECONDS_PER_COPY = 30
 SIZE = (32, 48)
@@ -120,7 +121,7 @@ def convert(sample: Path, kind: str, work: Path, chance: random.Random) -> str:
     output = work / chance.choice(["out.mkv", "out.mp4", "out"])
     fps, rate = chance.choice([None, Fraction(50)]), Fraction(25) if sample.is_dir() else None
     try:
-        pipeline.convert(str(source), str(output), method=method, input_fps=rate, fps=None if kind == "flo" else fps)
+        conversion.convert(str(source), str(output), method=method, input_fps=rate, fps=None if kind == "flo" else fps)
     except FpsboostError as error:
         assert not output.exists(), "an output that failed has its name"
         kept = hidden(work) if not notes_of(error) else []
@@ -151,7 +152,7 @@ def check(output: Path) -> None:
 
 def main(folder: Path, seed: int, count: int, kinds: list[str]) -> None:
     warnings.simplefilter("error")
-    overlap.PATIENCE = 0.005
+    prefetch.POLL_INTERVAL = 0.005
     for kind in kinds:
         sample = make_sample(folder, kind)
         for number in range(count):

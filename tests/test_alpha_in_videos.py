@@ -13,11 +13,11 @@ from animation_truth import disc, write_animation
 from video_truth import samples_of
 
 import fpsboost
-from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.video.encoding import Encoding, encodes_alpha
-from fpsboost.media.video.source import VideoSource
-from fpsboost.media.video.ycc import SMPTE170M, from_bgr, to_bgra
-from fpsboost.position import parse_position
+from fpsboost.io.trim import Trim
+from fpsboost.io.video.encoding import Encoding, encodes_alpha
+from fpsboost.io.video.source import VideoSource
+from fpsboost.io.video.ycc import SMPTE170M, from_bgr, to_bgra
+from fpsboost.timing.position import parse_position
 
 VP9 = {"auto-alt-ref": "0", "lossless": "1", "cpu-used": "8", "deadline": "realtime"}
 VP8 = {"auto-alt-ref": "0", "crf": "4", "b": "2000000", "deadline": "realtime", "cpu-used": "8"}
@@ -195,6 +195,6 @@ def test_what_can_hold_alpha(encoding, container, expected):
 def test_lost_alpha_is_said_once(tmp_path):
     """Also where the file is read from several places."""
     clip = write_clip(tmp_path / "in.webm", "libvpx-vp9", "yuva420p", VP9)
-    part = Excerpt(parse_position("0.1", "--start"))
-    summary = fpsboost.convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", excerpt=part)
+    part = Trim(parse_position("0.1", "--start"))
+    summary = fpsboost.convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", trim=part)
     assert len([remark for remark in summary.remarks if says_alpha(remark)]) == 1

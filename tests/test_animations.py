@@ -15,12 +15,12 @@ from video_truth import pictures_of, scene, write_clip
 import fpsboost
 from fpsboost.errors import InputError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.media import OutputTiming
-from fpsboost.media.animation.canvas import laid_over
-from fpsboost.media.animation.sink import AnimationSink
-from fpsboost.media.animation.source import AnimationSource
-from fpsboost.media.opening import open_source
-from fpsboost.memory_limit import MemoryLimit
+from fpsboost.io.animation.canvas import laid_over
+from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.io.animation.source import AnimationSource
+from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.opening import open_source
+from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(10)
 SUFFIXES = (".gif", ".apng", ".webp")

@@ -22,16 +22,16 @@ from numba import njit
 from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 
 import fpsboost
-from fpsboost import cli
-from fpsboost.cli_compare import choose
+from fpsboost.cli import app
+from fpsboost.cli.compare import choose
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods, vector_methods
-from fpsboost.timing import parse_number, parse_rate
+from fpsboost.timing.schedule import parse_number, parse_rate
 
 ROOT = Path(__file__).parents[1]
 ORBIT = ROOT / "samples" / "orbit.mp4"
 CHEAP = ("--method", "nearest")
-SAY_COMPILING = cli.Reporter._say_compiling  # before a fixture silences it
+SAY_COMPILING = app.Reporter._say_compiling  # before a fixture silences it
 SUMMARY = r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\)"
 
 pytestmark = [
@@ -149,7 +149,7 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
         for kernel in (njit(lambda x: x + 1), njit(lambda x: x + 2)):
             kernel(1)
 
-    monkeypatch.setattr(cli.Reporter, "_say_compiling", SAY_COMPILING)
+    monkeypatch.setattr(app.Reporter, "_say_compiling", SAY_COMPILING)
     monkeypatch.setattr(Interpolator, "compile_for", compile_two)
     result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
     assert len(result.lines) == 2
@@ -168,7 +168,7 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("module", ["fpsboost.cli", "cyclopts", "numba", "fpsboost.media"])
+@pytest.mark.parametrize("module", ["fpsboost.cli.app", "cyclopts", "numba", "fpsboost.io"])
 def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, number, module):
     """One sentence and exit code 130, whichever module is about to be imported when it happens."""
     code = f"""if True:
@@ -506,7 +506,7 @@ def test_ctrl_c_keeps_what_was_there(fpsboost_, clip, tmp_path, snapshot, monkey
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli.Reporter, "wrote", interrupt)
+    monkeypatch.setattr(app.Reporter, "wrote", interrupt)
     result = fpsboost_("in.mp4", "out.mp4", "--overwrite", *CHEAP)
     assert (result.code, result.out) == (130, "")
     assert snapshot(tmp_path) == before
@@ -578,7 +578,7 @@ def test_long_names_stay_on_one_line(fpsboost_, tmp_path):
 def examples() -> list[str]:
     """Every command in the help and in the README, without its remark."""
     readme = ROOT / "README.md"
-    text = cli.EXAMPLES + (readme.read_text("utf-8") if readme.exists() else "")
+    text = app.EXAMPLES + (readme.read_text("utf-8") if readme.exists() else "")
     lines = [line.strip().removeprefix("$ ") for line in text.replace("\\\n", " ").splitlines()]
     lines = [re.split(r"\s#\s|\s{2,}", line)[0].strip() for line in lines if re.match(r"fpsboost\s+[^\s=]", line)]
     return list(dict.fromkeys(lines))
@@ -590,7 +590,7 @@ def test_examples_parse(line):
     tokens = shlex.split(line)[1:]
     if {"--help", "-h", "--version"} & set(tokens):
         return
-    _, bound, *_ = cli.app.parse_args(tokens, exit_on_error=False, print_error=False)
+    _, bound, *_ = app.app.parse_args(tokens, exit_on_error=False, print_error=False)
     given = dict(bound.arguments)
     for group in filter(is_dataclass, bound.arguments.values()):
         given |= vars(group)
@@ -611,7 +611,7 @@ def test_there_are_examples():
 
 
 def options() -> list[str]:
-    names = [argument.name for argument in cli.app.assemble_argument_collection() if argument.parse]
+    names = [argument.name for argument in app.app.assemble_argument_collection() if argument.parse]
     return [name for name in names if name.startswith("--")]
 
 
@@ -625,7 +625,7 @@ def test_help_shows_everything(fpsboost_, monkeypatch):
     for name in (*methods, *vector_methods):
         assert name in result.out
     flat = re.sub(r"\s+", " ", result.out)
-    for line in cli.EXAMPLES.splitlines()[2:]:
+    for line in app.EXAMPLES.splitlines()[2:]:
         assert re.sub(r"\s+", " ", line.strip()) in flat
 
 
@@ -648,7 +648,7 @@ def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
         "Video output",
     ]
     shown = [line.rstrip() for line in lines]
-    assert all(line in shown for line in cli.EXAMPLES.splitlines()[2:])
+    assert all(line in shown for line in app.EXAMPLES.splitlines()[2:])
 
 
 def test_help_is_shown_by_a_process(tmp_path):
@@ -667,7 +667,7 @@ def test_version(fpsboost_):
 def test_importing_is_light(tmp_path):
     """Neither the package nor its command line loads OpenCV, numba or FFmpeg before there is work."""
     heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
-    code = f"import sys, fpsboost, fpsboost.cli; print(*sorted({heavy} & set(sys.modules)))"
+    code = f"import sys, fpsboost, fpsboost.cli.app; print(*sorted({heavy} & set(sys.modules)))"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
     )
@@ -678,8 +678,10 @@ def test_importing_is_light(tmp_path):
 def test_what_needs_no_work_is_light(tmp_path, option):
     """Nor do they for the help, whose options know what the library makes of them, and for the version."""
     heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
-    run = f"cli.app(['{option}'], result_action='return_value')"
-    code = f"import sys; from fpsboost import cli; {run}; print(*sorted({heavy} & set(sys.modules)), file=sys.stderr)"
+    run = f"app.app(['{option}'], result_action='return_value')"
+    code = (
+        f"import sys; from fpsboost.cli import app; {run}; print(*sorted({heavy} & set(sys.modules)), file=sys.stderr)"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
     )

@@ -17,10 +17,10 @@ from test_other_streams import tone
 from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 from fpsboost import convert
-from fpsboost.media.video.continuous_clock import ContinuousClock
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.showing_order import MOST_REORDERED, ShowingOrder
-from fpsboost.media.video.source import VideoSource
+from fpsboost.io.video.continuous_clock import ContinuousClock
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.showing_order import MAX_REORDERED, ShowingOrder
+from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
 
 MILLISECOND = Fraction(1, 1000)
@@ -240,7 +240,7 @@ def test_lost_packets_hold_nothing_up():
     waiting = 0
     for number in (each for each in range(60) if each != 7):
         waiting += 1 - len(order.take(SimpleNamespace(pts=40 * number)))
-        assert waiting <= MOST_REORDERED
+        assert waiting <= MAX_REORDERED
     assert waiting == 0
 
 

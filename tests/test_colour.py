@@ -13,8 +13,8 @@ import pytest
 from video_truth import pictures_of, samples_of
 
 from fpsboost import convert
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.ycc import plane_arrays
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.ycc import plane_arrays
 
 SIZE = 48, 64
 BT709, BT601, BT2020, PQ, HLG = 1, 6, 9, 16, 18

@@ -13,18 +13,18 @@ from truth import noise, waves
 from vector_truth import save_object
 from video_truth import write_clip
 
+from fpsboost.analysis.scene_cuts import CutDetector
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError
 from fpsboost.evaluation.compare import compare, pick
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.making import InterpolatorMaker, Made, Minterpolate
 from fpsboost.evaluation.regions import find_regions
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.nlm import CoarseToFine
-from fpsboost.motion.vectors import VectorFolder
-from fpsboost.pipeline import convert
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import CutDetector
-from fpsboost.synthesis.fuse import Fuse
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
@@ -216,7 +216,7 @@ def test_a_contestant_has_no_say_in_the_areas(folder, monkeypatch):
     """Whatever a method believes, the areas are the same: they are found from the true frames alone."""
     before = compare(folder, {"blend": InterpolatorMaker(find_method("blend"))}, Hiding(), Nobody()).shares
     monkeypatch.setattr(CoarseToFine, "estimate", lambda self, *images: pytest.fail("a contestant was asked"))
-    monkeypatch.setattr(Fuse, "fuse", lambda self, *_: pytest.fail("a contestant was asked"))
+    monkeypatch.setattr(MultiHypothesis, "fuse", lambda self, *_: pytest.fail("a contestant was asked"))
     assert compare(folder, {"blend": InterpolatorMaker(find_method("blend"))}, Hiding(), Nobody()).shares == before
 
 
@@ -227,9 +227,9 @@ def test_fast_motion_is_no_cut(tmp_path):
     wide = cv2.normalize(wide, None, 0, 255, cv2.NORM_MINMAX)
     for number in range(7):
         cv2.imwrite(str(tmp_path / f"{number}.png"), wide[:, 12 * number : 12 * number + 96])
-    images = [PreparedImage(cv2.imread(str(path))) for path in sorted(tmp_path.iterdir())]
-    likeness = CutDetector().likeness
-    near, far = ([likeness(*pair) for pair in zip(images, images[step:], strict=False)] for step in (1, 2))
+    images = [FrameCache(cv2.imread(str(path))) for path in sorted(tmp_path.iterdir())]
+    match_score = CutDetector().match_score
+    near, far = ([match_score(*pair) for pair in zip(images, images[step:], strict=False)] for step in (1, 2))
     assert max(far) < min(near)
     between = CutDetector(threshold=(max(far) + min(near)) / 2, drop=1)
     makers = {"blend": InterpolatorMaker(find_method("blend"))}

@@ -8,11 +8,11 @@ import cv2
 import pytest
 from truth import noise
 
-from fpsboost.cli_contestants import choose, name_others, split_methods
+from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.making import InterpolatorMaker, Minterpolate, known_methods
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import configure, methods, read_options
-from fpsboost.motion.vectors import VectorFolder
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from video_truth import write_clip
 
-from fpsboost.cut_list import CutList, read_cuts
+from fpsboost.analysis.cut_list import CutList, read_cuts
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
+from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.motion.opencv import Still
-from fpsboost.pipeline import convert
-from fpsboost.position import Position, parse_position
-from fpsboost.prepared import Moment, PreparedImage
+from fpsboost.io.trim import Trim
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis.blend import Blend
+from fpsboost.timing.position import Position, parse_position
 
 SCENES = """Timecode List:,00:00:00.417
 Scene Number,Start Frame,Start Timecode,Start Time (seconds),End Frame,End Timecode,End Time (seconds)
@@ -34,8 +34,11 @@ def cuts_of(*texts: str) -> CutList:
 
 def found(cuts: CutList, count: int, rate: Fraction) -> list[int]:
     """Numbers of the frames that a scene begins with."""
-    images = [PreparedImage(np.zeros((2, 2, 3), np.uint8), moment=Moment(k, Fraction(k) / rate)) for k in range(count)]
-    return [k for k, pair in enumerate(pairwise(images), 1) if cuts.is_cut(cuts.likeness(*pair), 0.0, 1.0)]
+    images = [
+        FrameCache(np.zeros((2, 2, 3), np.uint8), source_position=SourcePosition(k, Fraction(k) / rate))
+        for k in range(count)
+    ]
+    return [k for k, pair in enumerate(pairwise(images), 1) if cuts.is_cut(cuts.match_score(*pair), 0.0, 1.0)]
 
 
 def test_a_list_as_people_write_it(tmp_path):
@@ -87,10 +90,10 @@ def test_a_time_between_two_frames_is_a_cut_between_them():
 
 def cuts_in(path: Path, cuts: CutList, start: str | None) -> int:
     """How many cuts a conversion comes across."""
-    part = Excerpt(None if start is None else parse_position(start, "--start"))
-    method, encoding = Interpolator(Still(), Blend(), cuts=cuts), Encoding(preset="ultrafast")
+    part = Trim(None if start is None else parse_position(start, "--start"))
+    method, encoding = Interpolator(ZeroMotion(), Blend(), cuts=cuts), Encoding(preset="ultrafast")
     target = str(path.with_name("out.mp4"))
-    return convert(str(path), target, method=method, excerpt=part, encoding=encoding, overwrite=True).scene_cuts
+    return convert(str(path), target, method=method, trim=part, encoding=encoding, overwrite=True).scene_cuts
 
 
 @pytest.mark.parametrize("cut", ["12f", "0.48", "0.47"])
@@ -106,10 +109,10 @@ def test_a_list_counts_from_the_first_frame_of_the_clip(tmp_path, cut, start):
 def test_cuts_of_images_count_from_their_first(tmp_path, save_images):
     """A part of a folder knows what number it begins with."""
     save_images(tmp_path / "in", count=8)
-    method = Interpolator(Still(), Blend(), cuts=cuts_of("5f"))
+    method = Interpolator(ZeroMotion(), Blend(), cuts=cuts_of("5f"))
     for start, count in (("3f", 1), ("5f", 0)):
-        part = Excerpt(parse_position(start, "--start"))
-        summary = convert(str(tmp_path / "in"), str(tmp_path / start), method=method, excerpt=part)
+        part = Trim(parse_position(start, "--start"))
+        summary = convert(str(tmp_path / "in"), str(tmp_path / start), method=method, trim=part)
         assert summary.scene_cuts == count
 
 

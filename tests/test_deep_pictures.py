@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 from video_truth import QUARTER_TURN, scene, write_clip
 
-from fpsboost.media.video.encoding import Encoding, default_codec
-from fpsboost.media.video.source import VideoSource
-from fpsboost.pipeline import convert
+from fpsboost.conversion import convert
+from fpsboost.io.video.encoding import Encoding, default_codec
+from fpsboost.io.video.source import VideoSource
 
 DISPLAY = "G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50)"
 

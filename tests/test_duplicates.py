@@ -15,18 +15,18 @@ import pytest
 from test_pipeline import FakeSink, FakeSource
 from truth import affine, as_type, frozen, noise, prepared, waves
 
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_pictures, group_duplicates
+from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
-from fpsboost.held import Shown, by_moments, find_pictures
-from fpsboost.media.opening import open_source
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.opening import open_source
 from fpsboost.method_table import methods
-from fpsboost.motion.vectors import RenderedMotion
-from fpsboost.pipeline import Summary, boost, convert
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import DuplicateDetector
+from fpsboost.motion.rendered import RenderedMotion
+from fpsboost.streaming import Summary, run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.scene_assisted import SceneAssisted
-from fpsboost.timing import ByFactor, ByRate, Schedule
+from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
 
 HEIGHT, WIDTH = 64, 96
 RATE = Fraction(24)
@@ -55,13 +55,13 @@ def run(
 ) -> tuple[list[Frame], Summary]:
     sink = FakeSink()
     source = FakeSource(frames, RATE)
-    return sink.frames, boost(source, methods[method], sink, schedule or ByFactor(Fraction(2)), **options)
+    return sink.frames, run_conversion(source, methods[method], sink, schedule or ByFactor(Fraction(2)), **options)
 
 
 def lengths(frames: Sequence[Frame], detector: DuplicateDetector | None = None) -> list[int]:
     """How many frames each held picture consists of."""
-    shown = (Shown(frame, PreparedImage(frame.image)) for frame in frames)
-    return [len(each) for each in by_moments(shown, detector or DuplicateDetector())]
+    shown = (SourceFrame(frame, FrameCache(frame.image)) for frame in frames)
+    return [len(each) for each in group_duplicates(shown, detector or DuplicateDetector())]
 
 
 def error(image: Any, truth: Any) -> float:
@@ -182,7 +182,7 @@ def test_rendered_motion_needs_every_frame(monkeypatch):
     assert replace(methods["blend"], estimator=RenderedMotion(no_vectors)).needs_every_frame
     assert not any(method.needs_every_frame for method in methods.values())
     monkeypatch.setattr(SceneAssisted, "synthesize", lambda self, *arguments: Blend().synthesize(*arguments))
-    assert boost(FakeSource(held([2, 2]), RATE), rendered, FakeSink(), ByFactor(Fraction(2))).duplicates == 0
+    assert run_conversion(FakeSource(held([2, 2]), RATE), rendered, FakeSink(), ByFactor(Fraction(2))).duplicates == 0
 
 
 def test_nothing_but_a_still():
@@ -197,7 +197,7 @@ def test_nothing_but_a_still():
 def test_an_unknown_way_is_refused(way, tmp_path):
     """By the loop and by the conversion, before anything is opened."""
     with pytest.raises(OptionError, match="--duplicates must be one of interpolate, keep"):
-        boost(FakeSource([]), methods["blend"], FakeSink(), ByFactor(Fraction(2)), duplicates=way)
+        run_conversion(FakeSource([]), methods["blend"], FakeSink(), ByFactor(Fraction(2)), duplicates=way)
     with pytest.raises(OptionError, match="--duplicates"):
         convert("none.mp4", str(tmp_path / "out.mp4"), duplicates=way)
 
@@ -335,7 +335,7 @@ def test_a_conversion_counts_them(tmp_path):
 
 def repeats(frames: Sequence[Frame]) -> list[tuple[int, bool, int]]:
     """Of each picture: how many frames are told together, whether it is a still, and how many repeat another."""
-    shown = (Shown(frame, PreparedImage(frame.image)) for frame in frames)
+    shown = (SourceFrame(frame, FrameCache(frame.image)) for frame in frames)
     return [(len(each.frames), each.is_still, each.repeats) for each in find_pictures(shown, DuplicateDetector())]
 
 

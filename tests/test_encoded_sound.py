@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
 from video_truth import packets_of, scene, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.pipeline import convert
-from fpsboost.position import Position
+from fpsboost.io.trim import Trim
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.timing.position import Position
 
 RATE = 48000
 SAMPLES = RATE + 1234
@@ -178,7 +178,7 @@ def test_encoded_sound_is_in_its_place_and_as_long(tmp_path, name, suffix, canon
 def test_parts_of_it(tmp_path):
     """--start and --end cut encoded sound to the sample."""
     clip, target = write_sounds(tmp_path / "in.mkv"), tmp_path / "out.mp4"
-    double(clip, target, "aac", excerpt=Excerpt(Position(Fraction(4, 5)), Position(Fraction(9, 5))))
+    double(clip, target, "aac", trim=Trim(Position(Fraction(4, 5)), Position(Fraction(9, 5))))
     expected = [click - 0.8 + CLICK / 2 for click in CLICKS[1:]]
     assert clicks_of(target, expected, 0.3) == pytest.approx(expected, abs=0.002)
     with av.open(str(target)) as file:

@@ -13,26 +13,26 @@ import numpy as np
 import pytest
 from video_truth import packets_of, pictures_of, spoil_packets, stream_of, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.excerpt import Excerpt, ExcerptSource
-from fpsboost.media.opening import cut_out, open_source
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.source import VideoSource
-from fpsboost.motion.opencv import Still
-from fpsboost.pipeline import convert
-from fpsboost.position import Position, parse_position
+from fpsboost.io.opening import open_source, trim_source
+from fpsboost.io.trim import Trim, TrimmedSource
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.source import VideoSource
+from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis.blend import Blend
+from fpsboost.timing.position import Position, parse_position
 
-BLEND = Interpolator(Still(), Blend(), cuts=None)
+BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None)
 FAST = Encoding(preset="ultrafast")
 GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}
 
 
-def excerpt(start: str | None = None, end: str | None = None) -> Excerpt:
+def trim(start: str | None = None, end: str | None = None) -> Trim:
     """As the command line makes it."""
     places = [None if text is None else parse_position(text, "--x") for text in (start, end)]
-    return Excerpt(*places)
+    return Trim(*places)
 
 
 # -------------------------------------------------------------------------------------------------- how it is written
@@ -74,17 +74,17 @@ def test_other_words_are_refused(text):
 def test_an_end_that_is_no_end_is_refused(start, end):
     """It must lie behind the start, where the two can be compared."""
     with pytest.raises(OptionError, match=r"--end .* does not lie behind --start"):
-        excerpt(start, end)
-    assert excerpt("2", "10f").end == Position(Fraction(10), is_frame=True)
+        trim(start, end)
+    assert trim("2", "10f").end == Position(Fraction(10), is_frame=True)
 
 
 # --------------------------------------------------------------------------------------------------------- the frames
 
 
-def frames_of(path: Path, part: Excerpt, **options: Any) -> tuple[list[Fraction], list[bytes], ExcerptSource]:
+def frames_of(path: Path, part: Trim, **options: Any) -> tuple[list[Fraction], list[bytes], TrimmedSource]:
     """Times and pixels of a part of a video."""
     with VideoSource(path) as whole:
-        source = ExcerptSource(whole, part, **options)
+        source = TrimmedSource(whole, part, **options)
         frames = list(source)
     return [frame.time for frame in frames], [frame.image.tobytes() for frame in frames], source
 
@@ -109,7 +109,7 @@ def test_frames_in_the_range(tmp_path, start, end, numbers, first):
     clip = write_clip(tmp_path / "in.mp4", times=range(first, first + 30), options=GROUPS)
     with VideoSource(clip) as source:
         whole = [frame.image.tobytes() for frame in source]
-    times, pixels, part = frames_of(clip, excerpt(start, end))
+    times, pixels, part = frames_of(clip, trim(start, end))
     assert times == [Fraction(k, 25) for k in range(len(numbers))]
     assert pixels == [whole[number] for number in numbers]
     assert part.window.begin == Fraction(first + numbers[0], 25)
@@ -121,7 +121,7 @@ def test_going_there_gives_the_frames_of_reading_there(tmp_path, name, start):
     """With an index or without: the same frames at the same times as if everything before had been decoded."""
     codec: dict[str, Any] = {"codec": "libvpx", "options": {"g": "6"}} if name == "in.webm" else {"options": GROUPS}
     clip = write_clip(tmp_path / name, times=range(30), container="h264" if name == "in.h264" else None, **codec)
-    part = excerpt(str(start / 25))
+    part = trim(str(start / 25))
     assert frames_of(clip, part)[:2] == frames_of(clip, part, may_skip=False)[:2]
 
 
@@ -138,11 +138,11 @@ def test_the_last_frame_ends_where_the_range_does(tmp_path):
     """A picture that is shown beyond the end is cut off there; one before the clip's own end keeps its duration."""
     clip = write_clip(tmp_path / "in.mp4", times=[0, 4, 8, 12, 50, 54], end=58, time_base=Fraction(1, 100))
     with VideoSource(clip) as whole:
-        frames = list(ExcerptSource(whole, excerpt("0.04", "0.3")))
+        frames = list(TrimmedSource(whole, trim("0.04", "0.3")))
     assert [frame.time for frame in frames] == [0, Fraction(4, 100), Fraction(8, 100)]
     assert frames[-1].time + frames[-1].duration == Fraction(26, 100)
     with VideoSource(clip) as whole:
-        frames = list(ExcerptSource(whole, excerpt("0.5", "99")))
+        frames = list(TrimmedSource(whole, trim("0.5", "99")))
     assert frames[-1].time + frames[-1].duration == Fraction(8, 100)
 
 
@@ -150,13 +150,13 @@ def test_what_is_known_beforehand(tmp_path):
     """Count and duration of the part, and nothing where the whole clip does not say."""
     clip = write_clip(tmp_path / "in.mp4", times=range(30))
     with VideoSource(clip) as whole:
-        info = ExcerptSource(whole, excerpt("0.41", "20f")).info
+        info = TrimmedSource(whole, trim("0.41", "20f")).info
         assert (info.frame_count, info.duration) == (9, Fraction(39, 100))
-        info = ExcerptSource(whole, excerpt("10f", "99")).info
+        info = TrimmedSource(whole, trim("10f", "99")).info
         assert (info.frame_count, info.duration) == (20, Fraction(20, 25))
     raw = write_clip(tmp_path / "in.h264", times=range(30), container="h264")
     with VideoSource(raw) as whole:
-        info = ExcerptSource(whole, excerpt("0.4", "0.8")).info
+        info = TrimmedSource(whole, trim("0.4", "0.8")).info
         assert (info.frame_count, info.duration) == (None, None)
 
 
@@ -167,7 +167,7 @@ def test_a_start_behind_the_end_is_an_error(tmp_path, snapshot, name, start):
     clip = write_clip(tmp_path / name, times=range(30))
     before = snapshot(tmp_path)
     with pytest.raises(InputError, match=rf"{name} has ended where --start .* would be; name an earlier one"):
-        convert(str(clip), str(tmp_path / "out.mp4"), excerpt=excerpt(start), method=BLEND, encoding=FAST)
+        convert(str(clip), str(tmp_path / "out.mp4"), trim=trim(start), method=BLEND, encoding=FAST)
     assert snapshot(tmp_path) == before
 
 
@@ -180,7 +180,7 @@ def test_damage_in_the_range_is_told_though_the_rest_is_not_read(tmp_path):
     assert packet.pos is not None
     data[packet.pos : packet.pos + packet.size] = b"\xff" * packet.size
     clip.write_bytes(bytes(data))
-    summary = convert(str(clip), str(tmp_path / "o.mp4"), excerpt=excerpt(None, "1"), method=BLEND, encoding=FAST)
+    summary = convert(str(clip), str(tmp_path / "o.mp4"), trim=trim(None, "1"), method=BLEND, encoding=FAST)
     assert any("in.mp4 is damaged" in remark for remark in summary.remarks)
 
 
@@ -240,7 +240,7 @@ def clicks(path: Path) -> list[float]:
 def test_sound_stays_in_step(tmp_path, name, start, end):
     """Every click of the part comes with its flash, to a sample or the container's millisecond, and no other one."""
     clip = clicks_and_flashes(tmp_path / "in.mkv")
-    convert(str(clip), str(tmp_path / name), excerpt=excerpt(start, end), method="nearest", encoding=FAST)
+    convert(str(clip), str(tmp_path / name), trim=trim(start, end), method="nearest", encoding=FAST)
     seen, heard = flashes(tmp_path / name), clicks(tmp_path / name)
     assert len(seen) == len(heard) >= 2
     assert all(abs(float(flash) - click) < 0.0015 for flash, click in zip(seen, heard, strict=True))
@@ -250,7 +250,7 @@ def test_sound_stays_in_step(tmp_path, name, start, end):
 def test_packets_of_sound_are_those_that_overlap(tmp_path):
     """Copied bit for bit, from the packet that the pictures begin in to the one that they end in."""
     clip = write_clip(tmp_path / "in.mp4", times=range(100), sound="aac")
-    convert(str(clip), str(tmp_path / "out.mp4"), excerpt=excerpt("1", "3"), method="nearest", encoding=FAST)
+    convert(str(clip), str(tmp_path / "out.mp4"), trim=trim("1", "3"), method="nearest", encoding=FAST)
     length = Fraction(1024, 48000)
     overlapping = [(t - 1, data) for t, data in packets_of(clip, "audio") if t + length > 1 and t < 3]
     assert packets_of(tmp_path / "out.mp4", "audio") == overlapping
@@ -262,7 +262,7 @@ def test_packets_of_sound_are_those_that_overlap(tmp_path):
 def test_chapters_of_the_part(tmp_path):
     """Those that overlap it, cut to it."""
     clip = clicks_and_flashes(tmp_path / "in.mkv")
-    convert(str(clip), str(tmp_path / "out.mkv"), excerpt=excerpt("1.4", "3.2"), method="nearest", encoding=FAST)
+    convert(str(clip), str(tmp_path / "out.mkv"), trim=trim("1.4", "3.2"), method="nearest", encoding=FAST)
     with av.open(str(tmp_path / "out.mkv")) as file:
         found = [
             (each["metadata"]["title"], each["start"] * each["time_base"], each["end"] * each["time_base"])
@@ -281,7 +281,7 @@ def test_subtitles_of_the_part(tmp_path):
         (3000, 500, b"after"),
     ]
     clip = write_clip(tmp_path / "in.mkv", times=range(100), subtitles=lines)
-    convert(str(clip), str(tmp_path / "out.mkv"), excerpt=excerpt("1", "2"), method="nearest", encoding=FAST)
+    convert(str(clip), str(tmp_path / "out.mkv"), trim=trim("1", "2"), method="nearest", encoding=FAST)
     with av.open(str(tmp_path / "out.mkv")) as file:
         found = [(p.pts, p.duration, bytes(p)) for p in file.demux(subtitles=0) if p.size]
     assert found == [(0, 400, b"into"), (500, 200, b"within"), (900, 100, b"out of")]
@@ -294,7 +294,7 @@ def test_images_of_the_part(tmp_path, save_images):
     """Only those files are read; numbering begins as the input's does."""
     images = save_images(tmp_path / "in", count=8)
     (tmp_path / "in" / "shot_0002.png").write_bytes(b"broken")
-    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), excerpt=excerpt("3f", "6f"), method=BLEND)
+    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), trim=trim("3f", "6f"), method=BLEND)
     names = sorted(os.listdir(tmp_path / "out"))
     assert (summary.frames_in, names) == (3, [f"shot_{number:04d}.png" for number in range(1, 6)])
     for name, image in zip(names[::2], images[3:6], strict=True):
@@ -305,11 +305,11 @@ def test_times_of_images_need_a_rate(tmp_path, save_images):
     """Frames have numbers without one; seconds need --input-fps."""
     save_images(tmp_path / "in", count=8)
     with pytest.raises(OptionError, match="--input-fps"):
-        convert(str(tmp_path / "in"), str(tmp_path / "out"), excerpt=excerpt("0.1"), method=BLEND)
-    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), excerpt=excerpt("0.1"), input_fps=25, method=BLEND)
+        convert(str(tmp_path / "in"), str(tmp_path / "out"), trim=trim("0.1"), method=BLEND)
+    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), trim=trim("0.1"), input_fps=25, method=BLEND)
     assert summary.frames_in == 5
     with pytest.raises(InputError, match="has 8 images and ends before --start"):
-        cut_out(open_source(str(tmp_path / "in")), excerpt("8f"))
+        trim_source(open_source(str(tmp_path / "in")), trim("8f"))
 
 
 def test_a_part_of_a_pipe(fpsboost_, tmp_path, monkeypatch):
@@ -340,7 +340,7 @@ def test_a_clock_of_milliseconds_hides_no_frame(tmp_path):
         for first in (0, 1)
     )
     for path in (clip, late):
-        times, _, source = frames_of(path, excerpt("0.1", "0.2"))
+        times, _, source = frames_of(path, trim("0.1", "0.2"))
         assert times == [0, Fraction(33, 1000), Fraction(67, 1000)]
         assert source.window.skipped == 3
 
@@ -349,6 +349,6 @@ def test_looking_for_the_start_damages_nothing(tmp_path):
     """What does not decode where a seek leads first is counted once, as where every frame is read."""
     clip = write_clip(tmp_path / "in.mp4", times=range(40), options={"preset": "ultrafast", "g": "10"})
     spoil_packets(clip, [20])
-    near, far = (frames_of(clip, excerpt(start))[2].remarks for start in ("0.04", "1.04"))
+    near, far = (frames_of(clip, trim(start))[2].remarks for start in ("0.04", "1.04"))
     assert far == near
     assert "in.mp4 is damaged: 1 packet" in far[0]

@@ -15,10 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpsboost.errors import InputError, OutputError
-from fpsboost.exr import encode_exr, find_layer, read_exr, read_exr_header, write_exr
 from fpsboost.frame import Frame
-from fpsboost.media.images.files import read_image
-from fpsboost.media.images.numbered import ImageSink, ImageSource
+from fpsboost.io.images.exr import encode_exr, find_layer, read_exr, read_exr_header, write_exr
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.numbered import ImageSink, ImageSource
 
 HEIGHT, WIDTH = 40, 60
 RATE = Fraction(24)

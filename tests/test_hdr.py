@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 from video_truth import write_clip
 
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display, with_hdr
-from fpsboost.media.video.source import VideoSource
-from fpsboost.media.video.traits import VideoTraits
-from fpsboost.pipeline import Summary, convert
+from fpsboost.conversion import convert
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display, with_hdr
+from fpsboost.io.video.source import VideoSource
+from fpsboost.io.video.traits import VideoTraits
+from fpsboost.streaming import Summary
 
 DISPLAY = MasteringDisplay(
     red=(Fraction(34, 50), Fraction(16, 50)),

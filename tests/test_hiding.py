@@ -14,9 +14,9 @@ from video_truth import write_clip
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hiding import Hiding, parse_range
-from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.video.reading import Reading
-from fpsboost.position import parse_position
+from fpsboost.io.trim import Trim
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.timing.position import parse_position
 
 
 @pytest.fixture
@@ -172,9 +172,9 @@ def test_a_pause_does_not_count(tmp_path):
 def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
     """--start and --end, gone to at once or read up to, give the frames of --range with their numbers and moments."""
     path = write_clip(tmp_path / "a.mp4", times=range(30), options={"g": "6", "crf": "0"})
-    excerpt = Excerpt(parse_position(start, "--start"), parse_position(end, "--end"))
+    trim = Trim(parse_position(start, "--start"), parse_position(end, "--end"))
     by_frames = list(Hiding(first=10, last=17).intervals(str(path)))
-    by_times = list(Hiding(excerpt=excerpt, counts_frames=counts_frames).intervals(str(path)))
+    by_times = list(Hiding(trim=trim, counts_frames=counts_frames).intervals(str(path)))
     assert [each.hidden[0].number for each in by_times] == [11, 13, 15]
     for one, other in zip(by_frames, by_times, strict=True):
         assert (one.begin, one.end) == (other.begin, other.end)
@@ -184,19 +184,19 @@ def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
 def test_a_part_of_images_keeps_their_numbers(folder):
     """By frames, and by times where the rate is given."""
     for start, rate in (("3f", None), ("0.3", Fraction(10))):
-        excerpt = Excerpt(parse_position(start, "--start"))
-        assert [each.number for each in Hiding(excerpt=excerpt).intervals(folder, rate)] == [3, 5, 7]
+        trim = Trim(parse_position(start, "--start"))
+        assert [each.number for each in Hiding(trim=trim).intervals(folder, rate)] == [3, 5, 7]
     with pytest.raises(OptionError, match="--input-fps"):
-        list(Hiding(excerpt=excerpt).intervals(folder))
+        list(Hiding(trim=trim).intervals(folder))
 
 
 def test_options_say_what_they_were_made_of():
     """The words of the command line that give the same again, and none for the defaults."""
-    excerpt = Excerpt(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))
-    hiding = Hiding(2, excerpt=excerpt, reading=Reading(1, deinterlace=True), duplicates="keep")
+    trim = Trim(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))
+    hiding = Hiding(2, trim=trim, decoding=DecodeOptions(1, deinterlace=True), duplicates="keep")
     words = "--skip 2 --start 90.5 --end 2700f --stream 1 --duplicates keep --deinterlace"
     assert hiding.as_options() == words.split()
     assert Hiding().as_options() == []
     assert Hiding(first=3).as_options() == ["--range", "3:"]
     with pytest.raises(OptionError, match="give one or the other"):
-        Hiding(first=3, excerpt=excerpt)
+        Hiding(first=3, trim=trim)

@@ -11,7 +11,7 @@ import tifffile
 from PIL import Image
 
 from fpsboost import convert
-from fpsboost.media.images.files import read_image
+from fpsboost.io.images.files import read_image
 
 COLOUR = (200, 100, 52)
 HEIGHT, WIDTH = 8, 10

@@ -14,9 +14,9 @@ from PIL import Image, ImageCms, ImageOps
 from video_truth import pictures_of, scene
 
 import fpsboost
-from fpsboost.exr import encode_exr, read_exr_attributes
-from fpsboost.media.images import png_chunks
-from fpsboost.media.images.metadata import read_metadata, upright, with_metadata
+from fpsboost.io.images import png_chunks
+from fpsboost.io.images.exr import encode_exr, read_exr_attributes
+from fpsboost.io.images.metadata import read_metadata, upright, with_metadata
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 XMP = b"<x:xmpmeta xmlns:x='adobe:ns:meta/'/>"
@@ -95,7 +95,7 @@ def test_large_profiles_in_jpeg(tmp_path):
 def test_xmp_is_kept(tmp_path, suffix):
     """XMP is read again where it was written."""
     image = scene(0)
-    metadata = fpsboost.media.images.metadata.ImageMetadata(xmp=XMP)
+    metadata = fpsboost.io.images.metadata.ImageMetadata(xmp=XMP)
     options = [cv2.IMWRITE_WEBP_QUALITY, 101] if suffix == ".webp" else []
     path = tmp_path / f"one{suffix}"
     path.write_bytes(with_metadata(suffix, cv2.imencode(suffix, image, options)[1].tobytes(), metadata, 3))

@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.media.images import numbered as images
-from fpsboost.media.images.files import read_image
-from fpsboost.media.images.numbered import ImageFile, ImageSink, ImageSource
-from fpsboost.media.images.numbering import is_pattern
-from fpsboost.sequence import Numbering
+from fpsboost.io.images import numbered as images
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.numbered import ImageFile, ImageSink, ImageSource
+from fpsboost.io.images.numbering import is_pattern
+from fpsboost.io.images.sequence import Numbering
 
 RATE = Fraction(24000, 1001)
 HEIGHT, WIDTH = 12, 18
@@ -448,7 +448,7 @@ def test_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str)
     def fail(path: Path, data: bytes) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("fpsboost.media.images.numbered.write_safely", fail)
+    monkeypatch.setattr("fpsboost.io.images.numbered.write_safely", fail)
     with pytest.raises(OutputError, match=f"{target}/000001.png .No space left"):
         write(make_sink(tmp_path / target), make_image())
     assert [path.name for path in tmp_path.rglob("*")] == ["old"]

@@ -12,7 +12,7 @@ from truth import noise, waves
 from twins import fading, fused, spline_coefficients, spline_window, uncompiled
 
 from fpsboost.kernels.candidates import CELL, MOTION
-from fpsboost.kernels.fuse import (
+from fpsboost.kernels.multi_hypothesis import (
     AREA,
     BLOCK,
     HALF,
@@ -23,10 +23,10 @@ from fpsboost.kernels.fuse import (
     WINDOW,
     Room,
     Samples,
+    blend_hypotheses,
     decay,
     fetch_rigid,
     fetch_window,
-    fuse_candidates,
     mark_inside,
     mix_fetched,
     patch_shares,
@@ -73,7 +73,7 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
     nothing = Samples(np.empty((0, 1, 1), np.float32), np.empty((0, 1, 1), np.float32), np.float32(1))
     chroma0, chroma1 = (nothing, nothing) if chroma is None else (samples(each) for each in chroma)
     made = np.full((0, 0, 0) if chroma is None else chroma[0].shape, np.nan, np.float32)
-    fuse_candidates(
+    blend_hypotheses(
         samples(image0),
         samples(image1),
         chroma0,
@@ -127,7 +127,7 @@ def random_candidates(random, size, most, largest):
     ],
 )
 def test_fusing_equals_its_slow_twin(size, channels, t, largest, most):
-    """Within the frame, across its borders and far out, along straight and bent paths, in windows that overlap."""
+    """Within the frame, across its borders and far out, along straight and bent paths, in windows that prefetch."""
     random = np.random.default_rng(channels)
     y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
     image0, image1 = (waves(x + k, y, channels, seed=2).astype(np.float32) for k in (0, 1.5))

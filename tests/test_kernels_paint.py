@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from twins import landed
 
-from fpsboost.kernels.paint import land
+from fpsboost.kernels.splat import splat
 
 
 @st.composite
@@ -28,7 +28,7 @@ exact_times = st.sampled_from([0.0, 0.25, 0.5, 0.625, 0.75, 1.0])
 def sources(flow, similarity, least, t):
     """Call the kernel."""
     source0, source1 = (np.full(similarity.shape, -99, np.int32) for _ in range(2))
-    land(flow, similarity, np.float32(least), np.float32(t), source0, source1)
+    splat(flow, similarity, np.float32(least), np.float32(t), source0, source1)
     return source0, source1
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from twins import smaller_change, way_there_and_back
 
-from fpsboost.kernels.points import find_accelerations, find_gradients, measure_trips
+from fpsboost.kernels.points import find_accelerations, find_gradients, measure_forward_backward_errors
 
 HEIGHT, WIDTH = 20, 27
 Y, X = np.array([2, 7, 12, 19]), np.array([0, 5, 13, 26])
@@ -25,7 +25,7 @@ def test_trips_equal_their_slow_twin(seed):
     there, back = field(seed), field(seed + 10)
     vectors = there[np.ix_(Y, X)]
     distance = np.empty((Y.size, X.size), np.float32)
-    measure_trips(vectors, Y, X, back, 1, HEIGHT, WIDTH, distance)
+    measure_forward_backward_errors(vectors, Y, X, back, 1, HEIGHT, WIDTH, distance)
     for i, j in np.ndindex(distance.shape):
         expected, _ = way_there_and_back(vectors[i, j], back, Y[i], X[j])
         assert distance[i, j] == np.float32(expected)

@@ -14,7 +14,7 @@ from twins import brute_force_search, fetched, iterative_search, landing_cells, 
 from fpsboost.errors import OptionError
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
 from fpsboost.motion.field import MotionField
-from fpsboost.synthesis import Transition
+from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.reproject import Reproject
 
 
@@ -124,7 +124,7 @@ def test_pans_by_odd_amounts_give_the_same_error_in_every_direction(search, shif
     def error(turned, flow01, flow10):
         images = prepared(*(frozen(turned(image)) for image in (clip.image0, clip.image1)))
         fields = (MotionField(np.ascontiguousarray(flow), np.ones((32, 32), np.float32)) for flow in (flow01, flow10))
-        (made,) = method.synthesize(Transition(*images, *fields), [0.5])
+        (made,) = method.synthesize(FramePair(*images, *fields), [0.5])
         inner = slice(6, -6)
         return ((made.astype(float) - turned(clip.at(0.5)))[inner, inner] ** 2).mean()
 

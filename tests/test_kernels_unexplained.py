@@ -9,7 +9,7 @@ from truth import noise
 from twins import level_similarity
 
 from fpsboost.kernels.levels import SIXTEEN
-from fpsboost.kernels.unexplained import measure_points, search_unexplained
+from fpsboost.kernels.residual_search import measure_point_similarity, search_residuals
 
 PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
 
@@ -40,7 +40,9 @@ def patch_similarity(image0, image1, here, there):
 def measured(image0, image1, step, flow):
     """What the kernel measures."""
     known = np.empty(flow.shape[:2], np.float32)
-    measure_points(planes(image0), planes(image1), MOST, PADDING, *image0.shape[:2], step, RADIUS, flow, known)
+    measure_point_similarity(
+        planes(image0), planes(image1), MOST, PADDING, *image0.shape[:2], step, RADIUS, flow, known
+    )
     return known
 
 
@@ -72,7 +74,7 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
     flow = np.full((*shape, 2), 99, np.float32)
     enough, better, limit = np.float32(0.6), np.float32(0.02), 5
     both = planes(image0), planes(image1)
-    search_unexplained(
+    search_residuals(
         *both,
         MOST,
         PADDING,
@@ -115,5 +117,5 @@ def test_what_is_explained_stays():
         before = flow.copy()
         shares = (np.full((5, 6), share, np.float32) for share in (known, elsewhere))
         limits = np.float32(0.6), np.float32(0.2)
-        search_unexplained(planes(image0), planes(image1), MOST, PADDING, 20, 24, 4, 6, RADIUS, *shares, *limits, flow)
+        search_residuals(planes(image0), planes(image1), MOST, PADDING, 20, 24, 4, 6, RADIUS, *shares, *limits, flow)
         np.testing.assert_array_equal(flow, before)

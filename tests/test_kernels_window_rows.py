@@ -69,7 +69,7 @@ def neighbours(pixel):
 
 def expected_of(kernel, source, weights, before):
     """What is to stand from place 5 on."""
-    one_by_one = {
+    group_singly = {
         filtered: lambda k: sum(weights[n] * source[3 + 7 * n + k] for n in range(4)),
         summed: lambda k: sum(share * source[2 + 11 * n + k] for n, share in enumerate((0.75, 1, 1, 1, 0.75))),
         pooled: lambda k: before[5 + k] + weights[0] * sum(source[1 + 2 * k + n] for n in (0, 1, 40, 41)),
@@ -77,7 +77,7 @@ def expected_of(kernel, source, weights, before):
         blended: lambda k: quarter(source[40 + k], source[4 + k]),
         spread: lambda k: quarter(*(quarter(source[40 + n], source[4 + n]) for n in neighbours(k))),
     }
-    return np.array([one_by_one[kernel](k) for k in range(PIXELS if kernel is spread else SQUARES)])
+    return np.array([group_singly[kernel](k) for k in range(PIXELS if kernel is spread else SQUARES)])
 
 
 @pytest.mark.parametrize("kernel", [filtered, summed, pooled, added, blended, spread])

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from truth import affine, as_type, eroded, layers, noise, prepared, translation, waves
 
-from fpsboost.lighting import Lighting, find_lighting
+from fpsboost.analysis.illumination import IlluminationModel, estimate_illumination
+from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.method_table import interpolate_with_confidence, methods
-from fpsboost.scenes import CutDetector
 
 NLM = methods["nlm"]
-UNLIT = replace(NLM, relight=False, cuts=None)
+UNLIT = replace(NLM, compensate_illumination=False, cuts=None)
 PLAIN = replace(methods["blend"], cuts=None)
 
 every_type = pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
@@ -60,15 +60,15 @@ def error(image, truth, margin=14):
 )
 def test_constant_light_is_none(clip):
     """Whatever moves, comes or goes, both ways."""
-    assert find_lighting(*clip.prepared) is None
-    assert find_lighting(*clip.prepared[::-1]) is None
+    assert estimate_illumination(*clip.prepared) is None
+    assert estimate_illumination(*clip.prepared[::-1]) is None
 
 
 @pytest.mark.parametrize(("box", "shift"), [((5, -30, 90, 0), 30), ((10, 126, 80, 162), -36)])
 def test_something_bright_that_enters_a_dim_scene_is_no_light(box, shift):
     """Although the frame's mean and deviation are others afterwards."""
     clip = layers(96, 128, box=box, shift=(shift, 0), bright=True)
-    assert find_lighting(*clip.prepared) is None
+    assert estimate_illumination(*clip.prepared) is None
 
 
 @every_type
@@ -76,26 +76,26 @@ def test_something_bright_that_enters_a_dim_scene_is_no_light(box, shift):
 def test_noise_is_no_light(dtype, channels):
     """Noise of all levels, different in both frames, and a little on a still picture."""
     for seed in range(5):
-        assert find_lighting(*prepared(*(noise(96, 128, channels, dtype, seed + k) for k in (0, 9)))) is None
+        assert estimate_illumination(*prepared(*(noise(96, 128, channels, dtype, seed + k) for k in (0, 9)))) is None
         picture = lit_clip(1, shift=(0, 0), channels=channels, dtype=np.float32, seed=seed)(0)
         grain = 0.03 * np.random.default_rng(seed).normal(size=(2, *picture.shape))
-        assert find_lighting(*prepared(*(as_type(picture + each, dtype) for each in grain))) is None
+        assert estimate_illumination(*prepared(*(as_type(picture + each, dtype) for each in grain))) is None
 
 
 @pytest.mark.parametrize("channels", [2, 4])
 def test_with_alpha_light_is_constant(channels):
     """What is behind a picture does not get darker with it."""
     at = lit_clip(0.5, channels=channels)
-    assert find_lighting(*prepared(at(0), at(1))) is None
+    assert estimate_illumination(*prepared(at(0), at(1))) is None
 
 
 def test_without_a_change_the_frames_are_taken_as_they_are():
     """Not even copied; nor are they where nobody asks for the light."""
     still, fading = lit_clip(1), lit_clip(0.5)
-    for interpolator, at in ((NLM, still), (replace(NLM, relight=False), fading)):
+    for interpolator, at in ((NLM, still), (replace(NLM, compensate_illumination=False), fading)):
         pair = interpolator.pair(*prepared(at(0), at(1)))
-        assert pair.lighting is None
-        assert pair.in_one_light == (pair.image0, pair.image1)
+        assert pair.illumination is None
+        assert pair.compensated == (pair.image0, pair.image1)
 
 
 # ------------------------------------------------------------------------------------------------------ what was found
@@ -117,9 +117,9 @@ CHANGES = [
 def test_the_light_of_a_still_picture_is_found(gain, offset, channels, dtype):
     """The gain to 0.005, the offset to half a level of 255."""
     at = lit_clip(gain, offset, (0, 0), channels=channels, dtype=dtype, seed=1)
-    lighting = find_lighting(*prepared(at(0), at(1)))
-    np.testing.assert_allclose(lighting.gain, [gain] * channels, atol=0.005)
-    np.testing.assert_allclose(lighting.offset, [offset] * channels, atol=0.5 / 255)
+    illumination = estimate_illumination(*prepared(at(0), at(1)))
+    np.testing.assert_allclose(illumination.gain, [gain] * channels, atol=0.005)
+    np.testing.assert_allclose(illumination.offset, [offset] * channels, atol=0.5 / 255)
 
 
 @pytest.mark.parametrize("shift", [(6, -4), (12, 5)])
@@ -128,10 +128,10 @@ def test_the_light_of_a_moving_picture_is_found(gain, offset, shift):
     """The gain to a twentieth although up to a seventh of the frame is new; every colour to five levels of 255."""
     for seed in range(3):
         at = lit_clip(gain, offset, shift, seed=seed)
-        lighting = find_lighting(*prepared(at(0), at(1)))
-        np.testing.assert_allclose(lighting.gain, [gain] * 3, rtol=0.05)
+        illumination = estimate_illumination(*prepared(at(0), at(1)))
+        np.testing.assert_allclose(illumination.gain, [gain] * 3, rtol=0.05)
         colours = lit_clip(1, shift=shift, dtype=np.float32, seed=seed)(0)
-        relit = lighting.apply(colours, 1, np.dtype(np.float32))
+        relit = illumination.apply(colours, 1, np.dtype(np.float32))
         assert np.abs(relit - (gain * colours + offset)).max() < 5 / 255
 
 
@@ -140,9 +140,9 @@ def test_every_colour_has_its_own_light(shift):
     """A sunset: blue becomes half, green less, and red more; to 0.005 if nothing moves, else to a twentieth."""
     gain, offset = [0.5, 0.8, 1.25], [0.1, 0, -0.1]
     at = lit_clip(gain, offset, shift, seed=2)
-    lighting = find_lighting(*prepared(at(0), at(1)))
-    np.testing.assert_allclose(lighting.gain, gain, rtol=0.05 if shift[0] else 0.005)
-    np.testing.assert_allclose(lighting.offset, offset, atol=0.03 if shift[0] else 0.005)
+    illumination = estimate_illumination(*prepared(at(0), at(1)))
+    np.testing.assert_allclose(illumination.gain, gain, rtol=0.05 if shift[0] else 0.005)
+    np.testing.assert_allclose(illumination.offset, offset, atol=0.03 if shift[0] else 0.005)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -151,7 +151,7 @@ def test_one_broken_pixel_of_a_render_does_not_change_the_light(value):
     at = lit_clip(0.5, dtype=np.float32)
     broken = at(0).copy()
     broken[30, 40] = value
-    whole, with_it = (find_lighting(*prepared(image, at(1))) for image in (at(0), broken))
+    whole, with_it = (estimate_illumination(*prepared(image, at(1))) for image in (at(0), broken))
     np.testing.assert_allclose(with_it.gain, whole.gain, atol=0.02)
     np.testing.assert_allclose(with_it.offset, whole.offset, atol=0.02)
     assert np.isfinite(made(NLM, broken, at(1))).all()
@@ -160,47 +160,51 @@ def test_one_broken_pixel_of_a_render_does_not_change_the_light(value):
 # ------------------------------------------------------------------------------------------------------ taken off again
 
 LIGHTS = [
-    Lighting(np.float32([0.5, 0.8, 1.25]), np.float32([0.2, 0, -0.1])),
-    Lighting(np.float32([3, 0.2, 1]), np.float32([-0.5, 0.7, 0])),
+    IlluminationModel(np.float32([0.5, 0.8, 1.25]), np.float32([0.2, 0, -0.1])),
+    IlluminationModel(np.float32([3, 0.2, 1]), np.float32([-0.5, 0.7, 0])),
 ]
 
 
 @every_type
-@pytest.mark.parametrize("lighting", LIGHTS)
-def test_light_taken_off_and_put_on_again_is_the_frame(lighting, dtype):
+@pytest.mark.parametrize("illumination", LIGHTS)
+def test_light_taken_off_and_put_on_again_is_the_frame(illumination, dtype):
     """Integers to the last bit, floats to a few of their own steps."""
     image = noise(24, 32, 3, dtype)
-    undone = lighting.undo(image)
+    undone = illumination.undo(image)
     assert undone.dtype == np.float32
-    again = lighting.apply(undone, 1, image.dtype)
+    again = illumination.apply(undone, 1, image.dtype)
     assert again.dtype == dtype
     np.testing.assert_allclose(again, image, rtol=0, atol=2e-6 if dtype is np.float32 else 0)
 
 
 @every_type
-@pytest.mark.parametrize("lighting", LIGHTS)
-def test_at_the_beginning_the_light_is_that_of_the_first_frame(lighting, dtype):
+@pytest.mark.parametrize("illumination", LIGHTS)
+def test_at_the_beginning_the_light_is_that_of_the_first_frame(illumination, dtype):
     """At t = 0 nothing changes, to the last bit."""
     image = noise(24, 32, 3, dtype)
     white = 1 if dtype is np.float32 else np.iinfo(dtype).max
-    np.testing.assert_array_equal(lighting.apply(image.astype(np.float32) / np.float32(white), 0, image.dtype), image)
+    np.testing.assert_array_equal(
+        illumination.apply(image.astype(np.float32) / np.float32(white), 0, image.dtype), image
+    )
 
 
-@pytest.mark.parametrize("lighting", LIGHTS)
-def test_light_changes_evenly(lighting):
+@pytest.mark.parametrize("illumination", LIGHTS)
+def test_light_changes_evenly(illumination):
     """A quarter of the way to its end at a quarter of the time."""
     image = noise(24, 32, 3, np.float32)
-    start, quarter, end = (lighting.apply(image, t, image.dtype) for t in (0, 0.25, 1))
+    start, quarter, end = (illumination.apply(image, t, image.dtype) for t in (0, 0.25, 1))
     np.testing.assert_allclose(quarter, 0.75 * start + 0.25 * end, rtol=0, atol=1e-6)
 
 
 def test_integers_end_at_black_and_white_and_floats_do_not():
     """Brighter than white is white in 8 and 16 bits, and stays as it is in floats."""
-    lighting = Lighting(np.float32([4]), np.float32([-1]))
+    illumination = IlluminationModel(np.float32([4]), np.float32([-1]))
     image = np.float32([0, 0.25, 0.3, 0.5, 1]).reshape(1, 5, 1)
-    np.testing.assert_allclose(lighting.apply(image, 1, np.dtype(np.float32)).ravel(), [-1, 0, 0.2, 1, 3], atol=1e-6)
-    assert lighting.apply(image, 1, np.dtype(np.uint8)).ravel().tolist() == [0, 0, 51, 255, 255]
-    assert lighting.apply(image, 1, np.dtype(np.uint16)).ravel().tolist() == [0, 0, 13107, 65535, 65535]
+    np.testing.assert_allclose(
+        illumination.apply(image, 1, np.dtype(np.float32)).ravel(), [-1, 0, 0.2, 1, 3], atol=1e-6
+    )
+    assert illumination.apply(image, 1, np.dtype(np.uint8)).ravel().tolist() == [0, 0, 51, 255, 255]
+    assert illumination.apply(image, 1, np.dtype(np.uint16)).ravel().tolist() == [0, 0, 13107, 65535, 65535]
 
 
 # ---------------------------------------------------------------------------------------------------------------- cuts
@@ -214,7 +218,7 @@ def picture(seed, contrast=1.0, mean=0.5, size=(90, 120)):
 
 def ends(pair):
     """Whether a scene ends in a pair, before which motion was easy to follow."""
-    return CutDetector().is_cut(pair.likeness, 0.95)
+    return CutDetector().is_cut(pair.match_score, 0.95)
 
 
 def test_a_cut_is_no_change_of_light():
@@ -252,7 +256,7 @@ def test_a_fade_is_no_cut(gain, offset):
         at = lit_clip(gain, offset, seed=seed)
         assert not ends(NLM.pair(*prepared(at(0), at(1))))
         assert not ends(NLM.pair(*prepared(at(1), at(0))))
-        assert ends(replace(NLM, relight=False).pair(*prepared(at(0), at(1))))
+        assert ends(replace(NLM, compensate_illumination=False).pair(*prepared(at(0), at(1))))
 
 
 # ----------------------------------------------------------------------------------------------------------- in between
@@ -331,7 +335,7 @@ def test_confidence_is_high_through_a_fade(dtype):
     np.testing.assert_array_equal(fused.image, made(NLM, at(0), at(1), 0.25)[..., 0])
     inner = slice(14, -14)
     assert fused.confidence[inner, inner].mean() > 0.98
-    unlit = interpolate_with_confidence(at(0), at(1), 0.25, method=replace(NLM, relight=False))
+    unlit = interpolate_with_confidence(at(0), at(1), 0.25, method=replace(NLM, compensate_illumination=False))
     assert unlit.confidence[inner, inner].mean() < 0.1
 
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fpsboost.cli_compare import DEFAULT_METHODS
-from fpsboost.evaluation.looks import DASH_DOTTED, DASHED, LONGEST_LINE, NAMED, SOLID, break_name, colours_of, looks_of
+from fpsboost.cli.compare import DEFAULT_METHODS
+from fpsboost.evaluation.looks import DASH_DOTTED, DASHED, MAX_LINE, NAMED, SOLID, break_name, colours_of, looks_of
 from fpsboost.evaluation.making import known_methods
 
 MANY = [f"nlm-exhaustive:patch-radius={r},v={v}" for r in range(1, 13) for v in (0.05, 0.1, 0.2)] + [
@@ -91,5 +91,5 @@ def test_long_names_are_broken_behind_their_punctuation():
     for name in MANY:
         lines = break_name(name)
         assert "".join(lines) == name
-        assert all(len(line) <= LONGEST_LINE for line in lines)
+        assert all(len(line) <= MAX_LINE for line in lines)
     assert break_name("a-very-long-name-without-punctuation") == ["a-very-long-name-without-punctuation"]

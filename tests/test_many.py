@@ -12,9 +12,10 @@ import pytest
 from test_cli import SUMMARY, assert_refused, environment
 from video_truth import packets_of, pictures_of, write_clip
 
-from fpsboost import pipeline
-from fpsboost.cli_many import plan_outputs
+from fpsboost import conversion
+from fpsboost.cli.batch import plan_outputs
 from fpsboost.errors import OptionError
+from fpsboost.streaming import Summary
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 
@@ -212,14 +213,14 @@ def test_a_bar_says_which_of_how_many(fpsboost_, tmp_path, monkeypatch):
 
 def test_interruption_stops_all(fpsboost_, tmp_path, monkeypatch):
     """Ctrl-C in the second of three: the first is there, nothing else, and that is said."""
-    convert = pipeline.convert
+    convert = conversion.convert
 
-    def interrupted(input: str, *arguments: str, **options: object) -> pipeline.Summary:
+    def interrupted(input: str, *arguments: str, **options: object) -> Summary:
         if input == "b.mp4":
             raise KeyboardInterrupt
         return convert(input, *arguments, **options)
 
-    monkeypatch.setattr(pipeline, "convert", interrupted)
+    monkeypatch.setattr(conversion, "convert", interrupted)
     for name in ("a.mp4", "b.mp4", "c.mp4"):
         write_clip(tmp_path / name, times=range(3))
     result = fpsboost_("a.mp4", "b.mp4", "c.mp4", "out", *CHEAP)

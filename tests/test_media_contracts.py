@@ -1,4 +1,4 @@
-"""Every source and every sink keeps the contracts of `fpsboost.media`, whatever kind of file is behind it."""
+"""Every source and every sink keeps the contracts of `fpsboost.io`, whatever kind of file is behind it."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from video_truth import packets_of, scene, write_clip, write_stream
 
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.frame import Frame
-from fpsboost.media import FrameSink, FrameSource, OutputTiming
-from fpsboost.media.opening import open_sink, open_source
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.pipe import INPUT_NAME, PipeSource
+from fpsboost.io import FrameSink, FrameSource
+from fpsboost.io.opening import open_sink, open_source
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
+from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(24)
 COUNT = 6

@@ -16,16 +16,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import scene, write_clip
 
-from fpsboost import memory_limit
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
-from fpsboost.exr import encode_exr, read_exr
-from fpsboost.media.animation.source import AnimationSource
-from fpsboost.media.images.files import read_image
-from fpsboost.media.images.numbered import ImageSource
-from fpsboost.media.images.sizes import declared_size
-from fpsboost.media.video.pipe import PipeSource
-from fpsboost.media.video.source import VideoSource
-from fpsboost.memory_limit import (
+from fpsboost.io import memory_limit
+from fpsboost.io.animation.source import AnimationSource
+from fpsboost.io.images.exr import encode_exr, read_exr
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.images.sizes import declared_size
+from fpsboost.io.memory_limit import (
     AT_LEAST,
     BYTES_PER_PIXEL,
     BYTES_PER_PIXEL_OF_A_THREAD,
@@ -33,7 +32,8 @@ from fpsboost.memory_limit import (
     available_memory,
     parse_memory,
 )
-from fpsboost.pipeline import convert
+from fpsboost.io.video.pipe import PipeSource
+from fpsboost.io.video.source import VideoSource
 
 HUGE = 60000
 SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)
@@ -254,8 +254,8 @@ def test_a_conversion_takes_no_more_threads_than_memory_reaches_for(tmp_path, mo
         taken.append(threads)
         raise InterruptedError
 
-    monkeypatch.setattr("fpsboost.pipeline.boost", take)
-    monkeypatch.setattr("fpsboost.pipeline.available_cores", lambda: 9)
+    monkeypatch.setattr("fpsboost.conversion.run_conversion", take)
+    monkeypatch.setattr("fpsboost.conversion.available_cores", lambda: 9)
     write_clip(tmp_path / "in.mp4")
     limit = MemoryLimit(AT_LEAST + (BYTES_PER_PIXEL + 3 * BYTES_PER_PIXEL_OF_A_THREAD) * 64 * 48)
     for number in (None, 7):

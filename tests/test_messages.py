@@ -9,7 +9,7 @@ import shlex
 import pytest
 from video_truth import write_clip
 
-from fpsboost.cli_messages import shown
+from fpsboost.cli.messages import shown
 
 pytestmark = [
     pytest.mark.skipif(os.name == "nt", reason="Windows has no such names"),

@@ -9,7 +9,16 @@ import pytest
 from truth import noise
 
 from fpsboost.errors import InputError
-from fpsboost.evaluation.metrics import Scores, absolute_error, as_seen, low_percentile, mean, mean_scores, means, score
+from fpsboost.evaluation.metrics import (
+    Scores,
+    absolute_error,
+    composite_on_black,
+    low_percentile,
+    mean,
+    mean_scores,
+    means,
+    score,
+)
 
 
 def test_equal_images_have_the_best_scores():
@@ -37,7 +46,7 @@ def test_colours_that_cannot_be_seen_do_not_count(channels):
     made[..., :-1] += 7
     assert score(truth, made).mae == 0
     values = np.array([[[100] * (channels - 1) + [51]]], np.uint8)
-    np.testing.assert_allclose(as_seen(values)[0, 0], [100 / 255 / 5] * (channels - 1) + [0.2], rtol=1e-6)
+    np.testing.assert_allclose(composite_on_black(values)[0, 0], [100 / 255 / 5] * (channels - 1) + [0.2], rtol=1e-6)
 
 
 def test_the_error_of_each_pixel_is_the_mean_over_its_channels():

@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 from truth import affine, as_type, eroded, frozen, layers, moving_object, noise, prepared, translation
 
+from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError, OptionError
+from fpsboost.frame_cache import FrameCache
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.colour import colour_components, contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.nlm import CoarseToFine, pyramid
-from fpsboost.motion.opencv import Dis, Farneback, Still, TvL1
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import CutDetector
+from fpsboost.motion.opencv import Dis, Farneback, TvL1
+from fpsboost.motion.zero import ZeroMotion
 
 estimators: dict[str, MotionEstimator] = {
     "nlm": CoarseToFine(),
@@ -33,7 +34,7 @@ estimators: dict[str, MotionEstimator] = {
     "block, three-step": BlockMatching(pattern="three-step"),
     "block, diamond": BlockMatching(block_size=8, search_range=5, pattern="diamond"),
     "codec": CodecMotion(),
-    "still": Still(),
+    "still": ZeroMotion(),
 }
 every_estimator = pytest.mark.parametrize("estimator", estimators.values(), ids=estimators.keys())
 own = "nlm", "exhaustive"
@@ -342,7 +343,7 @@ def test_a_small_disc_keeps_its_motion_to_the_finest_level(width, shift):
     ground = (110 + 40 * sum(waves) / np.std(sum(waves))).clip(0, 255).astype(np.uint8)
     middles = (200, 120), (200 + shift[0], 120 + shift[1])
     images = [cv2.circle(ground.copy(), middle, width // 2, (30, 200, 230), -1, cv2.LINE_AA) for middle in middles]
-    field, _ = CoarseToFine().estimate(*(PreparedImage(image) for image in images))
+    field, _ = CoarseToFine().estimate(*(FrameCache(image) for image in images))
     inner = slice(120 - width // 4, 120 + width // 4), slice(200 - width // 4, 200 + width // 4)
     assert np.mean(np.abs(field.flow[inner] - np.float32(shift)).max(axis=-1) < 1.5) > 0.6
 
@@ -354,5 +355,5 @@ def test_motion_is_followed_in_bright_light(gain):
     bright = prepared(*(image * np.float32(gain) for image in (clip.image0, clip.image1)))
     field01, _ = CoarseToFine().estimate(*bright)
     assert np.abs(field01.flow - np.float32([5.3, -2.6]))[16:-16, 16:-16].mean() < 0.1
-    dim = CutDetector().likeness(*clip.prepared)
-    assert CutDetector().likeness(*bright) > 0.7 * dim
+    dim = CutDetector().match_score(*clip.prepared)
+    assert CutDetector().match_score(*bright) > 0.7 * dim

@@ -12,8 +12,8 @@ import pytest
 from video_truth import scene, write_clip
 
 from fpsboost import convert
-from fpsboost.media.video.nominal_rate import measured_cadence, nominal_rate
-from fpsboost.media.video.source import VideoSource
+from fpsboost.io.video.nominal_rate import measured_cadence, nominal_rate
+from fpsboost.io.video.source import VideoSource
 
 TICK = Fraction(1, 90_000)
 MILLISECOND = Fraction(1, 1000)

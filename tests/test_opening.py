@@ -9,16 +9,23 @@ from animation_truth import write_animation
 from video_truth import scene, write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
-from fpsboost.media import OutputTiming
-from fpsboost.media.animation.canvas import ANIMATION_SUFFIXES
-from fpsboost.media.animation.sink import AnimationSink
-from fpsboost.media.animation.source import AnimationSource
-from fpsboost.media.images.files import IMAGE_SUFFIXES
-from fpsboost.media.images.numbered import ImageSink, ImageSource
-from fpsboost.media.opening import ASSUMED_IMAGE_RATE, Purpose, makes_animation, makes_video, open_sink, open_source
-from fpsboost.media.video.encoding import VIDEO_SUFFIXES, Encoding
-from fpsboost.media.video.sink import VideoSink
-from fpsboost.media.video.source import VideoSource
+from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.io.animation.source import AnimationSource
+from fpsboost.io.images.files import IMAGE_SUFFIXES
+from fpsboost.io.images.numbered import ImageSink, ImageSource
+from fpsboost.io.opening import (
+    ASSUMED_IMAGE_RATE,
+    TargetRequirements,
+    makes_animation,
+    makes_video,
+    open_sink,
+    open_source,
+)
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.source import VideoSource
+from fpsboost.timing.schedule import OutputTiming
 
 
 @pytest.mark.parametrize(
@@ -81,7 +88,7 @@ def test_rates_of_images(tmp_path, save_images):
         assert open_source(str(path), Fraction(30)).info.rate == 30
         assert open_source(str(path)).info.rate == ASSUMED_IMAGE_RATE
         with pytest.raises(OptionError, match="--input-fps"):
-            open_source(str(path), purpose=Purpose(needs_rate=True))
+            open_source(str(path), requirements=TargetRequirements(needs_rate=True))
 
 
 @pytest.mark.parametrize("rate", [Fraction(0), Fraction(-24), Fraction(1, 10**12)])

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from video_truth import packets_of, scene, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
-from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.timecode import at_rate, frames_later
-from fpsboost.pipeline import convert
-from fpsboost.position import parse_position
+from fpsboost.io.trim import Trim
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.timecode import at_rate, frames_later
 from fpsboost.probing import probe
+from fpsboost.timing.position import parse_position
 
 FAST = Encoding(preset="ultrafast")
 LINES = [(0, 100, b"one <b>bold</b> word"), (120, 80, "zwei\nZäune".encode()), (300, 90, b"three")]
@@ -182,8 +182,8 @@ def test_a_timecode_goes_along_with_the_start(tmp_path):
     """A part that begins later says a later timecode, counted at the new rate."""
     clip = write_with(tmp_path / "in.mov", lambda _, video: video.metadata.update(timecode="01:02:03:22"), nothing)
     for start in ("3f", "0.12"):
-        part = Excerpt(parse_position(start, "--start"))
-        convert(str(clip), str(tmp_path / "out.mov"), excerpt=part, method="nearest", encoding=FAST, overwrite=True)
+        part = Trim(parse_position(start, "--start"))
+        convert(str(clip), str(tmp_path / "out.mov"), trim=part, method="nearest", encoding=FAST, overwrite=True)
         assert streams_of(tmp_path / "out.mov")[0][1]["timecode"] == "01:02:04:02"
 
 

@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from fpsboost.overlap import available_cores, read_ahead, side_by_side, write_behind
+from fpsboost.io.prefetch import available_cores, read_ahead, run_in_parallel, write_behind
 
 
 class OnPurposeError(Exception):
@@ -272,7 +272,7 @@ def test_results_come_in_the_order_of_the_jobs(threads):
             late.set()
         return number
 
-    with side_by_side(threads) as in_order:
+    with run_in_parallel(threads) as in_order:
         assert list(in_order(partial(job, number) for number in range(30))) == list(range(30))
 
 
@@ -286,7 +286,7 @@ def test_no_more_jobs_are_taken_than_there_is_room_for(threads):
             taken.append(number)
             yield partial(int, number)
 
-    with side_by_side(threads) as in_order:
+    with run_in_parallel(threads) as in_order:
         for number, result in enumerate(in_order(jobs())):
             assert result == number
             assert len(taken) <= number + 1 + threads
@@ -302,7 +302,7 @@ def test_results_do_not_wait_for_jobs_to_come(threads):
         assert fetched.wait(10)
         yield partial(int, 2)
 
-    with side_by_side(threads) as in_order:
+    with run_in_parallel(threads) as in_order:
         results = in_order(jobs())
         assert next(results) == 1
         fetched.set()
@@ -318,7 +318,7 @@ def test_jobs_that_never_come_are_given_up():
         assert gone.wait(10)
 
     def fetch() -> None:
-        with side_by_side(2, gone.set) as in_order:
+        with run_in_parallel(2, gone.set) as in_order:
             for _ in in_order(jobs()):
                 raise OnPurposeError
 
@@ -340,7 +340,7 @@ def test_an_error_beside_other_jobs_surfaces_in_its_turn(threads, where):
 
     def fetch() -> None:
         source = failing_after(5) if where == "jobs" else itertools.count()
-        with side_by_side(threads) as in_order:
+        with run_in_parallel(threads) as in_order:
             for result in in_order(partial(job, number) for number in source):
                 received.append(result)
                 if where == "caller" and result == 4:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from truth import as_type, noise, prepared, waves
 
+from fpsboost.analysis.overlay import STROKE, find_overlay, keep_overlay
 from fpsboost.method_table import methods
-from fpsboost.synthesis.overlay import STROKE, find_overlay, keep_overlay
 
 KEEPING = replace(methods["nlm"], cuts=None)
 MOVING = replace(KEEPING, overlays=False)
@@ -296,16 +296,16 @@ def test_neighbours_in_another_scene_tell_nothing():
         def __init__(self, *images):
             self._images = images
 
-        def likeness(self, image0, image1):
+        def match_score(self, image0, image1):
             return (image0, image1) == self._images
 
-        def is_cut(self, likeness, *neighbours):
-            return not likeness
+        def is_cut(self, match_score, *neighbours):
+            return not match_score
 
-        def is_gradual(self, likeness, *across):
+        def is_gradual(self, match_score, *across):
             return False
 
-        def is_flash(self, likeness, across, *neighbours):
+        def is_flash(self, match_score, across, *neighbours):
             return False
 
     images = prepared(*(panning((12, 0), letters())(t) for t in (-1, 0, 1, 2)))

@@ -17,19 +17,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import pictures_of, samples_of, scene, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.source import VideoSource
-from fpsboost.motion.opencv import Still
-from fpsboost.pace import Pace, Rhythm
-from fpsboost.pipeline import Summary, boost, convert, count_frames
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.source import VideoSource
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.streaming import Summary, run_conversion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing import LONGEST_FILLED, ByFactor, ByRate, Step
+from fpsboost.timing.rate import FrameIntervals, OutputRate
+from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
 
 MILLISECOND = Fraction(1, 1000)
-BLEND = Interpolator(Still(), Blend(), cuts=None)
+BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None)
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 FILM, NTSC = Fraction(24000, 1001), Fraction(60000, 1001)
 
@@ -68,11 +69,11 @@ class Shelf:
         self.frames.append(frame)
 
 
-def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: Pace) -> tuple[list[Frame], Summary]:
+def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: OutputRate) -> tuple[list[Frame], Summary]:
     """What comes out, with the remarks of the pace."""
     clip, shelf, schedule = Clip(info, list(times), end), Shelf(), pace.schedule(info)
-    summary = boost(clip, BLEND, shelf, schedule, duplicates="keep")
-    summary.remarks += pace.remarks(info, schedule, summary.rhythm)
+    summary = run_conversion(clip, BLEND, shelf, schedule, duplicates="keep")
+    summary.remarks += pace.remarks(info, schedule, summary.frame_intervals)
     return shelf.frames, summary
 
 
@@ -84,12 +85,12 @@ def test_twice_the_rate_unless_told():
     info = info_of(Fraction(24))
     forgiving = ByRate.forgiving
     tick = info.time_base
-    assert Pace().schedule(info) == forgiving(Fraction(48), Fraction(24), tick)
-    assert Pace(Fraction(5, 2)).schedule(info) == forgiving(Fraction(60), Fraction(24), tick)
-    assert Pace(fps=NTSC).schedule(info) == forgiving(NTSC, Fraction(24), tick)
-    assert Pace(keep_timing=True).schedule(info) == ByFactor(Fraction(2))
-    assert Pace(Fraction(3)).schedule(info, has_clock=False) == ByFactor(Fraction(3))
-    assert Pace(fps=NTSC).schedule(info, has_clock=False) == forgiving(NTSC, Fraction(24), tick)
+    assert OutputRate().schedule(info) == forgiving(Fraction(48), Fraction(24), tick)
+    assert OutputRate(Fraction(5, 2)).schedule(info) == forgiving(Fraction(60), Fraction(24), tick)
+    assert OutputRate(fps=NTSC).schedule(info) == forgiving(NTSC, Fraction(24), tick)
+    assert OutputRate(keep_timing=True).schedule(info) == ByFactor(Fraction(2))
+    assert OutputRate(Fraction(3)).schedule(info, has_clock=False) == ByFactor(Fraction(3))
+    assert OutputRate(fps=NTSC).schedule(info, has_clock=False) == forgiving(NTSC, Fraction(24), tick)
 
 
 @pytest.mark.parametrize(
@@ -104,13 +105,13 @@ def test_twice_the_rate_unless_told():
 def test_contradictions_are_refused(wrong, message):
     """A sentence about the options, before any file is opened."""
     with pytest.raises(OptionError, match=message):
-        Pace(**wrong)
+        OutputRate(**wrong)
 
 
 def test_a_rate_beyond_all_measure_is_refused():
     """A factor within its bounds can still ask for too much of a clip."""
     with pytest.raises(OptionError, match=r"--factor 900 makes 108000 frames per second of clip\.mp4"):
-        Pace(Fraction(900)).schedule(info_of(Fraction(120)))
+        OutputRate(Fraction(900)).schedule(info_of(Fraction(120)))
 
 
 # --------------------------------------------------------------------------------------- ten hours, by exact arithmetic
@@ -119,12 +120,12 @@ def test_a_rate_beyond_all_measure_is_refused():
 @pytest.mark.parametrize(
     ("pace", "source"),
     [
-        (Pace(fps=NTSC), FILM),
-        (Pace(Fraction(5, 2)), FILM),
-        (Pace(Fraction(3, 2)), Fraction(25)),
-        (Pace(Fraction(2, 3)), Fraction(60)),
-        (Pace(fps=Fraction(24)), Fraction(30000, 1001)),
-        (Pace(Fraction(5, 2), keep_timing=True), FILM),
+        (OutputRate(fps=NTSC), FILM),
+        (OutputRate(Fraction(5, 2)), FILM),
+        (OutputRate(Fraction(3, 2)), Fraction(25)),
+        (OutputRate(Fraction(2, 3)), Fraction(60)),
+        (OutputRate(fps=Fraction(24)), Fraction(30000, 1001)),
+        (OutputRate(Fraction(5, 2), keep_timing=True), FILM),
     ],
     ids=str,
 )
@@ -138,7 +139,9 @@ def test_ten_hours_stay_exact(pace, source, clock):
     exact = clock != MILLISECOND
 
     def time_of(index: int) -> Fraction:
-        return schedule.moment(Fraction(0), index / source if exact else Fraction(round(index / source * 1000), 1000))
+        return schedule.presentation_time(
+            Fraction(0), index / source if exact else Fraction(round(index / source * 1000), 1000)
+        )
 
     total = math.ceil(count * rate / source)
     assert count_frames(schedule, info_of(source, clock, count / source), True) == total
@@ -162,11 +165,11 @@ def recorded(ticks: list[int]) -> list[Fraction]:
 
 def test_ten_hours_of_uneven_frames_come_out_even():
     """At any hour of a recording with uneven intervals, the output has the frames of its own clock and no others."""
-    schedule = Pace(fps=Fraction(60)).schedule(info_of(Fraction(30), MILLISECOND))
-    rhythm = recorded([33, 34, 17, 100, 16, 400, 50, 33, 7, 310] * 10)  # a second of ten, ten times
+    schedule = OutputRate(fps=Fraction(60)).schedule(info_of(Fraction(30), MILLISECOND))
+    frame_intervals = recorded([33, 34, 17, 100, 16, 400, 50, 33, 7, 310] * 10)  # a second of ten, ten times
     for hour in range(10):
         begin = 3600 * hour
-        times = [schedule.moment(Fraction(0), begin + time) for time in rhythm]
+        times = [schedule.presentation_time(Fraction(0), begin + time) for time in frame_intervals]
         assert all(a < b for a, b in pairwise(times))
         steps = [step for a, b in pairwise(times) for step in schedule.steps(0, Fraction(0), a, b)]
         assert [step.time for step in steps] == [begin + Fraction(k, 60) for k in range(600)]
@@ -181,11 +184,11 @@ def test_ten_hours_of_uneven_frames_come_out_even():
 )
 def test_times_increase_whatever_the_clock(rate, factor, tick, intervals):
     """Where a frame is taken to be is never before the place of an earlier one, and half a frame away at most."""
-    schedule = Pace(factor).schedule(info_of(rate, tick))
+    schedule = OutputRate(factor).schedule(info_of(rate, tick))
     times = [Fraction(0)]
     for interval in intervals:
         times.append(times[-1] + interval * tick)
-    moments = [schedule.moment(Fraction(0), time) for time in times]
+    moments = [schedule.presentation_time(Fraction(0), time) for time in times]
     assert all(a <= b for a, b in pairwise(moments))
     bound = min(1 / rate, 1 / (rate * factor)) / 2
     assert all(abs(moment - time) < bound for moment, time in zip(moments, times, strict=True))
@@ -200,7 +203,7 @@ def test_milliseconds_mean_the_rate_that_was_rounded(start, factor):
     """23.976 frames a second in whole milliseconds: every original is there, at its true place, and none is mixed."""
     times = [start + Fraction(round(k / FILM * 1000), 1000) for k in range(40)]
     end = start + Fraction(round(40 / FILM * 1000), 1000)
-    frames, summary = play(info_of(FILM, MILLISECOND), times, end, Pace(factor))
+    frames, summary = play(info_of(FILM, MILLISECOND), times, end, OutputRate(factor))
     assert [frame.time for frame in frames] == [start + k / (FILM * factor) for k in range(40 * int(factor))]
     assert [frame.original for frame in frames[:: int(factor)]] == list(range(40))
     assert all(frame.original is None for k, frame in enumerate(frames[:-1]) if k % factor and k < 39 * factor)
@@ -211,7 +214,7 @@ def test_a_phone_that_jitters_keeps_its_frames():
     """Ticks of 1/600 s, some intervals a tick short: all originals pass, and nobody is told that the rate varies."""
     intervals = [20] * 20 + [19] + [20] * 20 + [21] + [20] * 20
     times = [Fraction(sum(intervals[:k]), 600) for k in range(len(intervals) + 1)]
-    frames, summary = play(info_of(Fraction(30), Fraction(1, 600)), times, times[-1] + Fraction(1, 30), Pace())
+    frames, summary = play(info_of(Fraction(30), Fraction(1, 600)), times, times[-1] + Fraction(1, 30), OutputRate())
     assert [frame.original for frame in frames[::2]] == list(range(len(times)))
     assert summary.remarks == []
 
@@ -220,7 +223,7 @@ def test_a_variable_rate_becomes_constant_and_is_said():
     """Even times, each frame mixed by its true time, as long as the source, and a remark that says so."""
     times = [Fraction(t, 100) for t in (0, 4, 8, 18, 22, 30, 34)]
     info = info_of(Fraction(25), Fraction(1, 100))
-    frames, summary = play(info, times, Fraction(38, 100), Pace())
+    frames, summary = play(info, times, Fraction(38, 100), OutputRate())
     assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(19)]
     assert frames[-1].time + frames[-1].duration == Fraction(38, 100)
     assert [int(frame.image[0, 0, 0]) for frame in frames[4:10]] == [20, 22, 24, 26, 28, 30]
@@ -228,14 +231,14 @@ def test_a_variable_rate_becomes_constant_and_is_said():
         "clip.mp4 varies from 10 to 25 frames per second; the output is constant at 50, and --keep-timing keeps the "
         "rhythm."
     ]
-    assert play(info, times, Fraction(38, 100), Pace(keep_timing=True))[1].remarks == []
-    assert play(info, times, Fraction(38, 100), Pace(fps=Fraction(60)))[1].remarks == []
+    assert play(info, times, Fraction(38, 100), OutputRate(keep_timing=True))[1].remarks == []
+    assert play(info, times, Fraction(38, 100), OutputRate(fps=Fraction(60)))[1].remarks == []
 
 
 def test_two_frames_at_one_place_become_one():
     """Where two frames lie closer than the clock can mean, the first is shown, and times still increase."""
     times = [Fraction(t, 1000) for t in (0, 39, 40, 80, 120)]
-    frames, summary = play(info_of(Fraction(25), MILLISECOND), times, Fraction(160, 1000), Pace())
+    frames, summary = play(info_of(Fraction(25), MILLISECOND), times, Fraction(160, 1000), OutputRate())
     assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(8)]
     assert [frame.original for frame in frames[::2]] == [0, 1, 3, 4]
     assert summary.frames_in == 5
@@ -244,7 +247,7 @@ def test_two_frames_at_one_place_become_one():
 def test_across_a_pause_the_picture_is_repeated():
     """Three seconds without a frame: no motion is made up for them, the picture stands, and that is said."""
     times = [Fraction(k, 25) for k in range(5)] + [3 + Fraction(k, 25) for k in range(5, 10)]
-    frames, summary = play(info_of(Fraction(25)), times, 3 + Fraction(10, 25), Pace())
+    frames, summary = play(info_of(Fraction(25)), times, 3 + Fraction(10, 25), OutputRate())
     assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(170)]
     assert {frame.original for frame in frames[8:160]} == {4}
     assert frames[160].original == 5
@@ -264,9 +267,9 @@ def test_a_second_without_a_frame_is_still_interpolated():
 
 def test_a_damaged_time_does_not_fill_the_disk():
     """Days without a frame become one long frame and a remark; what comes after keeps its times."""
-    gap = 100 * LONGEST_FILLED
+    gap = 100 * MAX_FILLED
     times = [Fraction(k, 25) for k in range(5)] + [gap + Fraction(k, 25) for k in range(5)]
-    frames, summary = play(info_of(Fraction(25)), times, gap + Fraction(5, 25), Pace())
+    frames, summary = play(info_of(Fraction(25)), times, gap + Fraction(5, 25), OutputRate())
     assert len(frames) == 9 + 10
     assert frames[8].duration == gap - Fraction(4, 25)
     assert any("59999.8 s" in remark and "as one long frame" in remark for remark in summary.remarks)
@@ -274,10 +277,14 @@ def test_a_damaged_time_does_not_fill_the_disk():
 
 def test_the_rhythm_of_a_clip():
     """The shortest and longest interval, and where that begins, seconds after the first frame."""
-    rhythm = Rhythm()
+    frame_intervals = FrameIntervals()
     for tick in (100, 104, 110, 113):
-        rhythm.note(Fraction(tick, 100))
-    assert (rhythm.shortest, rhythm.longest, rhythm.begin) == (Fraction(3, 100), Fraction(6, 100), Fraction(4, 100))
+        frame_intervals.note(Fraction(tick, 100))
+    assert (frame_intervals.shortest, frame_intervals.longest, frame_intervals.begin) == (
+        Fraction(3, 100),
+        Fraction(6, 100),
+        Fraction(4, 100),
+    )
 
 
 # --------------------------------------------------------------------------------------------------------- slow motion
@@ -286,12 +293,12 @@ def test_the_rhythm_of_a_clip():
 @pytest.mark.parametrize(
     ("pace", "rate", "stretch"),
     [
-        (Pace(slow_motion=True), FILM, Fraction(2)),
-        (Pace(Fraction(4), slow_motion=True), FILM, Fraction(4)),
-        (Pace(Fraction(5, 2), slow_motion=True), FILM, Fraction(5, 2)),
-        (Pace(Fraction(4), Fraction(60), slow_motion=True), Fraction(60), Fraction(4)),
-        (Pace(None, Fraction(60), slow_motion=True), Fraction(60), Fraction(2)),
-        (Pace(Fraction(3), keep_timing=True, slow_motion=True), FILM, Fraction(3)),
+        (OutputRate(slow_motion=True), FILM, Fraction(2)),
+        (OutputRate(Fraction(4), slow_motion=True), FILM, Fraction(4)),
+        (OutputRate(Fraction(5, 2), slow_motion=True), FILM, Fraction(5, 2)),
+        (OutputRate(Fraction(4), Fraction(60), slow_motion=True), Fraction(60), Fraction(4)),
+        (OutputRate(None, Fraction(60), slow_motion=True), Fraction(60), Fraction(2)),
+        (OutputRate(Fraction(3), keep_timing=True, slow_motion=True), FILM, Fraction(3)),
     ],
     ids=str,
 )
@@ -301,7 +308,7 @@ def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start)
     info = info_of(FILM, Fraction(1, 24000))
     times = [start + k / FILM for k in range(12)]
     clip, shelf, schedule = Clip(info, times, start + 12 / FILM), Shelf(), pace.schedule(info)
-    boost(clip, BLEND, shelf, schedule, stretch=pace.stretch)
+    run_conversion(clip, BLEND, shelf, schedule, stretch=pace.stretch)
     assert pace.timing(info, schedule).rate == rate
     assert [frame.time for frame in shelf.frames] == [
         start + k / rate for k in range(math.ceil(12 / FILM * stretch * rate))
@@ -317,7 +324,7 @@ def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start)
 @pytest.mark.parametrize("keep_timing", [False, True])
 def test_the_clock_of_slow_motion_holds_every_time(factor, keep_timing):
     """Every stretched time is a whole number of ticks."""
-    pace, info = Pace(factor, keep_timing=keep_timing, slow_motion=True), info_of(Fraction(25), Fraction(1, 100))
+    pace, info = OutputRate(factor, keep_timing=keep_timing, slow_motion=True), info_of(Fraction(25), Fraction(1, 100))
     schedule = pace.schedule(info)
     tick = pace.timing(info, schedule).time_base
     steps = [*schedule.steps(0, Fraction(0), Fraction(0), Fraction(1, 25))]

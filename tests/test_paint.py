@@ -8,9 +8,9 @@ from truth import eroded, moving_object, noise, prepared, translation
 
 from fpsboost.errors import OptionError
 from fpsboost.motion.field import MotionField
-from fpsboost.synthesis import Transition
+from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.blend import Blend
-from fpsboost.synthesis.paint import Paint
+from fpsboost.synthesis.splat import Splat
 
 
 def field(motion, similarity) -> MotionField:
@@ -21,7 +21,7 @@ def field(motion, similarity) -> MotionField:
 def one(synthesizer, image0, image1, field01, t):
     """One image; painting has no use for the way back."""
     nothing = field(np.full_like(field01.flow, np.nan), field01.similarity)
-    (image,) = synthesizer.synthesize(Transition(*prepared(image0, image1), field01, nothing), [t])
+    (image,) = synthesizer.synthesize(FramePair(*prepared(image0, image1), field01, nothing), [t])
     return image
 
 
@@ -29,7 +29,7 @@ def test_what_moves_is_painted_in_its_place():
     """A translation is exact where both frames show the scene, and both frames mixed elsewhere."""
     clip = translation(40, 48, 8, -4, seed=1)
     for t in (0.25, 0.5, 0.75):
-        image = one(Paint(), clip.image0, clip.image1, field(clip.flow01, clip.seen0), t)
+        image = one(Splat(), clip.image0, clip.image1, field(clip.flow01, clip.seen0), t)
         inner = eroded(np.ones((40, 48), bool), 8)
         np.testing.assert_array_equal(image[inner], clip.at(t)[inner])
         bare = slice(0, int(8 * t))
@@ -40,12 +40,12 @@ def test_what_moves_is_painted_in_its_place():
 def test_unusable_motion_leaves_both_frames_mixed():
     """What is less similar than asked for is not painted, and what is exactly as similar is."""
     clip = translation(20, 24, 4, 2)
-    mixed = one(Paint(), clip.image0, clip.image1, field(0 * clip.flow01, clip.seen0), 0.5)
+    mixed = one(Splat(), clip.image0, clip.image1, field(0 * clip.flow01, clip.seen0), 0.5)
     for similarity, painted in ((0.89, False), (0.9, True)):
         of_all = field(clip.flow01, np.full((20, 24), similarity))
-        image = one(Paint(), clip.image0, clip.image1, of_all, 0.5)
+        image = one(Splat(), clip.image0, clip.image1, of_all, 0.5)
         assert (image == mixed).all() == (not painted)
-    assert (one(Paint(0.5), clip.image0, clip.image1, of_all, 0.5) == image).all()
+    assert (one(Splat(0.5), clip.image0, clip.image1, of_all, 0.5) == image).all()
 
 
 def test_the_most_similar_is_seen():
@@ -56,7 +56,7 @@ def test_the_most_similar_is_seen():
     for similarities, winner in (((0.95, 0.97), 4), ((0.97, 0.95), 0), ((0.97, 0.97), 0)):
         similarity = np.zeros((1, 5))
         similarity[0, 0], similarity[0, 4] = similarities
-        image = one(Paint(), image0, image1, field(motion, similarity), 0.5)
+        image = one(Splat(), image0, image1, field(motion, similarity), 0.5)
         expected = (image0[0, winner].astype(int) + image1[0, 4 - winner] + 1) // 2
         np.testing.assert_array_equal(image[0, 2], expected)
 
@@ -64,7 +64,7 @@ def test_the_most_similar_is_seen():
 def test_an_object_covers_what_it_comes_to():
     """It is complete, though the background that it hides lands there too."""
     clip = moving_object(60, 80, box=(20, 20, 40, 44), dx=8, dy=4)
-    image = one(Paint(), clip.image0, clip.image1, field(clip.flow01, clip.seen0), 0.5)
+    image = one(Splat(), clip.image0, clip.image1, field(clip.flow01, clip.seen0), 0.5)
     np.testing.assert_array_equal(image[22:42, 24:48], clip.at(0.5)[22:42, 24:48])
 
 
@@ -72,4 +72,4 @@ def test_an_object_covers_what_it_comes_to():
 def test_similarities_that_nothing_can_have_are_refused(value):
     """When the object is made."""
     with pytest.raises(OptionError, match="least_similarity"):
-        Paint(value)
+        Splat(value)

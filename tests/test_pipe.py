@@ -24,14 +24,15 @@ from hypothesis import strategies as st
 from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, stream_of, write_clip, write_stream
 
 import fpsboost
-from fpsboost import cli, cli_progress
+from fpsboost.cli import app, progress
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.media import OutputTiming, Waiting
-from fpsboost.media.opening import makes_video, open_source
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.pipe import LONGEST_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
-from fpsboost.media.video.source import VideoSource
+from fpsboost.io import Cancellable
+from fpsboost.io.opening import makes_video, open_source
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.pipe import MAX_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
+from fpsboost.io.video.source import VideoSource
+from fpsboost.timing.schedule import OutputTiming
 
 NAMES = tuple(formats)
 UNKNOWN_TO_FFMPEG = ("mono14",)
@@ -76,7 +77,7 @@ def piped(monkeypatch, capfdbinary, tmp_path) -> Iterator[Piped]:
     """The command line in this process and in `tmp_path`, between two pipes; most of a process's time is its start."""
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli_progress.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
+    monkeypatch.setattr(progress.Reporter, "_say_compiling", lambda self: None)  # the cache may be cold
 
     def feed(target: BinaryIO, data: bytes) -> None:
         with suppress(BrokenPipeError), target:
@@ -92,7 +93,7 @@ def piped(monkeypatch, capfdbinary, tmp_path) -> Iterator[Piped]:
         with os.fdopen(reader) as source:
             monkeypatch.setattr(sys, "stdin", source)
             try:
-                cli.main()
+                app.main()
             except SystemExit as stop:
                 code = int(stop.code or 0)
         feeding.join()
@@ -148,7 +149,7 @@ def test_headers_come_back(header):
     """What is written is what is read, for every format, rate and shape."""
     if 8 * (header.width + 128) * (header.height + 128) < 2**31:
         assert parse_header(header.line(), "x") == header
-    assert len(header.line()) < LONGEST_LINE
+    assert len(header.line()) < MAX_LINE
 
 
 @given(st.binary(max_size=80))
@@ -440,9 +441,9 @@ def test_paths_that_are_pipes():
 def test_pipes_can_be_told_to_give_up():
     """Both ends keep the contract that lets a stopped run end."""
     with PipeSource(BytesIO(stream_of(2))) as source:
-        assert isinstance(source, Waiting)
+        assert isinstance(source, Cancellable)
         assert isinstance(PipeSink(source.info, OutputTiming(Fraction(25), Fraction(1, 25)), Encoding(), source,
-                                   BytesIO()), Waiting)  # fmt: skip
+                                   BytesIO()), Cancellable)  # fmt: skip
 
 
 def test_a_closed_stream_is_told_apart():

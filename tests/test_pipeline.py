@@ -22,19 +22,20 @@ import pytest
 from truth import accelerating, prepared
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.video.encoding import Encoding
+from fpsboost.io.video.encoding import Encoding
 from fpsboost.method_table import methods
-from fpsboost.motion.opencv import Still
-from fpsboost.pipeline import Summary, boost, convert, count_frames
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.streaming import Summary, run_conversion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing import ByFactor, ByRate, Schedule
+from fpsboost.timing.schedule import ByFactor, ByRate, Schedule, count_frames
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
 
-BLEND = Interpolator(Still(), Blend(), cuts=None)
+BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None)
 FAST = Encoding(preset="ultrafast")
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 ORBIT = Path(__file__).parents[1] / "samples" / "orbit.mp4"
@@ -122,7 +123,7 @@ def run(
     frames: list[Frame], schedule: Schedule, *, holds: bool = True, interpolator: Interpolator = BLEND
 ) -> tuple[list[Frame], Summary]:
     sink = FakeSink(holds)
-    summary = boost(FakeSource(frames), interpolator, sink, schedule)
+    summary = run_conversion(FakeSource(frames), interpolator, sink, schedule)
     assert summary.frames_in == len(frames)
     assert summary.frames_out == len(sink.frames)
     return sink.frames, summary
@@ -238,7 +239,7 @@ def test_two_frames_are_needed(count, holds):
     """No frame or one frame is an InputError that names the clip and says how many there were."""
     sink = FakeSink(holds)
     with pytest.raises(InputError, match=f"fake.mp4 holds {'one' if count else 'no'} frame"):
-        boost(FakeSource(regular(count)), BLEND, sink, ByFactor(Fraction(2)))
+        run_conversion(FakeSource(regular(count)), BLEND, sink, ByFactor(Fraction(2)))
     assert sink.frames == []
 
 
@@ -266,7 +267,7 @@ class Counting:
 
     def estimate(self, image0: Any, image1: Any) -> Any:
         self.pairs += image0.pixels.shape[:2] == SIZE
-        return Still().estimate(image0, image1)
+        return ZeroMotion().estimate(image0, image1)
 
 
 @pytest.mark.parametrize(
@@ -285,16 +286,16 @@ class CutsBefore:
     def __init__(self, *numbers: int) -> None:
         self._values = {10 * number for number in numbers}
 
-    def likeness(self, image0: Any, image1: Any) -> float:
+    def match_score(self, image0: Any, image1: Any) -> float:
         return 0 if image0.pixels.shape[:2] == SIZE and int(image1.pixels.max()) in self._values else 1
 
-    def is_cut(self, likeness: float, *neighbours: float) -> bool:
-        return likeness == 0
+    def is_cut(self, match_score: float, *neighbours: float) -> bool:
+        return match_score == 0
 
-    def is_gradual(self, likeness: float, *across: float) -> bool:
+    def is_gradual(self, match_score: float, *across: float) -> bool:
         return False
 
-    def is_flash(self, likeness: float, across: float, *neighbours: float) -> bool:
+    def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
         return False
 
 
@@ -302,7 +303,9 @@ class CutsBefore:
 def test_scene_cuts_are_counted_and_not_interpolated(at_cuts):
     """Across a cut the nearer frame is repeated, or both are mixed where that is asked for, and motion is not used."""
     estimator = Counting()
-    interpolator = Interpolator(estimator, Blend(), cuts=CutsBefore(2, 4), at_cuts=at_cuts, relight=False)
+    interpolator = Interpolator(
+        estimator, Blend(), cuts=CutsBefore(2, 4), at_cuts=at_cuts, compensate_illumination=False
+    )
     frames, summary = run(regular(6), ByFactor(Fraction(4)), interpolator=interpolator)
     assert summary.scene_cuts == 2
     assert summary.frames_made == 6 * 3
@@ -313,7 +316,7 @@ def test_scene_cuts_are_counted_and_not_interpolated(at_cuts):
 
 def test_cuts_are_not_looked_for_where_nothing_lies_between():
     """A pair without frames in between is left alone, so it is no cut either."""
-    interpolator = Interpolator(Still(), Blend(), cuts=CutsBefore(1, 2, 3))
+    interpolator = Interpolator(ZeroMotion(), Blend(), cuts=CutsBefore(1, 2, 3))
     _, summary = run(regular(6), ByFactor(Fraction(1)), interpolator=interpolator)
     assert summary.scene_cuts == 0
 
@@ -361,8 +364,8 @@ class FailingSynthesizer:
     def __init__(self, fail_at: int, error: BaseException) -> None:
         self._left, self._error = fail_at, error
 
-    def synthesize(self, transition: Any, times: Any) -> Iterator[Any]:
-        for image in Blend().synthesize(transition, times):
+    def synthesize(self, frame_pair: Any, times: Any) -> Iterator[Any]:
+        for image in Blend().synthesize(frame_pair, times):
             if image.shape[:2] == SIZE or self._left < 0:
                 if self._left <= 0:
                     raise self._error
@@ -377,7 +380,7 @@ def test_an_error_of_the_source_surfaces(fail_at, kind):
     error = kind("on purpose")
     source = FakeSource(regular(20), fail_at=fail_at, error=error)
     with pytest.raises(kind) as caught:
-        boost(source, BLEND, FakeSink(), ByFactor(Fraction(2)))
+        run_conversion(source, BLEND, FakeSink(), ByFactor(Fraction(2)))
     assert caught.value is error
 
 
@@ -388,7 +391,7 @@ def test_an_error_of_the_sink_surfaces(fail_at, kind):
     error = kind("on purpose")
     sink = FakeSink(fail_at=fail_at, error=error)
     with pytest.raises(kind) as caught:
-        boost(FakeSource(regular(20)), BLEND, sink, ByFactor(Fraction(2)))
+        run_conversion(FakeSource(regular(20)), BLEND, sink, ByFactor(Fraction(2)))
     assert caught.value is error
     assert len(sink.frames) == fail_at
 
@@ -398,9 +401,9 @@ def test_an_error_of_the_interpolator_surfaces(fail_at):
     """While compiling, and at any frame; what was written before is no more than what came before."""
     error = OnPurposeError()
     sink = FakeSink()
-    interpolator = Interpolator(Still(), FailingSynthesizer(fail_at, error), cuts=None)
+    interpolator = Interpolator(ZeroMotion(), FailingSynthesizer(fail_at, error), cuts=None)
     with pytest.raises(OnPurposeError) as caught:
-        boost(FakeSource(regular(20)), interpolator, sink, ByFactor(Fraction(2)))
+        run_conversion(FakeSource(regular(20)), interpolator, sink, ByFactor(Fraction(2)))
     assert caught.value is error
     assert len(sink.frames) <= 2 * fail_at + 1 if fail_at >= 0 else not sink.frames
 
@@ -410,7 +413,7 @@ def test_an_endless_source_is_stopped():
     error = OnPurposeError()
     endless = (Frame(np.zeros((*SIZE, 3), np.uint8), Fraction(k), Fraction(1)) for k in itertools.count())
     with pytest.raises(OnPurposeError):
-        boost(FakeSource(endless), BLEND, FakeSink(fail_at=5, error=error), ByFactor(Fraction(2)))
+        run_conversion(FakeSource(endless), BLEND, FakeSink(fail_at=5, error=error), ByFactor(Fraction(2)))
 
 
 # -------------------------------------------------------------------------------------------------- observer and memory
@@ -438,7 +441,7 @@ class Watching:
 def test_an_observer_is_told_in_order():
     """Ready comes once and first, then every frame is counted."""
     observer = Watching()
-    boost(FakeSource(regular(5)), BLEND, FakeSink(), ByFactor(Fraction(2)), observer)
+    run_conversion(FakeSource(regular(5)), BLEND, FakeSink(), ByFactor(Fraction(2)), observer)
     assert observer.events == ["ready", *range(1, 11)]
 
 
@@ -446,7 +449,7 @@ def test_ctrl_c_in_the_loop_comes_through():
     """What is raised between two frames, as Ctrl-C is, ends everything."""
     sink = FakeSink()
     with pytest.raises(KeyboardInterrupt):
-        boost(FakeSource(regular(20)), BLEND, sink, ByFactor(Fraction(2)), Watching(stop_at=7))
+        run_conversion(FakeSource(regular(20)), BLEND, sink, ByFactor(Fraction(2)), Watching(stop_at=7))
     assert len(sink.frames) <= 7
 
 
@@ -475,7 +478,7 @@ def test_memory_does_not_grow(slow_side, holds, duplicates, limit, threads):
             time.sleep(0.001 if slow_side == "sink" else 0)
 
     source, sink = FakeSource(frames()), ForgetfulSink(holds)
-    summary = boost(source, BLEND, sink, ByFactor(Fraction(2)), duplicates=duplicates, threads=threads)
+    summary = run_conversion(source, BLEND, sink, ByFactor(Fraction(2)), duplicates=duplicates, threads=threads)
     assert summary.frames_in == 200
     assert most <= limit + threads
     assert not alive
@@ -492,7 +495,7 @@ def test_the_number_of_threads_does_not_matter():
     results = []
     for threads in (1, 2, 5):
         sink = FakeSink()
-        summary = boost(FakeSource(frames), methods["nlm"], sink, ByFactor(Fraction(5)), threads=threads)
+        summary = run_conversion(FakeSource(frames), methods["nlm"], sink, ByFactor(Fraction(5)), threads=threads)
         results.append((sink.frames, replace(summary, seconds=0)))
     for made, counts in results[1:]:
         assert counts == results[0][1]
@@ -505,7 +508,7 @@ def test_the_number_of_threads_does_not_matter():
 def test_threads_below_one_are_refused():
     """The sentence names the option."""
     with pytest.raises(OptionError, match="--threads must be at least 1, not 0"):
-        boost(FakeSource(regular(3)), BLEND, FakeSink(), ByFactor(Fraction(2)), threads=0)
+        run_conversion(FakeSource(regular(3)), BLEND, FakeSink(), ByFactor(Fraction(2)), threads=0)
 
 
 # ------------------------------------------------------------------------------------------------------- whole files

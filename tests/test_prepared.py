@@ -15,17 +15,18 @@ import numpy as np
 import pytest
 from truth import affine, noise, prepared
 
+from fpsboost.conversion import convert
+from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.method_table import methods
-from fpsboost.pipeline import Silent, convert
-from fpsboost.prepared import PreparedImage, Results
+from fpsboost.streaming import SilentObserver
 
 PER_FRAME = [
-    "fpsboost.scenes.small_copy",
-    "fpsboost.lighting.small_copy",
+    "fpsboost.analysis.scene_cuts.small_copy",
+    "fpsboost.analysis.illumination.small_copy",
     "fpsboost.motion.nlm.pyramid",
     "fpsboost.motion.nlm.contrast_components",
     "fpsboost.motion.nlm.contrast_planes",
-    "fpsboost.synthesis.fuse.find_coefficients",
+    "fpsboost.synthesis.multi_hypothesis.find_coefficients",
 ]
 """What the default method asks of each frame of one level, under the names that it knows."""
 
@@ -55,7 +56,7 @@ def counted(monkeypatch) -> Callable[[str], Counted]:
     return replace
 
 
-class FromTheFirstFrame(Silent):
+class FromTheFirstFrame(SilentObserver):
     """Forgets the calls of compiling."""
 
     def __init__(self, counter: Counted) -> None:
@@ -68,16 +69,16 @@ class FromTheFirstFrame(Silent):
 def test_pixels_are_the_image_itself():
     """Not a copy."""
     image = noise(3, 4)
-    assert PreparedImage(image).pixels is image
+    assert FrameCache(image).pixels is image
 
 
 def test_a_function_is_called_once():
     """On the pixels, when it is first asked for; after that the very same result comes back, None and 0 too."""
     for result in (np.zeros(3), None, 0):
         counter = Counted(lambda pixels, result=result: result)
-        image = PreparedImage(noise(3, 4))
+        image = FrameCache(noise(3, 4))
         assert counter.calls == 0
-        assert all(image.once(counter) is result for _ in range(3))
+        assert all(image.cached(counter) is result for _ in range(3))
         assert counter.calls == 1
 
 
@@ -87,10 +88,10 @@ def test_other_arguments_and_functions_are_other_results():
         Counted(lambda pixels, *numbers: pixels + sum(numbers)),
         Counted(lambda pixels, number: pixels * number),
     )
-    image = PreparedImage(np.full((1, 1, 1), 5.0, np.float32))
+    image = FrameCache(np.full((1, 1, 1), 5.0, np.float32))
     for _ in range(2):
-        assert [float(image.once(plus, *numbers).item()) for numbers in ((), (1,), (2,), (1, 2))] == [5, 6, 7, 8]
-        assert [float(image.once(times, number).item()) for number in (1, 2)] == [5, 10]
+        assert [float(image.cached(plus, *numbers).item()) for numbers in ((), (1,), (2,), (1, 2))] == [5, 6, 7, 8]
+        assert [float(image.cached(times, number).item()) for number in (1, 2)] == [5, 10]
     assert (plus.calls, times.calls) == (4, 2)
 
 
@@ -98,13 +99,13 @@ def test_images_do_not_share_results():
     """Equal pixels or not, each image has its own."""
     counter = Counted(np.sum)
     one, other = prepared(noise(3, 4), noise(3, 4))
-    assert one.once(counter) == other.once(counter)
+    assert one.cached(counter) == other.cached(counter)
     assert counter.calls == 2
 
 
 def test_what_failed_is_tried_again():
     """An error comes through and is not taken for a result."""
-    image = PreparedImage(noise(3, 4))
+    image = FrameCache(noise(3, 4))
     attempts = iter([ZeroDivisionError(), None])
 
     def fail_at_first(pixels: Any) -> int:
@@ -114,8 +115,8 @@ def test_what_failed_is_tried_again():
         return 7
 
     with pytest.raises(ZeroDivisionError):
-        image.once(fail_at_first)
-    assert image.once(fail_at_first) == 7
+        image.cached(fail_at_first)
+    assert image.cached(fail_at_first) == 7
 
 
 @pytest.mark.parametrize("name", PER_FRAME)
@@ -145,7 +146,7 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
     """What was made of a frame goes with it: of 20 frames, the samples of no more than six are there at a time."""
     alive: set[int] = set()
     most = 0
-    samples = importlib.import_module("fpsboost.synthesis.fuse")._samples
+    samples = importlib.import_module("fpsboost.synthesis.multi_hypothesis")._samples
 
     def followed(image: Any) -> Any:
         nonlocal most
@@ -156,7 +157,7 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
         most = max(most, len(alive))
         return result
 
-    monkeypatch.setattr("fpsboost.synthesis.fuse._samples", followed)
+    monkeypatch.setattr("fpsboost.synthesis.multi_hypothesis._samples", followed)
     save_images(tmp_path / "in", count=20)
     convert(str(tmp_path / "in"), str(tmp_path / "out"), threads=2)
     assert 2 <= most <= 6
@@ -165,11 +166,11 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
 
 def test_what_was_forgotten_is_made_again():
     """The same results, in new arrays."""
-    image = PreparedImage(np.arange(6))
-    first = image.once(np.negative)
-    image.forget()
-    assert image.once(np.negative) is not first
-    np.testing.assert_array_equal(image.once(np.negative), first)
+    image = FrameCache(np.arange(6))
+    first = image.cached(np.negative)
+    image.clear()
+    assert image.cached(np.negative) is not first
+    np.testing.assert_array_equal(image.cached(np.negative), first)
 
 
 def test_a_settled_pair_serves_its_neighbours_as_before():
@@ -178,19 +179,19 @@ def test_a_settled_pair_serves_its_neighbours_as_before():
     interpolator = methods["nlm"]
     made = []
     for settles in (False, True):
-        frames = [PreparedImage(image) for image in images]
+        frames = [FrameCache(image) for image in images]
         pairs = [interpolator.pair(*both) for both in pairwise(frames)]
         list(interpolator.between(pairs[0], [0.5], None, pairs[1]).images)
         if settles:
-            pairs[0].settle()
+            pairs[0].release_caches()
         made += interpolator.between(pairs[1], [0.5], pairs[0], pairs[2]).images
     np.testing.assert_array_equal(*made)
 
 
 def test_what_both_pairs_have_had_is_forgotten():
     """The second one gets the first one's, and a third would get its own."""
-    image = PreparedImage(np.arange(6))
-    first, second, third = (image.for_both_pairs(np.negative) for _ in range(3))
+    image = FrameCache(np.arange(6))
+    first, second, third = (image.cached_for_both_pairs(np.negative) for _ in range(3))
     assert first is second
     assert third is not second
 
@@ -206,7 +207,7 @@ def test_threads_that_ask_at_once_get_one_result():
 
     def ask() -> object:
         asked.wait(10)
-        return results.once("key", compute)
+        return results.cached("key", compute)
 
     with ThreadPoolExecutor(4) as pool:
         futures = [pool.submit(ask) for _ in range(4)]

@@ -14,8 +14,8 @@ from animation_truth import disc, write_animation
 from test_duplicates import CADENCES, encode, held, pan
 from video_truth import QUARTER_TURN, png, spoil_packets, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
-from fpsboost.pipeline import convert
 from fpsboost.probing import probe
 
 pytestmark = [

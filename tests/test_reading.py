@@ -14,21 +14,21 @@ import pytest
 from numpy.typing import NDArray
 from video_truth import pictures_of, png, scene, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame
-from fpsboost.media.opening import open_source
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.reading import Reading
-from fpsboost.media.video.source import VideoSource
-from fpsboost.pipeline import convert
+from fpsboost.io.opening import open_source
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),
 ]
 
-FIELDS = Reading(deinterlace=True)
-SCALE = Reading(size_change="scale")
+FIELDS = DecodeOptions(deinterlace=True)
+SCALE = DecodeOptions(size_change="scale")
 FAST = Encoding(preset="ultrafast")
 HEIGHT, WIDTH, STEP = 48, 64, 2
 
@@ -84,8 +84,8 @@ def flagged(picture: av.VideoFrame, order: str) -> av.VideoFrame:
     return graph.vpull()
 
 
-def read(path: Path, reading: Reading | None = None) -> tuple[list[Frame], list[str]]:
-    with VideoSource(path, reading=reading) as source:
+def read(path: Path, decoding: DecodeOptions | None = None) -> tuple[list[Frame], list[str]]:
+    with VideoSource(path, decoding=decoding) as source:
         return list(source), source.remarks
 
 
@@ -98,7 +98,7 @@ def test_each_field_becomes_a_frame_at_its_own_time(tmp_path, codec, order):
     """Fifty moments a second out of 25 pictures, each later than the one before, in the order that is flagged."""
     options = {"crf": "0", "preset": "ultrafast", "x264-params": f"{order}=1"} if codec == "libx264" else {}
     clip = write_fields(tmp_path / "in.mp4" if options else tmp_path / "in.avi", [order] * 6, codec, options)
-    with VideoSource(clip, reading=FIELDS) as source:
+    with VideoSource(clip, decoding=FIELDS) as source:
         assert (source.info.rate, source.info.frame_count) == (50, 12)
         frames = list(source)
         assert all((frame.time / source.info.time_base).denominator == 1 for frame in frames)
@@ -161,7 +161,7 @@ def test_formats_that_the_filter_does_not_know_keep_their_colours(tmp_path):
         clip = write_clip(
             tmp_path / f"{pixel_format}.mkv", codec="ffv1", pixel_format=pixel_format, rate=Fraction(25), **more
         )
-        with VideoSource(clip) as plain, VideoSource(clip, reading=FIELDS) as fields:
+        with VideoSource(clip) as plain, VideoSource(clip, decoding=FIELDS) as fields:
             tags = [(each.traits.tagged_color_space, each.traits.color_range) for each in (plain, fields)]
             pairs = zip(list(plain), list(fields)[::2], strict=True)
             errors = [np.abs(white(b) - white(a)).mean() for a, b in pairs]
@@ -179,7 +179,7 @@ def test_what_cannot_be_deinterlaced(tmp_path):
 def test_a_deinterlaced_conversion(tmp_path):
     """Length, rate and moments of the output, and nothing flagged in it."""
     clip = write_fields(tmp_path / "in.mkv", ["bff"] * 6)
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", reading=FIELDS, encoding=FAST)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=FIELDS, encoding=FAST)
     assert (summary.frames_in, summary.frames_out, summary.remarks) == (12, 24, [])
     pictures = pictures_of(tmp_path / "out.mp4")
     assert not any(picture.interlaced_frame for picture in pictures)
@@ -229,9 +229,11 @@ def test_of_several_videos_the_best_is_read(tmp_path, sizes, default, taken):
 def test_a_stream_can_be_chosen(tmp_path):
     """By its number in the file."""
     clip = write_two(tmp_path / "in.mkv", ((32, 32), (64, 64)))
-    with VideoSource(clip, reading=Reading(stream=0)) as source:
+    with VideoSource(clip, decoding=DecodeOptions(stream=0)) as source:
         assert (source.info.width, len(list(source))) == (32, 4)
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", reading=Reading(stream=0), encoding=FAST)
+    summary = convert(
+        str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=DecodeOptions(stream=0), encoding=FAST
+    )
     assert "left out: stream 1" in summary.remarks[0]
     assert pictures_of(tmp_path / "out.mp4")[0].width == 32
 
@@ -241,7 +243,7 @@ def test_a_wrong_stream_lists_the_videos(tmp_path, wanted):
     """Sound, cover and no stream at all are none."""
     clip = write_clip(tmp_path / "in.mkv", sound="aac", cover=png())
     with pytest.raises(OptionError, match=rf"--stream {wanted} is no video stream of .*; choose one of 0 \(h264 64x48"):
-        VideoSource(clip, reading=Reading(stream=wanted))
+        VideoSource(clip, decoding=DecodeOptions(stream=wanted))
 
 
 # ---------------------------------------------------------------------------------------------------------- their sizes
@@ -309,7 +311,7 @@ def test_sizes_that_change_can_be_deinterlaced(tmp_path):
     """Fields become frames before anything is scaled, and none is lost at the change."""
     clip = changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
     plain, _ = read(clip, SCALE)
-    frames, _ = read(clip, Reading(deinterlace=True, size_change="scale"))
+    frames, _ = read(clip, DecodeOptions(deinterlace=True, size_change="scale"))
     assert len(frames) == 2 * len(plain)
     assert {frame.image.shape for frame in frames} == {(48, 64, 3)}
 
@@ -328,15 +330,19 @@ def test_probe_tells_a_change_of_size(tmp_path):
 def test_options_that_mean_nothing_are_refused(tmp_path, save_images):
     """Images and pipes have neither fields nor streams, and a sentence says so."""
     save_images(tmp_path / "in", count=2)
-    for reading, option in ((FIELDS, "--deinterlace"), (SCALE, "--size-change"), (Reading(stream=0), "--stream")):
+    for decoding, option in (
+        (FIELDS, "--deinterlace"),
+        (SCALE, "--size-change"),
+        (DecodeOptions(stream=0), "--stream"),
+    ):
         with pytest.raises(OptionError, match=rf"{option} is for video files and not for .*in, which holds images"):
-            open_source(str(tmp_path / "in"), Fraction(24), reading=reading)
+            open_source(str(tmp_path / "in"), Fraction(24), decoding=decoding)
         with pytest.raises(OptionError, match=rf"{option} is for video files and not for standard input"):
-            open_source("-", reading=reading)
+            open_source("-", decoding=decoding)
     with pytest.raises(OptionError, match="--stream must be"):
-        Reading(stream=-1)
+        DecodeOptions(stream=-1)
     with pytest.raises(OptionError, match="--size-change must be one of stop, scale"):
-        Reading(size_change="crop")
+        DecodeOptions(size_change="crop")
 
 
 def test_the_command_line(fpsboost_, tmp_path):

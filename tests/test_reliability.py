@@ -22,8 +22,8 @@ from video_truth import pictures_of, write_clip
 
 import fpsboost
 from fpsboost.errors import FpsboostError, InputError, OutputError
-from fpsboost.media.opening import open_source
-from fpsboost.pipeline import Silent, Summary
+from fpsboost.io.opening import open_source
+from fpsboost.streaming import SilentObserver, Summary
 
 CHEAP = ("--method", "nearest", "--no-cuts")
 on_unix = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals, pipes and limits")
@@ -296,7 +296,7 @@ def test_reasons_of_the_system_are_told(monkeypatch, tmp_path):
 # ------------------------------------------------------------------------------------------- what changes while it runs
 
 
-class AtFrame(Silent):
+class AtFrame(SilentObserver):
     """Does something when the first frame is written."""
 
     def __init__(self, action) -> None:

@@ -252,7 +252,7 @@ def test_any_image_is_shown_in_8_bit_colours(pixel: NDArray[Any], shown: list[in
 
 
 def test_spots_are_where_the_errors_are() -> None:
-    """The first is where all err, the second where one errs less than the others, and they do not overlap."""
+    """The first is where all err, the second where one errs less than the others, and they do not prefetch."""
     common = np.zeros((120, 200), np.float32)
     common[60:108, 10:58] = 20
     other = common.copy()
@@ -339,7 +339,7 @@ def test_folder_that_cannot_be_is_refused_before_any_work(report: str, word: str
 def test_help_draws_nothing(tmp_path: Path) -> None:
     """The command line starts without what only a page needs."""
     line = (
-        "import sys, fpsboost.cli as cli; cli.app(['compare', '--help'], result_action='return_value'); "
+        "import sys, fpsboost.cli.app as cli; cli.app(['compare', '--help'], result_action='return_value'); "
         "sys.exit(str({'matplotlib', 'jinja2'} & set(sys.modules)))"
     )
     assert run(tmp_path, "-c", line).stderr == "set()\n"
@@ -506,11 +506,11 @@ def test_pointing_at_a_figure_reads_it(page: Page, comparison: Comparison) -> No
     chart.focus()
     page.keyboard.press("ArrowRight")
     page.keyboard.press("ArrowRight")
-    reading = chart.locator(".reading").inner_text()
-    assert f"frame {comparison.hidden[1]}" in reading
+    decoding = chart.locator(".reading").inner_text()
+    assert f"frame {comparison.hidden[1]}" in decoding
     for method in comparison.methods:
-        assert method.name in reading
-        assert f"{method.frames[1].scores.mse:.3g}"[:3] in reading
+        assert method.name in decoding
+        assert f"{method.frames[1].scores.mse:.3g}"[:3] in decoding
     centres = """(chart, chosen) => [...chart.querySelectorAll(chosen)].map(each => each.getBoundingClientRect())
         .map(box => box.y + box.height / 2 - chart.getBoundingClientRect().y).sort((one, other) => one - other)"""
     points = chart.evaluate(centres, ".point")

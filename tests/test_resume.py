@@ -17,24 +17,24 @@ import pytest
 from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 import fpsboost
+from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.media import OutputTiming
-from fpsboost.media.images.numbered import ImageSink, ImageSource
-from fpsboost.media.unfinished import Job, Unfinished, facts_of
-from fpsboost.media.video.assembly import decoding_times_of
-from fpsboost.media.video.chunks import Times, find_chunks
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.media.video.sink import VideoSink
-from fpsboost.media.video.source import VideoSource
+from fpsboost.io.flow_files import write_flow
+from fpsboost.io.images.numbered import ImageSink, ImageSource
+from fpsboost.io.staging import JobFingerprint, StagingDirectory, fingerprint_options
+from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.video.assembly import decoding_times_of
+from fpsboost.io.video.chunks import Times, find_chunks
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method
-from fpsboost.motion.flow_files import write_flow
-from fpsboost.motion.opencv import Still
-from fpsboost.motion.vectors import VectorFolder
-from fpsboost.pipeline import Summary, boost, convert
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.streaming import Summary, run_conversion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing import ByFactor
+from fpsboost.timing.schedule import ByFactor, OutputTiming
 
 FRAMES = 25
 CHUNK = 10
@@ -68,8 +68,8 @@ class Counting:
     def __init__(self) -> None:
         self.count = 0
 
-    def synthesize(self, transition: Any, times: Any) -> Any:
-        for image in Blend().synthesize(transition, times):
+    def synthesize(self, frame_pair: Any, times: Any) -> Any:
+        for image in Blend().synthesize(frame_pair, times):
             self.count += 1
             yield image
 
@@ -86,14 +86,14 @@ def run(
     facts: dict[str, str] | None = None,
 ) -> Summary:
     """Double a clip in chunks of ten frames."""
-    job = Job(facts or facts_of(encoding=encoding), resume)
+    job = JobFingerprint(facts or fingerprint_options(encoding=encoding), resume)
     with VideoSource(clip) as source:
         info = source.info
         timing = OutputTiming(FACTOR.rate(info.rate), FACTOR.time_base(info.time_base))
         sink = VideoSink(target, info, timing, encoding, source, overwrite=overwrite, job=job, chunk_frames=CHUNK)
         with sink:
             interpolator = interpolator or find_method("blend")
-            return boost(source, interpolator, sink, FACTOR, Stop(stop_after), skip=sink.frames_there)
+            return run_conversion(source, interpolator, sink, FACTOR, Stop(stop_after), skip=sink.completed_frames)
 
 
 def stop(clip: Path, target: Path, after: int, **options: Any) -> str:
@@ -116,7 +116,7 @@ def folder_of(target: Path) -> Path:
 
 
 def facts(summary: Summary) -> Summary:
-    return replace(summary, seconds=0, frames_there=0)
+    return replace(summary, seconds=0, completed_frames=0)
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +153,7 @@ def test_going_on_makes_the_same_file(tmp_path, clip, kind):
     summary = run(clip, broken, resume=True, encoding=encoding)
     assert contents(broken) == contents(whole)
     assert broken.read_bytes() == whole.read_bytes() or suffix in (".mkv", ".webm")  # which number a file by chance
-    assert summary.frames_there in (20, 30)
+    assert summary.completed_frames in (20, 30)
     assert [remark.replace("broken/", "") for remark in facts(summary).remarks] == expected.remarks
     assert replace(facts(summary), remarks=[], details="") == replace(facts(expected), remarks=[], details="")
     assert os.listdir(broken.parent) == [broken.name]
@@ -167,7 +167,7 @@ def test_chunks_are_one_clip(tmp_path, clip, kind):
     target = tmp_path / f"out{suffix}"
     run(clip, target, encoding=encoding)
     assert len(pictures_of(target)) == 2 * FRAMES
-    with fpsboost.media.video.source.open_video(target, "out") as file:
+    with fpsboost.io.video.source.open_video(target, "out") as file:
         stream = file.streams.video[0]
         length = stream.duration
         packets = [(packet.dts, packet.pts) for packet in file.demux(stream) if packet.size]
@@ -200,7 +200,9 @@ def test_chunks_lose_no_quality(tmp_path, clip):
 def test_frames_that_are_there_are_not_made(tmp_path, clip):
     """Only the images of unfinished chunks are made when a run goes on."""
     counting = Counting()
-    method = Interpolator(Still(), counting, cuts=None, curved=False, relight=False, overlays=False)
+    method = Interpolator(
+        ZeroMotion(), counting, cuts=None, curved=False, compensate_illumination=False, overlays=False
+    )
     stop(clip, tmp_path / "out.mp4", 45, interpolator=method)
     there = 10 * len(find_chunks(folder_of(tmp_path / "out.mp4")))
     assert there >= 30
@@ -227,8 +229,8 @@ def test_the_default_method_goes_on_the_same(tmp_path, resumed_at):
     for skip in (0, resumed_at):
         sink, schedule = Sink(), ByFactor(Fraction(7, 2))
         with VideoSource(path) as source:
-            summary = boost(source, find_method("nlm-fast"), sink, schedule, skip=skip)
-        assert summary.frames_there == skip
+            summary = run_conversion(source, find_method("nlm-fast"), sink, schedule, skip=skip)
+        assert summary.completed_frames == skip
         results.append((sink.images, facts(summary)))
     (whole, expected), (resumed, found) = results
     assert found == expected
@@ -254,7 +256,7 @@ def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
         def write(self, frame: Frame) -> None: ...
 
     method = replace(find_method("nlm-fast"), synthesizer=Blend())
-    found = [facts(boost(Source(), method, Sink(), FACTOR, skip=skip)) for skip in (0, 17, 30, 48)]
+    found = [facts(run_conversion(Source(), method, Sink(), FACTOR, skip=skip)) for skip in (0, 17, 30, 48)]
     assert found[0].scene_cuts == 1
     assert found[0].duplicates > 2
     assert found == [found[0]] * 4
@@ -271,12 +273,12 @@ def test_less_than_a_chunk_leaves_nothing(tmp_path, clip):
 
 def test_all_may_be_there(tmp_path, clip, monkeypatch):
     """A run that is stopped while its file is put together goes on with that alone."""
-    monkeypatch.setattr("fpsboost.media.video.assembly.Assembly.finish", lambda *_: 1 / 0)
+    monkeypatch.setattr("fpsboost.io.video.assembly.Assembly.finish", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as caught:
         run(clip, tmp_path / "out.mp4")
     assert caught.value.__notes__ == ["50 frames are finished, and --resume goes on from there."]
     monkeypatch.undo()
-    assert run(clip, tmp_path / "out.mp4", resume=True).frames_there == 50
+    assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 50
     run(clip, tmp_path / "whole.mp4")
     assert contents(tmp_path / "out.mp4") == contents(tmp_path / "whole.mp4")
 
@@ -302,13 +304,13 @@ def test_a_damaged_chunk_is_made_again(tmp_path, clip, damage):
         chunk.unlink()
     else:
         chunk.write_bytes({"torn": data[:-7], "flipped": data, "empty": b""}[damage])
-    assert run(clip, tmp_path / "out.mp4", resume=True).frames_there == 10
+    assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 10
     assert (tmp_path / "out.mp4").read_bytes() == (tmp_path / "whole.mp4").read_bytes()
 
 
 def test_nothing_to_go_on_with(tmp_path, clip):
     """`--resume` may always be given: the first run starts, and one after the last leaves the file as it is."""
-    assert run(clip, tmp_path / "out.mp4", resume=True).frames_there == 0
+    assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 0
     before = (tmp_path / "out.mp4").stat()
     with pytest.raises(CompleteAlreadyError, match=r"out\.mp4 exists already and no run of it is unfinished"):
         run(clip, tmp_path / "out.mp4", resume=True)
@@ -328,7 +330,7 @@ def test_starting_anew_says_so(tmp_path, clip):
     """Without `--resume` what is there goes, in one line, and the result is the same."""
     stop(clip, tmp_path / "out.mp4", 30)
     summary = run(clip, tmp_path / "out.mp4")
-    assert summary.frames_there == 0
+    assert summary.completed_frames == 0
     assert summary.remarks == [
         f"{tmp_path / 'out.mp4'} was begun anew, and what an earlier run had finished was thrown away; --resume goes "
         "on with it."
@@ -353,13 +355,13 @@ def test_an_existing_target_still_needs_overwriting(tmp_path, clip):
     with pytest.raises(OutputError, match="pass --overwrite"):
         run(clip, tmp_path / "out.mp4", resume=True)
     assert (tmp_path / "out.mp4").read_bytes() == b"precious"
-    assert run(clip, tmp_path / "out.mp4", resume=True, overwrite=True).frames_there >= 10
+    assert run(clip, tmp_path / "out.mp4", resume=True, overwrite=True).completed_frames >= 10
     assert len(pictures_of(tmp_path / "out.mp4")) == 2 * FRAMES
 
 
 def test_two_at_once(tmp_path, clip):
     """A second run to the same output is refused while the first one writes, and disturbs nothing."""
-    held = Unfinished(folder_of(tmp_path / "out.mp4"), "output.mp4", "out.mp4", Job({}))
+    held = StagingDirectory(folder_of(tmp_path / "out.mp4"), "output.mp4", "out.mp4", JobFingerprint({}))
     held.open()
     before = sorted(folder_of(tmp_path / "out.mp4").iterdir())
     for resume in (False, True):
@@ -461,13 +463,13 @@ def test_killed_at_random_moments(tmp_path):
 def write_images(source: Path, target: Path, *, stop_after: int | None = None, **options: Any) -> ImageSink:
     """Copy images, and stop after some."""
     images = ImageSource(str(source), Fraction(24))
-    job = Job({"input": "same"}, options.pop("resume", False))
+    job = JobFingerprint({"input": "same"}, options.pop("resume", False))
     sink = ImageSink(str(target), images.info, images, len(images.files), overwrite=False, job=job, **options)
     with sink:
         for index, frame in enumerate(images):
             if index == stop_after:
                 raise StoppedError
-            there = frame.image if index >= sink.frames_there else np.zeros_like(frame.image)
+            there = frame.image if index >= sink.completed_frames else np.zeros_like(frame.image)
             sink.write(replace(frame, image=there))
     return sink
 
@@ -489,7 +491,7 @@ def test_images_go_on(tmp_path, images, snapshot, name):
     (stage,) = tmp_path.rglob("output")
     torn = sorted(stage.iterdir())[3]
     torn.rename(torn.with_name(torn.name + ".part"))
-    assert write_images(images, tmp_path / name, resume=True).frames_there == 3
+    assert write_images(images, tmp_path / name, resume=True).completed_frames == 3
     found = snapshot(tmp_path)
     assert not [path for path in found if any(part.startswith(".") for part in path.split("/"))]
     written = [data for path, data in sorted(found.items()) if data is not None and not path.startswith("in/")]
@@ -506,18 +508,16 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
     def move_some(moves: list[tuple[Path, Path]]) -> None:
         for here, there in moves[:moved]:
             here.rename(there)
-        monkeypatch.setattr(
-            "fpsboost.media.images.numbered.ImageSink._leave", lambda sink, _: sink._unfinished._release()
-        )
+        monkeypatch.setattr("fpsboost.io.images.numbered.ImageSink._leave", lambda sink, _: sink._unfinished._release())
         raise Killed
 
     with monkeypatch.context() as patch:
-        patch.setattr("fpsboost.media.images.numbered._move_all", move_some)
+        patch.setattr("fpsboost.io.images.numbered._move_all", move_some)
         patch.setattr(Path, "unlink", lambda *_, **__: None)
         with pytest.raises(Killed):
             write_images(images, tmp_path / "out")
     monkeypatch.undo()
-    assert write_images(images, tmp_path / "out", resume=True).frames_there == 10
+    assert write_images(images, tmp_path / "out", resume=True).completed_frames == 10
     assert sorted(snapshot(tmp_path / "out").values()) == sorted(snapshot(images).values())
 
 
@@ -542,7 +542,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int, chunk: Path) -> Non
                 raise KeyboardInterrupt
             time.sleep(0.01)
 
-    monkeypatch.setattr("fpsboost.cli.Reporter.wrote", wrote)
+    monkeypatch.setattr("fpsboost.cli.app.Reporter.wrote", wrote)
 
 
 COMMAND = ("in.mp4", "out.mp4", "--factor", "40", "-m", "nearest", "--preset", "ultrafast", "--duplicates", "keep")
@@ -594,7 +594,7 @@ def test_every_option_belongs_to_the_job(tmp_path, monkeypatch):
         noted.update(facts)
         raise StoppedError
 
-    monkeypatch.setattr("fpsboost.pipeline.describe_job", note)
+    monkeypatch.setattr("fpsboost.conversion.fingerprint_job", note)
     with pytest.raises(StoppedError):
         convert(str(write_clip(tmp_path / "in.mp4")), str(tmp_path / "out.mp4"))
     arguments = set(convert.__annotations__) - {"return"}
@@ -621,10 +621,12 @@ def test_pipes_cannot_go_on(fpsboost_, tmp_path, monkeypatch, names, sentence):
 def test_facts_name_every_field():
     """Dataclasses are told field by field, however deep, so that a difference has a name."""
     method = find_method("nlm")
-    facts = facts_of(method=method, factor=Fraction(5, 2), nothing=None)
+    facts = fingerprint_options(method=method, factor=Fraction(5, 2), nothing=None)
     assert facts["method.synthesizer"] == type(method.synthesizer).__name__
     assert (facts["factor"], facts["nothing"]) == ("5/2", "None")
-    assert facts_of(method=replace(method, relight=False)) != facts_of(method=method)
+    assert fingerprint_options(method=replace(method, compensate_illumination=False)) != fingerprint_options(
+        method=method
+    )
     assert not [value for value in facts.values() if " at 0x" in value]
 
 
@@ -632,9 +634,9 @@ def test_files_of_an_option_belong_to_the_job(tmp_path):
     """Motion vectors that were rendered again are another job, though their folder has the same name."""
     for name in ("a_backward.flo", "a_forward.flo"):
         write_flow(tmp_path / name, np.zeros((4, 4, 2), np.float32))
-    before = facts_of(method=find_method("reproject-scene", VectorFolder(tmp_path)))
-    assert facts_of(method=find_method("reproject-scene", VectorFolder(tmp_path))) == before
+    before = fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path)))
+    assert fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path))) == before
     os.utime(tmp_path / "a_forward.flo", (1, 1))
-    after = facts_of(method=find_method("reproject-scene", VectorFolder(tmp_path)))
+    after = fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path)))
     differing = {key.rpartition(".")[2] for key in before if before[key] != after[key]}
     assert differing == {"vectors_files"}

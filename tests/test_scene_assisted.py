@@ -14,17 +14,17 @@ import pytest
 from truth import Clip, affine, as_type, frozen, moving_object, noise, translation, waves
 from vector_truth import constant, save_object, save_translation, save_vectors
 
-from fpsboost import cli
+from fpsboost.cli import app
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
-from fpsboost.exr import write_exr
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.media.images.files import read_image
+from fpsboost.io.images.exr import write_exr
+from fpsboost.io.images.files import read_image
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import configure, find_method, interpolate, vector_methods
-from fpsboost.motion.opencv import Still
-from fpsboost.motion.vectors import VectorFolder
-from fpsboost.pipeline import convert
-from fpsboost.prepared import PreparedImage
-from fpsboost.synthesis import Transition
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
@@ -34,8 +34,8 @@ def made(
     synthesizer: SceneAssisted, image0: np.ndarray, image1: np.ndarray, span: int | Fraction, times: Sequence[float]
 ) -> list[np.ndarray]:
     """Images between two frames that are `span` output frames apart, the first of them number 0."""
-    placed = [PreparedImage(image0, Fraction(0)), PreparedImage(image1, Fraction(span))]
-    return list(synthesizer.synthesize(Transition(*placed, *Still().estimate(*placed)), times))
+    placed = [FrameCache(image0, Fraction(0)), FrameCache(image1, Fraction(span))]
+    return list(synthesizer.synthesize(FramePair(*placed, *ZeroMotion().estimate(*placed)), times))
 
 
 def between(synthesizer: SceneAssisted, clip: Clip, span: int = 4) -> list[np.ndarray]:
@@ -177,7 +177,7 @@ def test_times_that_are_no_output_frames_are_refused(tmp_path):
         with pytest.raises(OptionError, match="need a whole factor"):
             made(synthesizer, image, image, span, [t])
     with pytest.raises(OptionError, match="need a whole factor"):
-        Interpolator(Still(), synthesizer).interpolate(image, image, [0.5])
+        Interpolator(ZeroMotion(), synthesizer).interpolate(image, image, [0.5])
 
 
 def test_depth_is_compared_at_output_frames_alone(tmp_path):
@@ -263,7 +263,7 @@ def run(monkeypatch, capsys, folder: Path, line: str) -> tuple[int, str]:
     monkeypatch.setattr(sys, "argv", ["fpsboost", *line.split()])
     code = 0
     try:
-        cli.main()
+        app.main()
     except SystemExit as stop:
         code = int(stop.code or 0)
     captured = capsys.readouterr()

@@ -13,13 +13,13 @@ import pytest
 from scenes_of_cuts import make_clips
 from truth import affine, as_type, frozen, moving_object, noise, prepared, translation, waves
 
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
+from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
-from fpsboost.held import Shown, by_moments
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import with_neighbours
 from fpsboost.method_table import methods
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import CutDetector, DuplicateDetector
 
 
 def scene(seed: int, height: int = 90, width: int = 120, channels: int = 3, dtype: type = np.uint8) -> np.ndarray:
@@ -30,7 +30,7 @@ def scene(seed: int, height: int = 90, width: int = 120, channels: int = 3, dtyp
 
 def is_cut(detector, image0, image1):
     """Whether a scene ends between two frames, before which motion was easy to follow."""
-    return detector.is_cut(detector.likeness(image0, image1), 0.9)
+    return detector.is_cut(detector.match_score(image0, image1), 0.9)
 
 
 @pytest.mark.parametrize(("first", "second"), [(1, 2), (3, 4), (5, 6), (7, 8), (9, 10)])
@@ -75,7 +75,7 @@ def test_motion_is_no_cut(clip):
 @pytest.mark.parametrize("image", [noise(90, 120), scene(1), np.full((90, 120, 3), 128, np.uint8)])
 def test_identical_frames_are_no_cut(image):
     """Likeness 1."""
-    assert CutDetector().likeness(*prepared(image, image)) == pytest.approx(1, abs=1e-5)
+    assert CutDetector().match_score(*prepared(image, image)) == pytest.approx(1, abs=1e-5)
     assert not is_cut(CutDetector(), *prepared(image, image))
 
 
@@ -93,9 +93,9 @@ def test_noise_and_slow_fades_are_no_cut():
 def test_likeness_is_a_share_and_symmetric():
     """In [0, 1], and the same both ways."""
     for image0, image1 in ((scene(1), scene(2)), (scene(1), affine(90, 120, shift=(5, 2), seed=1).image1)):
-        likeness = CutDetector().likeness(*prepared(image0, image1))
-        assert 0 <= likeness <= 1
-        assert likeness == CutDetector().likeness(*prepared(image1, image0))
+        match_score = CutDetector().match_score(*prepared(image0, image1))
+        assert 0 <= match_score <= 1
+        assert match_score == CutDetector().match_score(*prepared(image1, image0))
 
 
 def test_the_threshold_runs_from_no_cuts_to_all():
@@ -188,7 +188,7 @@ def test_the_rendered_scenes_hold_no_cut(scene_name):
     Neither as a sequence nor as two frames alone.
     """
     paths = sorted((Path(__file__).parents[1] / "samples" / "scenes" / scene_name).glob("*.png"))
-    images = [PreparedImage(cv2.imread(str(path))) for path in paths]
+    images = [FrameCache(cv2.imread(str(path))) for path in paths]
     pairs = [methods["nlm"].pair(*pair) for pair in zip(images[:-2], images[2:], strict=True)]
     assert len(pairs) == 23
     assert not any(pair.is_cut() for pair in pairs)
@@ -199,9 +199,9 @@ def test_the_rendered_scenes_hold_no_cut(scene_name):
 def found_cuts(frames):
     """The pairs of a clip of 24 frames per second that a conversion takes for cuts."""
     shown = (
-        Shown(Frame(image, Fraction(k, 24), Fraction(1, 24)), PreparedImage(image)) for k, image in enumerate(frames)
+        SourceFrame(Frame(image, Fraction(k, 24), Fraction(1, 24)), FrameCache(image)) for k, image in enumerate(frames)
     )
-    held = list(by_moments(shown, DuplicateDetector()))
+    held = list(group_duplicates(shown, DuplicateDetector()))
     pairs = [methods["nlm"].pair(first[0].image, second[0].image) for first, second in pairwise(held)]
     ends = np.cumsum([len(each) for each in held]) - 1
     triples = with_neighbours(pairs)

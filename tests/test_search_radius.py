@@ -15,17 +15,18 @@ from truth import Clip, affine, frozen, layers, moving_object, noise, prepared, 
 from twins import shortest_motions
 from vector_truth import save_translation
 
+from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.shortest import find_shortest
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.method_table import find_method
 from fpsboost.motion.colour import contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch
+from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.motion.search_radius import choose_search_radius, expected_motion
-from fpsboost.motion.vectors import RenderedMotion, VectorFolder
-from fpsboost.pipeline import convert
-from fpsboost.prepared import PreparedImage
 
 SCENES = Path(__file__).parents[1] / "samples" / "scenes"
 LOWEST, HIGHEST = 0.8, 1.6
@@ -42,8 +43,7 @@ def least(image) -> float:
 def test_the_radius_of_rendered_scenes_is_near_the_renderers(scene, number):
     """Mirrors, glass and patterns: what looks most alike far away in a pattern does not count as motion."""
     images = (
-        PreparedImage(cv2.imread(str(SCENES / scene / f"{each:04d}.png")), Fraction(each))
-        for each in (number, number + 2)
+        FrameCache(cv2.imread(str(SCENES / scene / f"{each:04d}.png")), Fraction(each)) for each in (number, number + 2)
     )
     image0, image1 = images
     vectors = VectorFolder(SCENES / scene / "vectors")
@@ -90,12 +90,12 @@ def test_still_frames_have_the_least_radius(height, width, expected):
 def test_vectors_choose_the_radius_of_the_reports_method(tmp_path):
     """The renderer's largest motion plus 20 %, whatever the image does; the field says what was chosen."""
     vectors = VectorFolder(save_translation(tmp_path, 3, (60, 80), 5.5, -1))
-    image0, image1 = PreparedImage(noise(60, 80), Fraction(0)), PreparedImage(noise(60, 80, seed=1), Fraction(2))
+    image0, image1 = FrameCache(noise(60, 80), Fraction(0)), FrameCache(noise(60, 80, seed=1), Fraction(2))
     for name in ("nlm-exhaustive", "nlm-brute-force"):
         estimator = find_method(name, vectors).estimator
         assert [field.search_radius for field in estimator.estimate(image0, image1)] == [14, 14]
     with pytest.raises(OptionError, match="whole factor"):
-        choose_search_radius(PreparedImage(noise(60, 80)), image1, vectors)
+        choose_search_radius(FrameCache(noise(60, 80)), image1, vectors)
 
 
 def test_a_given_radius_stands():

@@ -18,19 +18,19 @@ from hypothesis import strategies as st
 from vector_truth import constant, save_depth, save_flows, save_vectors
 
 from fpsboost import convert, methods
-from fpsboost.cli_compare import open_vectors
+from fpsboost.cli.compare import open_vectors
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
-from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.images import numbered
-from fpsboost.media.images.files import read_image
-from fpsboost.media.images.numbered import ImageSource
-from fpsboost.media.images.numbering import find_numbers
+from fpsboost.io.images import numbered
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.images.numbering import find_numbers
+from fpsboost.io.images.sequence import Numbering
+from fpsboost.io.trim import Trim
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import find_method
-from fpsboost.motion.vectors import VectorFolder
-from fpsboost.pipeline import Summary
-from fpsboost.position import parse_position
 from fpsboost.probing import probe
-from fpsboost.sequence import Numbering
+from fpsboost.streaming import Summary
+from fpsboost.timing.position import parse_position
 
 HEIGHT, WIDTH = 12, 16
 BLEND = replace(methods["blend"], cuts=None)
@@ -169,8 +169,8 @@ def test_names_are_those_of_the_originals(tmp_path):
 def test_a_part_keeps_its_numbers(tmp_path):
     """`--start` and `--end` count images, and the part has the numbers that it has in the whole."""
     source = fill(tmp_path / "in", range(1, 12, 2))
-    part = Excerpt(parse_position("1f", "--start"), parse_position("4f", "--end"))
-    run(source, tmp_path / "out", excerpt=part)
+    part = Trim(parse_position("1f", "--start"), parse_position("4f", "--end"))
+    run(source, tmp_path / "out", trim=part)
     assert names_in(tmp_path / "out") == [f"{number:04d}.png" for number in range(3, 8)]
     assert (
         contents(tmp_path / "out").items()
@@ -298,8 +298,8 @@ def test_repeated_images_are_not_missing(tmp_path):
 def test_parts_of_a_sequence_with_gaps(tmp_path):
     """`--start` counts numbers there, from the first."""
     source = fill(tmp_path / "in", [1, 2, 5, 6, 9])
-    part = Excerpt(parse_position("1f", "--start"), parse_position("6f", "--end"))
-    run(source, tmp_path / "out", fill_gaps=True, excerpt=part)
+    part = Trim(parse_position("1f", "--start"), parse_position("6f", "--end"))
+    run(source, tmp_path / "out", fill_gaps=True, trim=part)
     assert names_in(tmp_path / "out") == [f"{number:04d}.png" for number in range(2, 7)]
 
 
@@ -370,7 +370,7 @@ def test_a_run_in_place_that_was_killed(tmp_path, monkeypatch, moved):
     source = fill(tmp_path / "in", range(1, 12, 2))
     with monkeypatch.context() as context:  # nothing is tidied up behind it
         stop_moving(context, moved, StoppedError())
-        context.setattr("fpsboost.media.unfinished.shutil.rmtree", lambda *arguments, **options: None)
+        context.setattr("fpsboost.io.staging.shutil.rmtree", lambda *arguments, **options: None)
         context.setattr("pathlib.Path.unlink", lambda path, **options: None)
         with pytest.raises(StoppedError):
             run(source, in_place=True)
@@ -406,7 +406,7 @@ def test_a_run_in_place_that_was_stopped(tmp_path):
     assert times(source) == before
     assert "--resume goes on from there" in " ".join(stopped.value.__notes__)
     summary = run(source, in_place=True, resume=True)
-    assert summary.frames_there >= 3
+    assert summary.completed_frames >= 3
     assert contents(source) == contents(whole)
     assert [name for name in names_in(source) if name.startswith(".")] == []
 

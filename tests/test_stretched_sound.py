@@ -13,12 +13,13 @@ import pytest
 from numpy.typing import NDArray
 from video_truth import packets_of, pictures_of, scene, spoil_packets, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.video.encoding import Encoding
-from fpsboost.pace import Pace
-from fpsboost.pipeline import Silent, Summary, convert
-from fpsboost.position import Position
+from fpsboost.io.trim import Trim
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.streaming import SilentObserver, Summary
+from fpsboost.timing.position import Position
+from fpsboost.timing.rate import OutputRate
 
 RATE = 48000
 CLICKS = (0.4, 1.0, 1.6)
@@ -198,7 +199,7 @@ def test_tracks_keep_their_labels(tmp_path):
 def test_a_part_of_it(tmp_path, suffix):
     """--start and --end cut the sound to the sample, and what clicked between them clicks in its place."""
     clip, target = write_sounds(tmp_path / "in.mkv"), tmp_path / f"out{suffix}"
-    slow(clip, target, 3, excerpt=Excerpt(Position(Fraction(4, 5)), Position(Fraction(9, 5))))
+    slow(clip, target, 3, trim=Trim(Position(Fraction(4, 5)), Position(Fraction(9, 5))))
     expected = [3 * (click - 0.8 + CLICK / 2) for click in CLICKS[1:]]
     assert clicks_of(target, expected, 0.5) == pytest.approx(expected, abs=0.03)
     sound, rate = heard(target)
@@ -286,7 +287,7 @@ def test_a_resumed_run_makes_the_same_sound(tmp_path):
     """Stopped in the middle and gone on with, the sound is the same to the bit."""
     clip = write_sounds(tmp_path / "in.mkv", seconds=2.5)
 
-    class Stops(Silent):
+    class Stops(SilentObserver):
         def wrote(self, summary: Summary) -> None:
             if summary.frames_out == 260:
                 raise KeyboardInterrupt
@@ -295,7 +296,7 @@ def test_a_resumed_run_makes_the_same_sound(tmp_path):
     slow(clip, whole, 8)
     with pytest.raises(KeyboardInterrupt):
         slow(clip, stopped, 8, observer=Stops())
-    assert slow(clip, stopped, 8, resume=True).frames_there == 240
+    assert slow(clip, stopped, 8, resume=True).completed_frames == 240
     assert packets_of(stopped, "audio") == packets_of(whole, "audio")
 
 
@@ -330,7 +331,7 @@ def test_contradictions(tmp_path, fpsboost_):
         ["fpsboost: --slow-motion-sound stretch and --no-audio contradict each other; give one of them."],
     )
     with pytest.raises(OptionError, match="--slow-motion-sound must be one of drop, stretch, not 'loud'"):
-        Pace(slow_motion=True, slow_motion_sound="loud")  # type: ignore[arg-type]
+        OutputRate(slow_motion=True, slow_motion_sound="loud")  # type: ignore[arg-type]
     assert not (tmp_path / "out.mp4").exists()
 
 

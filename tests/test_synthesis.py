@@ -11,19 +11,19 @@ from truth import Clip, affine, eroded, layers, moving_object, noise, prepared, 
 from fpsboost.errors import OptionError
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
-from fpsboost.synthesis import Synthesizer, Transition
+from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
-from fpsboost.synthesis.fuse import Fuse
-from fpsboost.synthesis.paint import Paint
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
 from fpsboost.synthesis.rounding import rounding_offset, value_range
+from fpsboost.synthesis.splat import Splat
 from fpsboost.synthesis.warp import Warp
 
 synthesizers: dict[str, Synthesizer] = {
-    "fuse": Fuse(),
+    "fuse": MultiHypothesis(),
     "iterative": Reproject("iterative"),
     "brute-force": Reproject("brute-force"),
-    "paint": Paint(),
+    "paint": Splat(),
     "warp": Warp(),
     "blend": Blend(),
     "nearest": Nearest(),
@@ -45,9 +45,9 @@ def true_fields(clip: Clip) -> tuple[MotionField, MotionField]:
     )
 
 
-def true_transition(clip: Clip) -> Transition:
+def true_transition(clip: Clip) -> FramePair:
     """Both frames and the exact motion between them."""
-    return Transition(*clip.prepared, *true_fields(clip))
+    return FramePair(*clip.prepared, *true_fields(clip))
 
 
 def made(synthesizer: Synthesizer, clip: Clip, times: Sequence[float] = TIMES) -> list[np.ndarray]:
@@ -78,7 +78,7 @@ def test_deep_images_keep_their_depth(synthesizer, dtype):
     """16-bit and float images come out as precise as they went in."""
     frozen = translation(24, 28, 0, 0, dtype=dtype)
     image = frozen.image0.copy()
-    (middle,) = synthesizer.synthesize(Transition(*prepared(image, image), *true_fields(frozen)), [0.5])
+    (middle,) = synthesizer.synthesize(FramePair(*prepared(image, image), *true_fields(frozen)), [0.5])
     assert middle.dtype == dtype
     np.testing.assert_allclose(middle, image, rtol=1e-6 if dtype is np.float32 else 0)
 
@@ -104,7 +104,7 @@ def test_inputs_are_not_modified(synthesizer):
     fields = true_fields(clip)
     before = [array.copy() for field in fields for array in (field.flow, field.similarity)]
     images = clip.image0.copy(), clip.image1.copy()
-    list(synthesizer.synthesize(Transition(*clip.prepared, *fields), TIMES))
+    list(synthesizer.synthesize(FramePair(*clip.prepared, *fields), TIMES))
     after = [array for field in fields for array in (field.flow, field.similarity)]
     for one, other in zip([*before, *images], [*after, clip.image0, clip.image1], strict=True):
         np.testing.assert_array_equal(one, other)
@@ -127,7 +127,7 @@ def test_whole_translations_are_exact(synthesizer, shift):
     for t, image in zip(TIMES, made(synthesizer, clip), strict=True):
         known = eroded(np.ones((40, 50), bool), max(map(abs, shift)))
         off = np.abs(image[known].astype(int) - clip.at(t)[known]).max()
-        assert off <= (1 if isinstance(synthesizer, Fuse) else 0)
+        assert off <= (1 if isinstance(synthesizer, MultiHypothesis) else 0)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_whole_translations_are_exact(synthesizer, shift):
 def test_fusing_follows_any_smooth_motion(motion):
     """Along the exact motion, a smooth texture is right to a few levels of 255 (8-bit rounding and cubic sampling)."""
     clip = affine(60, 72, **motion)
-    for t, image in zip(TIMES, made(Fuse(), clip), strict=True):
+    for t, image in zip(TIMES, made(MultiHypothesis(), clip), strict=True):
         error = np.abs(image.astype(float) - clip.at(t))[eroded(np.ones((60, 72), bool), 8)]
         assert error.mean() < 0.7
         assert np.percentile(error, 99) < 5
@@ -151,7 +151,9 @@ def test_fusing_finds_the_right_motion_among_wrong_ones():
         for field in true_fields(clip)
     )
     inner = eroded(np.ones((60, 72), bool), 8)
-    for t, image in zip(TIMES, Fuse().synthesize(Transition(*clip.prepared, field01, field10), TIMES), strict=True):
+    for t, image in zip(
+        TIMES, MultiHypothesis().synthesize(FramePair(*clip.prepared, field01, field10), TIMES), strict=True
+    ):
         assert np.abs(image.astype(float) - clip.at(t))[inner].mean() < 0.7
 
 
@@ -165,7 +167,7 @@ def test_accelerations_that_disagree_do_not_bend_the_path(changes, share):
         away = np.zeros((96, 128, 2), np.float32)
         away[..., 1] = change - 4
         before = Neighbour(MotionField(-away, alike), MotionField(away, alike), 1.0)
-        (image,) = Fuse().synthesize(Transition(*clip.prepared, *true_fields(clip), before), [0.5])
+        (image,) = MultiHypothesis().synthesize(FramePair(*clip.prepared, *true_fields(clip), before), [0.5])
         return float(np.abs(image.astype(float) - clip.at(0.5))[inner].mean())
 
     agreed, scattered = np.full(128, np.mean(changes)), np.array(changes)[np.arange(128) // 8 % 3]
@@ -201,8 +203,8 @@ def test_swapped_frames_are_the_same_scene_backwards(synthesizer):
     """t between two frames is 1 - t between them the other way round, but for ties and rounding."""
     clip = translation(40, 50, 5, -3, seed=8)
     field01, field10 = true_fields(clip)
-    there = Transition(*clip.prepared, field01, field10)
-    back = Transition(*prepared(clip.image1, clip.image0), field10, field01)
+    there = FramePair(*clip.prepared, field01, field10)
+    back = FramePair(*prepared(clip.image1, clip.image0), field10, field01)
     for t in (0.25, 0.4, 0.5):
         (forward,) = synthesizer.synthesize(there, [t])
         (backward,) = synthesizer.synthesize(back, [1 - t])
@@ -232,18 +234,18 @@ def test_tiny_frames_have_images_between_them(synthesizer, size):
             MotionField(random.normal(size=(*size, 2)).astype(np.float32) * 4, np.ones(size, np.float32))
             for _ in range(2)
         ]
-        for image in synthesizer.synthesize(Transition(*prepared(image0, image1), *fields), TIMES):
+        for image in synthesizer.synthesize(FramePair(*prepared(image0, image1), *fields), TIMES):
             assert image.shape == (*size, channels)
 
 
 def test_confidence_is_high_but_where_nothing_fits():
     """Within [0, 1]: all of it for a still, little where an object hides and uncovers, much elsewhere."""
     still, clip = translation(40, 50, 0, 0), layers(80, 112, box=(26, 30, 54, 60), shift=(14, 0))
-    (fused,) = Fuse().fuse(true_transition(still), [0.5])
+    (fused,) = MultiHypothesis().fuse(true_transition(still), [0.5])
     np.testing.assert_array_equal(fused.image, still.image0)
     np.testing.assert_allclose(fused.confidence, 1, atol=1e-4)
-    (fused,) = Fuse().fuse(true_transition(clip), [0.5])
-    np.testing.assert_array_equal(fused.image, made(Fuse(), clip, [0.5])[0])
+    (fused,) = MultiHypothesis().fuse(true_transition(clip), [0.5])
+    np.testing.assert_array_equal(fused.image, made(MultiHypothesis(), clip, [0.5])[0])
     assert fused.confidence.shape == (80, 112)
     assert fused.confidence.dtype == np.float32
     assert 0 <= fused.confidence.min() <= fused.confidence.max() <= 1 + 1e-5
@@ -266,14 +268,14 @@ def test_confidence_is_high_but_where_nothing_fits():
 def test_options_of_fusing_out_of_range_are_refused(option, value):
     """By their name."""
     with pytest.raises(OptionError, match=option):
-        Fuse(**{option: value})
+        MultiHypothesis(**{option: value})
 
 
 def test_blend_mixes_in_time():
     """A quarter of the way there: a quarter of the new frame."""
     image0, image1 = np.full((3, 4, 3), 40, np.uint8), np.full((3, 4, 3), 80, np.uint8)
     still = MotionField(np.zeros((3, 4, 2), np.float32), np.ones((3, 4), np.float32))
-    images = Blend().synthesize(Transition(*prepared(image0, image1), still, still), [0.25, 0.5])
+    images = Blend().synthesize(FramePair(*prepared(image0, image1), still, still), [0.25, 0.5])
     assert [int(image[0, 0, 0]) for image in images] == [50, 60]
 
 

@@ -12,12 +12,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fpsboost import overlap
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
+from fpsboost.io import prefetch
 from fpsboost.method_table import methods
-from fpsboost.pipeline import boost, count_frames
-from fpsboost.timing import LARGEST_TICKS_PER_SECOND, ByFactor, ByRate, Schedule, Step, parse_number, parse_rate
+from fpsboost.streaming import run_conversion
+from fpsboost.timing.schedule import (
+    MAX_TICKS_PER_SECOND,
+    ByFactor,
+    ByRate,
+    Schedule,
+    Step,
+    count_frames,
+    parse_number,
+    parse_rate,
+)
 
 factors = st.fractions(Fraction(1, 8), 12, max_denominator=9)
 rates = st.sampled_from([24, 25, 30, 50, 60, 120, 144]).map(Fraction) | st.sampled_from([24, 30, 60, 120]).map(
@@ -103,7 +112,7 @@ def test_the_time_base_holds_every_time_of_a_factor(factor, ticks, gaps):
     times = times_from(Fraction(7, ticks), [gap * base for gap in [1, *gaps]])
     out = ByFactor(factor).time_base(base)
     assert out.numerator == 1
-    assert out.denominator <= LARGEST_TICKS_PER_SECOND
+    assert out.denominator <= MAX_TICKS_PER_SECOND
     assert all((step.time / out).denominator == 1 for _, step in all_steps(ByFactor(factor), times))
 
 
@@ -111,7 +120,7 @@ def test_the_time_base_holds_every_time_of_a_factor(factor, ticks, gaps):
 def test_the_time_base_holds_every_time_of_a_rate(rate, ticks, start):
     """Ticks of the source's clock, where the first frame lies, and of the output's rate are both whole."""
     out = ByRate(rate).time_base(Fraction(1, ticks))
-    assert out.denominator <= LARGEST_TICKS_PER_SECOND
+    assert out.denominator <= MAX_TICKS_PER_SECOND
     assert all(((Fraction(start, ticks) + k / rate) / out).denominator == 1 for k in range(5))
 
 
@@ -212,8 +221,8 @@ def test_the_expected_count_is_what_the_loop_writes(schedule, count, rate, holds
     """For factors and rates, for sinks that hold the last frame and sinks that end with it."""
     source, sink = Clip(count, rate), Shelf(holds_last_frame)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(overlap, "PATIENCE", 0.001)
-        summary = boost(source, methods["nearest"], sink, schedule)
+        patch.setattr(prefetch, "POLL_INTERVAL", 0.001)
+        summary = run_conversion(source, methods["nearest"], sink, schedule)
     assert count_frames(schedule, source.info, holds_last_frame) == summary.frames_out == len(sink.frames)
     shown = [frame.time for frame in sink.frames]
     assert all(earlier < later for earlier, later in pairwise(shown))
@@ -225,8 +234,8 @@ def test_every_frame_is_shown_until_the_next_and_the_last_to_the_end(schedule, c
     """The durations of what a video sink gets add up to the source's, whether frames are added or dropped."""
     sink = Shelf(holds_last_frame=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(overlap, "PATIENCE", 0.001)
-        boost(Clip(count, rate), methods["nearest"], sink, schedule)
+        patch.setattr(prefetch, "POLL_INTERVAL", 0.001)
+        run_conversion(Clip(count, rate), methods["nearest"], sink, schedule)
     ends = [frame.time + frame.duration for frame in sink.frames]
     assert ends == [*(frame.time for frame in sink.frames[1:]), count / rate]
 
@@ -241,6 +250,6 @@ def test_source_frames_know_their_place_among_output_frames(factor, index):
     """Output frame k lies at place k, whichever way the rate is given."""
     time = Fraction(index, 24)
     for schedule in (ByFactor(factor), ByRate(24 * factor)):
-        place = schedule.place(index, Fraction(0), time)
+        place = schedule.output_position(index, Fraction(0), time)
         steps = schedule.steps(index, Fraction(0), time, time + Fraction(1, 24))
         assert [place + step.t * factor for step in steps] == list(range(math.ceil(place), math.ceil(place + factor)))

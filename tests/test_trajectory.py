@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from truth import accelerating, prepared
 
-from fpsboost.motion.field import MotionField, point_places, round_trip
+from fpsboost.motion.field import MotionField, forward_backward_error, point_places
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.trajectory import accelerations_at_points
 
@@ -79,9 +79,9 @@ def test_vectors_that_do_not_come_back_do_not_count(lost):
     """Where the way back of either pair leads elsewhere, nothing is known and nothing is said; beside it, all is."""
     fields = {"onward": exact_fields(0, 1, (2, 0), (1, 0)), "away": exact_fields(-1, 0, (2, 0), (1, 0))[::-1]}
     there, back = fields[lost]
-    astray = back.flow.copy()
-    astray[:, :64] += 40
-    fields[lost] = there, MotionField(astray, back.similarity)
+    inconsistency = back.flow.copy()
+    inconsistency[:, :64] += 40
+    fields[lost] = there, MotionField(inconsistency, back.similarity)
     found = accelerations_at_points(fields["onward"], fields["away"], 1, SPACING)
     assert not found[:, 1:7].any()
     np.testing.assert_allclose(found[:, 9:-1], np.broadcast_to([1, 1, 0], (12, 6, 3)), atol=1e-5)
@@ -126,7 +126,9 @@ def test_points_say_the_same_as_the_pixels_that_share_them(height, width, spacin
         np.testing.assert_array_equal(of_points, of_pixels)
     y, x = point_places((height, width), step)
     vectors = coarse[0].at_points(step)[0]
-    np.testing.assert_array_equal(round_trip(vectors, y, x, coarse[1]), round_trip(vectors, y, x, fine[1]))
+    np.testing.assert_array_equal(
+        forward_backward_error(vectors, y, x, coarse[1]), forward_backward_error(vectors, y, x, fine[1])
+    )
     expected = accelerations_at_points((fine[0], fine[1]), (fine[2], fine[3]), 2, step)
     for away in (coarse[2:], fine[2:]):  # the neighbouring pair's may be denser
         found = accelerations_at_points((coarse[0], coarse[1]), (away[0], away[1]), 2, step)

@@ -14,16 +14,17 @@ from truth import moving_object, noise
 from vector_truth import constant, save_depth, save_flows, save_object, save_translation, save_vectors
 
 from fpsboost.errors import InputError, OptionError, OutputError
-from fpsboost.exr import write_exr
-from fpsboost.motion.flow_files import read_flow, write_flow
-from fpsboost.motion.vectors import RenderedMotion, VectorFolder
-from fpsboost.prepared import PreparedImage
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.flow_files import read_flow, write_flow
+from fpsboost.io.images.exr import write_exr
+from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.motion.rendered import RenderedMotion
 
 SIZE = HEIGHT, WIDTH = 12, 18
 
 
-def placed(number: Fraction | int | None, size: tuple[int, int] = SIZE) -> PreparedImage:
-    return PreparedImage(noise(*size), None if number is None else Fraction(number))
+def placed(number: Fraction | int | None, size: tuple[int, int] = SIZE) -> FrameCache:
+    return FrameCache(noise(*size), None if number is None else Fraction(number))
 
 
 def random_flow(seed: int) -> np.ndarray:

@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 from video_truth import QUARTER_TURN, packets_of, pictures_of, png, samples_of, scene, spoil_packets, write_clip
 
+from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.media import OutputTiming
-from fpsboost.media.video.encoding import VIDEO_SUFFIXES, Encoding, parse_bitrate, parse_encoder_options
-from fpsboost.media.video.sink import VideoSink
-from fpsboost.media.video.source import VideoSource
-from fpsboost.media.video.ycc import from_bgr
-from fpsboost.pipeline import convert
-from fpsboost.timing import ByFactor
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES, Encoding, parse_bitrate, parse_encoder_options
+from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.source import VideoSource
+from fpsboost.io.video.ycc import from_bgr
+from fpsboost.timing.schedule import ByFactor, OutputTiming
 
 FAST = Encoding(preset="ultrafast")
 LOSSLESS = Encoding(crf=0, preset="ultrafast")

@@ -7,14 +7,14 @@ import pytest
 from truth import affine, as_type, eroded, noise, prepared
 
 from fpsboost.motion.field import MotionField
-from fpsboost.synthesis import Transition
+from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.warp import Warp
 
 
 def warped(image0, image1, flow01, flow10, t):
     """One image."""
     fields = (MotionField(np.array(flow, np.float32), np.ones(flow.shape[:2], np.float32)) for flow in (flow01, flow10))
-    (image,) = Warp().synthesize(Transition(*prepared(image0, image1), *fields), [t])
+    (image,) = Warp().synthesize(FramePair(*prepared(image0, image1), *fields), [t])
     return image
 
 

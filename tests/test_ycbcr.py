@@ -12,15 +12,15 @@ from truth import affine
 from video_truth import pictures_of, samples_of, write_clip
 
 from fpsboost import Encoding, InputError, convert, methods
+from fpsboost.analysis.duplicates import brightness
 from fpsboost.frame import Frame, as_array, check_pair
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import with_neighbours
-from fpsboost.media.video.planes import PLANAR_FORMATS, bgr_of, in_planes, picture_of
-from fpsboost.media.video.source import VideoSource
-from fpsboost.media.video.ycc import from_bgr
+from fpsboost.io.video.planes import PLANAR_FORMATS, bgr_of, in_planes, picture_of
+from fpsboost.io.video.source import VideoSource
+from fpsboost.io.video.ycc import from_bgr
 from fpsboost.motion.colour import contrast_components, contrast_planes, gray, small_copy
 from fpsboost.motion.nlm import pyramid
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import brightness
 from fpsboost.ycbcr import Coding, YCbCrImage
 
 METHODS = sorted(name for name, method in methods.items() if method.takes_planes)
@@ -119,7 +119,7 @@ def test_made_images_are_those_of_bgr(method, pixel_format):
 
 def pair_of(method: str, image0: object, image1: object) -> object:
     """A pair of frames."""
-    return methods[method].pair(PreparedImage(image0), PreparedImage(image1))
+    return methods[method].pair(FrameCache(image0), FrameCache(image1))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -155,7 +155,7 @@ def test_cuts_are_treated_in_planes(at_cuts):
     same = [planar(image) for image in smooth((72, 96), shift=(3, 0))]
     other = planar(random.integers(0, 256, (72, 96, 3), dtype=np.uint8))
     nlm = replace(methods["nlm"], at_cuts=at_cuts)
-    frames = [PreparedImage(image) for image in (*same, other, other.copy())]
+    frames = [FrameCache(image) for image in (*same, other, other.copy())]
     pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
     found = [nlm.between(pair, [0.25], before, after) for before, pair, after in with_neighbours(pairs)]
     assert [each.scene_cut for each in found] == [False, True, False]
@@ -173,7 +173,7 @@ def test_an_overlay_is_left_alone_in_planes():
         image = clip.at(float(k)) if k > 1 else (clip.image0, clip.image1)[k]
         image = image.copy()
         image[40:44, 60:100] = (40, 220, 240)
-        frames.append(PreparedImage(planar(image)))
+        frames.append(FrameCache(planar(image)))
     nlm = methods["nlm"]
     pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]
     (made,) = nlm.between(pairs[1], [0.5], pairs[0], pairs[2]).images
@@ -187,7 +187,7 @@ def test_light_that_changes_is_followed_by_way_of_bgr():
     image0, image1 = (image.astype(float) for image in smooth())
     frames = [planar(np.rint(image).astype(np.uint8)) for image in (image0 * 0.5, image1)]
     pair = pair_of("nlm", *frames)
-    assert pair.lighting is not None
+    assert pair.illumination is not None
     (made,) = methods["nlm"].between(pair, [0.5]).images
     (expected,) = methods["nlm"].between(pair_of("nlm", *map(bgr_of, frames)), [0.5]).images
     assert np.abs(as_array(made).astype(int) - expected).mean() < 2
@@ -209,7 +209,7 @@ def test_conversions_stay_in_planes(tmp_path, pixel_format):
     clip = write_clip(tmp_path / "in.mkv", times=[0, 1, 2, 3], pixel_format=pixel_format, options={"crf": "0"})
     convert(str(clip), str(tmp_path / "out.mkv"), factor=2, method="nlm", encoding=LOSSLESS)
     with VideoSource(clip, keeps_planes=True) as source:
-        frames = [PreparedImage(frame.image) for frame in source]
+        frames = [FrameCache(frame.image) for frame in source]
     assert all(isinstance(frame.pixels, YCbCrImage) for frame in frames)
     nlm = methods["nlm"]
     pairs = [nlm.pair(first, second) for first, second in pairwise(frames)]

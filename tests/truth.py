@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.prepared import PreparedImage
+from fpsboost.frame_cache import FrameCache
 
 Array = NDArray[Any]
 
@@ -38,14 +38,14 @@ class Clip:
     at: Callable[[float], Array]
 
     @property
-    def prepared(self) -> tuple[PreparedImage, PreparedImage]:
+    def prepared(self) -> tuple[FrameCache, FrameCache]:
         """Both frames as estimators take them, nothing remembered of them yet."""
-        return PreparedImage(self.image0), PreparedImage(self.image1)
+        return FrameCache(self.image0), FrameCache(self.image1)
 
 
-def prepared(*images: Array) -> list[PreparedImage]:
+def prepared(*images: Array) -> list[FrameCache]:
     """The images as estimators take them, nothing remembered of them yet."""
-    return [PreparedImage(image) for image in images]
+    return [FrameCache(image) for image in images]
 
 
 def frozen(image: Array) -> Array:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.exr import write_exr
-from fpsboost.motion.flow_files import write_flow
+from fpsboost.io.flow_files import write_flow
+from fpsboost.io.images.exr import write_exr
 
 Array = NDArray[Any]
 

@@ -11,8 +11,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.media.video.pipe import chroma_locations, formats
-from fpsboost.media.video.ycc import SMPTE170M, from_bgr, plane_arrays
+from fpsboost.io.video.pipe import chroma_locations, formats
+from fpsboost.io.video.ycc import SMPTE170M, from_bgr, plane_arrays
 
 QUARTER_TURN = (0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
 LOSSLESS = {"preset": "ultrafast", "crf": "0"}

@@ -19,7 +19,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.cut_list import CutList
+from fpsboost.analysis.cut_list import CutList
+from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import InputError, OptionError, OutputError, explained
 from fpsboost.evaluation.further_metrics import Meters, summarise
 from fpsboost.evaluation.hiding import Hidden, Hiding, Interval
@@ -28,21 +29,20 @@ from fpsboost.evaluation.metrics import Scores, absolute_error, low_percentile, 
 from fpsboost.evaluation.regions import NAMES, OUTSIDES, Regions, find_regions
 from fpsboost.evaluation.verdict import judge
 from fpsboost.frame import Image, describe
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair, with_neighbours
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import methods
-from fpsboost.motion.vectors import VectorFolder
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import CutDetector, CutPolicy
 from fpsboost.version import __version__
 
-SMALLEST_SHARE = 0.02
+MIN_SHARE = 0.02
 """An area that takes less of the picture is not shown: its few pixels say more about chance than about a method."""
 
 
 DATA_VERSION = 1
 """Of `Comparison.as_json`: higher where a name has gone or means something else, the same where names were added."""
 
-MOST_NAMED = 8
+MAX_NAMED = 8
 """Frames that a note names; the data have all of them."""
 
 
@@ -155,7 +155,7 @@ class Comparison:
     def areas(self) -> list[tuple[str, str]]:
         """The areas that are worth showing, each with what lies outside: both take a share that matters."""
         known = zip(NAMES, OUTSIDES, strict=True)
-        return [pair for pair in known if SMALLEST_SHARE <= self.shares[pair[0]] <= 1 - SMALLEST_SHARE]
+        return [pair for pair in known if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
 
     @property
     def uneven(self) -> list[int]:
@@ -419,7 +419,7 @@ def _look(
     across_cuts = {
         number
         for before, (numbers, pair), after in with_neighbours(pairs)
-        if pair.breaks_off(*(each and each[1] for each in (before, after)))
+        if pair.is_discontinuous(*(each and each[1] for each in (before, after)))
         for number in numbers
     }
     hidden = [number for each in passed for number in each.hidden]
@@ -497,7 +497,7 @@ def _true_pairs(intervals: Iterable[Interval], policy: CutPolicy | None) -> Iter
     A cut is looked for between these and not between the shown ones: what is fast motion to a method is no cut.
     """
     interpolator = replace(methods["nlm"], cuts=policy)
-    last: PreparedImage | None = None
+    last: FrameCache | None = None
     for interval in intervals:
         first, end = interval.prepared()
         row = [last or first, *interval.prepared_truths(), end]
@@ -608,8 +608,8 @@ def make_some(
 
 def _some(numbers: Sequence[int]) -> str:
     """The first of many numbers, and how many more there are."""
-    named = ", ".join(map(str, numbers[:MOST_NAMED]))
-    more = len(numbers) - MOST_NAMED
+    named = ", ".join(map(str, numbers[:MAX_NAMED]))
+    more = len(numbers) - MAX_NAMED
     return f"{named} and {more} more" if more > 0 else named
 
 

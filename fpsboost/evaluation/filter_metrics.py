@@ -17,9 +17,9 @@ import av.filter
 import numpy as np
 
 from fpsboost.errors import InputError
-from fpsboost.evaluation.metrics import as_seen
+from fpsboost.evaluation.metrics import composite_on_black
 from fpsboost.frame import Image, has_alpha
-from fpsboost.media.video.ycc import assumed_color_space, from_bgr
+from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 
 HIGHEST = 120.0
 """Equal frames have this XPSNR, dB, as they have this PSNR, and not infinity, which has no mean."""
@@ -31,10 +31,10 @@ MULTIPLE = 4
 """Pixels: blocks of ``xpsnr`` have such sides. Of other sizes it gives a lone last row or column far too much weight,
 and in large frames it reads and writes behind them."""
 
-FEWEST_PIXELS = 2025
+MIN_PIXELS = 2025
 """Of fewer, ``xpsnr`` takes blocks of no size, and divides by it."""
 
-SHORTEST_SIDE = 32
+MIN_SIDE = 32
 """Pixels: in a lone column of blocks, ``xpsnr`` sees no error."""
 
 
@@ -96,7 +96,7 @@ class _Side:
 
 def _without_alpha(image: Image) -> Image:
     """Colours as far as they are seen, which is what the other scores count."""
-    return as_seen(image)[..., :-1] if has_alpha(image) else image
+    return composite_on_black(image)[..., :-1] if has_alpha(image) else image
 
 
 class _FilterMeter:
@@ -151,10 +151,10 @@ class XpsnrMeter(_FilterMeter):
 
     def _push(self, truth: Image, made: Image) -> None:
         height, width = (side - side % MULTIPLE for side in truth.shape[:2])
-        if min(height, width) < SHORTEST_SIDE or height * width < FEWEST_PIXELS:
+        if min(height, width) < MIN_SIDE or height * width < MIN_PIXELS:
             raise InputError(
-                f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small for XPSNR, which needs {SHORTEST_SIDE} "
-                f"pixels each way and {FEWEST_PIXELS} in all; leave xpsnr out of --metrics."
+                f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small for XPSNR, which needs {MIN_SIDE} "
+                f"pixels each way and {MIN_PIXELS} in all; leave xpsnr out of --metrics."
             )
         truth, made = (np.ascontiguousarray(image[:height, :width]) for image in (truth, made))
         if self._side is None:

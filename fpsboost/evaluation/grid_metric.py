@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.evaluation.metrics import LEVELS, as_seen
+from fpsboost.evaluation.metrics import LEVELS, composite_on_black
 from fpsboost.frame import Image
 
 PERIODS = (8, 16, 32)
@@ -70,7 +70,9 @@ def count_steps(truth: Image, made: Image) -> dict[str, float]:
     dict of str to float
         ``grid8_lines`` and ``grid8_between``, and the same for the other periods: whole numbers.
     """
-    true_levels, made_levels = (np.round(as_seen(image) * np.float32(LEVELS), EXACT) for image in (truth, made))
+    true_levels, made_levels = (
+        np.round(composite_on_black(image) * np.float32(LEVELS), EXACT) for image in (truth, made)
+    )
     error = cv2.boxFilter(np.abs(made_levels - true_levels).mean(axis=2), -1, (AROUND, AROUND))
     across = _steps_by_column(true_levels, made_levels, error)
     down = _steps_by_column(*(np.swapaxes(each, 0, 1) for each in (true_levels, made_levels, error)))

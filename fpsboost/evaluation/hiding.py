@@ -14,16 +14,15 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from fpsboost.analysis.duplicates import DuplicateDetector, Picture, SourceFrame, find_pictures
 from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.held import Picture, Shown, find_pictures
-from fpsboost.media import FrameSource
-from fpsboost.media.excerpt import Excerpt
-from fpsboost.media.opening import PIPES, Purpose, beginning, cut_out, open_source
-from fpsboost.media.video.reading import Reading
-from fpsboost.prepared import Moment, PreparedImage
-from fpsboost.scenes import DuplicateDetector
-from fpsboost.timing import ByRate, rising_moment
+from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.io import FrameSource
+from fpsboost.io.opening import PIPES, TargetRequirements, beginning, open_source, trim_source
+from fpsboost.io.trim import Trim
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.timing.schedule import ByRate, rising_time
 
 Duplicates = Literal["interpolate", "keep"]
 
@@ -39,15 +38,15 @@ class Hidden(NamedTuple):
     t: Fraction
     """Its place in time between the shown frames."""
     truth: Image
-    moment: Moment
+    source_position: SourcePosition
     """When the clip shows it."""
 
 
 class Interval(NamedTuple):
     """Two shown frames and those hidden between them."""
 
-    begin: Moment
-    end: Moment
+    begin: SourcePosition
+    end: SourcePosition
     """When the clip shows the two."""
     shown0: Frame
     shown1: Frame
@@ -67,24 +66,24 @@ class Interval(NamedTuple):
         """Number of the second shown frame in the clip."""
         return self.end.number
 
-    def prepared(self) -> tuple[PreparedImage, PreparedImage]:
+    def prepared(self) -> tuple[FrameCache, FrameCache]:
         """The shown frames as methods take them, each in its place in the clip, nothing remembered of them yet."""
         return _prepared(self.shown0.array, self.begin), _prepared(self.shown1.array, self.end)
 
-    def prepared_truths(self) -> list[PreparedImage]:
+    def prepared_truths(self) -> list[FrameCache]:
         """The hidden frames in the same way."""
-        return [_prepared(hidden.truth, hidden.moment) for hidden in self.hidden]
+        return [_prepared(hidden.truth, hidden.source_position) for hidden in self.hidden]
 
 
-def _prepared(image: Image, moment: Moment) -> PreparedImage:
-    return PreparedImage(image, Fraction(moment.number), moment)
+def _prepared(image: Image, position: SourcePosition) -> FrameCache:
+    return FrameCache(image, Fraction(position.number), position)
 
 
 class _Truth(NamedTuple):
     """A frame, and what repeats what."""
 
     frame: Frame
-    moment: Moment
+    source_position: SourcePosition
     repeats: tuple[int, ...]
     """Numbers of the frames after it that show the same and were put together with it."""
     is_repeat: bool
@@ -95,11 +94,11 @@ class _Truth(NamedTuple):
 class Hiding:
     """Which frames of a clip are hidden, and how the clip is read.
 
-    Where a picture is held for several frames between moves (see `fpsboost.held`), its first frame stands for it. Some
-    intervals do not count, because nobody knows what should be seen at the times of their hidden frames: where pictures
-    are held unevenly long (where every 25th frame is a repeat, was a picture missed, or were all of them slowed down?),
-    where two frames show the same because a still begins, lasts or ends, and across a pause that conversions leave
-    alone.
+    Where a picture is held for several frames between moves (see `fpsboost.analysis.duplicates`), its first frame
+    stands for it. Some intervals do not count, because nobody knows what should be seen at the times of their hidden
+    frames: where pictures are held unevenly long (where every 25th frame is a repeat, was a picture missed, or were all
+    of them slowed down?), where two frames show the same because a still begins, lasts or ends, and across a pause that
+    conversions leave alone.
 
     A hidden frame lies between the shown ones where the times of the clip say, and divides them evenly where it misses
     that by no more than what conversions take for the rounding and jitter of a clock.
@@ -110,9 +109,9 @@ class Hiding:
         Frames hidden between every two that are shown.
     first, last : int or None
         The frames from `first` up to, but not including, `last`; to the end where that is None.
-    excerpt : Excerpt
+    trim : Trim
         The same by times or frames; only one of the two can be given.
-    reading : Reading
+    decoding : DecodeOptions
         How a video file is read.
     duplicates : {'interpolate', 'keep'}
         Look for frames that repeat another, or take each frame for a picture of its own.
@@ -128,8 +127,8 @@ class Hiding:
     skip: int = 1
     first: int = 0
     last: int | None = None
-    excerpt: Excerpt = Excerpt()
-    reading: Reading = Reading()
+    trim: Trim = Trim()
+    decoding: DecodeOptions = DecodeOptions()
     duplicates: Duplicates = "interpolate"
     counts_frames: bool = False
 
@@ -142,7 +141,7 @@ class Hiding:
                 f"--range {self._range} leaves nothing to hide; with --skip {self.skip} give at least "
                 f"{self.skip + 2} frames."
             )
-        if self._range != WHOLE and not self.excerpt.is_whole:
+        if self._range != WHOLE and not self.trim.is_whole:
             raise OptionError("--range says in frames what --start and --end say; give one or the other.")
 
     @property
@@ -155,20 +154,20 @@ class Hiding:
         names = ("skip", "range", "start", "end", "stream", "size_change", "duplicates")
         given = {f"--{name.replace('_', '-')}": own[name] for name in names if own[name] != usual[name]}
         words = [word for option, value in given.items() for word in (option, str(value))]
-        return [*words, "--deinterlace"] if self.reading.deinterlace else words
+        return [*words, "--deinterlace"] if self.decoding.deinterlace else words
 
     def as_json(self) -> dict[str, Any]:
         """Plain data, by the names of the options; a range as its two ends."""
-        start, end = (None if each is None else each.as_option() for each in (self.excerpt.start, self.excerpt.end))
+        start, end = (None if each is None else each.as_option() for each in (self.trim.start, self.trim.end))
         return {
             "skip": self.skip,
             "first": self.first,
             "last": self.last,
             "start": start,
             "end": end,
-            "stream": self.reading.stream,
-            "deinterlace": self.reading.deinterlace,
-            "size_change": self.reading.size_change,
+            "stream": self.decoding.stream,
+            "deinterlace": self.decoding.deinterlace,
+            "size_change": self.decoding.size_change,
             "duplicates": self.duplicates,
         }
 
@@ -191,11 +190,11 @@ class Hiding:
         """
         if path in PIPES:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
-        purpose = Purpose(pictures_alone=True, upright=True, needs_rate=self.excerpt.needs_rate)
+        requirements = TargetRequirements(pictures_alone=True, upright=True, needs_rate=self.trim.needs_rate)
         found = repeats = 0
-        with open_source(path, input_fps, purpose=purpose, reading=self.reading) as whole:
+        with open_source(path, input_fps, requirements=requirements, decoding=self.decoding) as whole:
             clock = _clock(whole.info)
-            source = cut_out(whole, self.excerpt, may_skip=not self.counts_frames)
+            source = trim_source(whole, self.trim, may_skip=not self.counts_frames)
             row: list[_Truth] = []
             for truth in self._truths(self._shown(source, clock, path)):
                 row.append(truth)
@@ -211,37 +210,37 @@ class Hiding:
                 f"{self.skip + 2} are needed in the range{beside}."
             )
 
-    def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[Shown]:
+    def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[SourceFrame]:
         """The frames of the range, at the times that a conversion takes them to have."""
-        begin, start = Moment(0, Fraction(0)), Fraction(0)
+        begin, start = SourcePosition(0, Fraction(0)), Fraction(0)
         last: Fraction | None = None
         for number, frame in islice(enumerate(source), self.last):
             if number == 0:
                 begin, start = beginning(source), frame.time
             if number < self.first:
                 continue
-            moment = Moment(begin.number + number, begin.seconds + frame.time - start)
-            _check_numbers(frame.array, moment.number, path)
-            time = rising_moment(clock, start, frame.time, last)
+            position = SourcePosition(begin.number + number, begin.seconds + frame.time - start)
+            _check_numbers(frame.array, position.number, path)
+            time = rising_time(clock, start, frame.time, last)
             if time is not None:
                 last = time
-                yield Shown(replace(frame, time=time), _prepared(frame.array, moment))
+                yield SourceFrame(replace(frame, time=time), _prepared(frame.array, position))
 
-    def _truths(self, frames: Iterator[Shown]) -> Iterator[_Truth]:
+    def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
         """The frames, those of a held picture put together."""
         if self.duplicates == "keep":
             pictures: Iterator[Picture] = (Picture((each,), is_still=False, repeats=0) for each in frames)
         else:
             pictures = find_pictures(frames, DuplicateDetector())
         for picture in pictures:
-            shown = [(each.frame, _moment_of(each)) for each in picture.frames]
+            shown = [(each.frame, _position_of(each)) for each in picture.frames]
             if picture.is_still:
                 first_repeat = len(shown) - picture.repeats
-                for index, (frame, moment) in enumerate(shown):
-                    yield _Truth(frame, moment, (), is_repeat=index >= first_repeat)
+                for index, (frame, position) in enumerate(shown):
+                    yield _Truth(frame, position, (), is_repeat=index >= first_repeat)
             else:
-                frame, moment = shown[0]
-                yield _Truth(frame, moment, tuple(repeat.number for _, repeat in shown[1:]), is_repeat=False)
+                frame, position = shown[0]
+                yield _Truth(frame, position, tuple(repeat.number for _, repeat in shown[1:]), is_repeat=False)
 
 
 def _clock(info: ClipInfo) -> ByRate:
@@ -249,9 +248,9 @@ def _clock(info: ClipInfo) -> ByRate:
     return ByRate.forgiving(2 * info.rate, info.rate, info.time_base)
 
 
-def _moment_of(shown: Shown) -> Moment:
-    assert shown.image.moment is not None
-    return shown.image.moment
+def _position_of(shown: SourceFrame) -> SourcePosition:
+    assert shown.image.source_position is not None
+    return shown.image.source_position
 
 
 def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
@@ -262,16 +261,24 @@ def _interval(row: Sequence[_Truth], clock: ByRate) -> Interval:
         even = Fraction(k, len(between) + 1)
         t = (truth.frame.time - begin) / (end - begin)
         is_even = abs(t - even) * (end - begin) <= clock.tolerance
-        hidden.append(Hidden(truth.moment.number, even if is_even else t, truth.frame.array, truth.moment))
+        hidden.append(
+            Hidden(truth.source_position.number, even if is_even else t, truth.frame.array, truth.source_position)
+        )
     repeats = [number for truth in row[:-1] for number in truth.repeats]
-    repeats += [truth.moment.number for truth in row[1:] if truth.is_repeat]
+    repeats += [truth.source_position.number for truth in row[1:] if truth.is_repeat]
     is_known = (
         len({len(truth.repeats) for truth in row[:-1]}) == 1
         and not any(truth.is_repeat for truth in row[1:])
         and not any(clock.is_pause(later.frame.time - earlier.frame.time) for earlier, later in pairwise(row))
     )
     return Interval(
-        before.moment, after.moment, before.frame, after.frame, tuple(hidden), tuple(sorted(repeats)), is_known
+        before.source_position,
+        after.source_position,
+        before.frame,
+        after.frame,
+        tuple(hidden),
+        tuple(sorted(repeats)),
+        is_known,
     )
 
 

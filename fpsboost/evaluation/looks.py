@@ -50,7 +50,7 @@ COLOURS = HUES * len(LIGHTNESSES)
 
 CHROMA = 0.13
 
-LONGEST_LINE = 16
+MAX_LINE = 16
 """Letters of a long name that stand side by side where there is little room."""
 
 
@@ -100,7 +100,7 @@ def break_name(name: str) -> list[str]:
     """
     lines = [""]
     for part in re.findall(r"[^:,]*[:,]|[^:,]+", name):
-        if lines[-1] and len(lines[-1]) + len(part) > LONGEST_LINE:
+        if lines[-1] and len(lines[-1]) + len(part) > MAX_LINE:
             lines.append("")
         lines[-1] += part
     return lines

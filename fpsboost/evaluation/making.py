@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hiding import Hidden, Interval
 from fpsboost.frame import Image, as_array
+from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.motion.colour import normalised
-from fpsboost.prepared import PreparedImage
 
 MINTERPOLATE = "minterpolate"
 
@@ -101,7 +101,7 @@ class InterpolatorMaker:
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
                 yield from self._timed(pair, chosen, *(each and each[1] for each in (before, after)))
-            pair.settle()
+            pair.release_caches()
 
     def _timed(self, pair: Pair, chosen: Sequence[Hidden], before: Pair | None, after: Pair | None) -> Iterator[Made]:
         begin, begin_cpu = time.perf_counter(), time.process_time()
@@ -113,7 +113,7 @@ class InterpolatorMaker:
             begin, begin_cpu = time.perf_counter(), time.process_time()
 
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
-        last: PreparedImage | None = None
+        last: FrameCache | None = None
         for interval in intervals:
             first, image = interval.prepared()
             if last is None:

@@ -19,7 +19,7 @@ from fpsboost.frame import Image, has_alpha
 from fpsboost.motion.colour import normalised
 
 LEVELS = 255
-SMALLEST_MSE = 1e-12
+MIN_MSE = 1e-12
 """Equal images have a PSNR of 120 dB and not of infinity, which has no mean."""
 
 SSIM_WINDOW = 7
@@ -75,8 +75,8 @@ def score(truth: Image, made: Image) -> Scores:
             f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small to be compared; take at least "
             f"{SSIM_WINDOW} pixels each way."
         )
-    reference, guess = (as_seen(image).astype(np.float64) for image in (truth, made))
-    error = max(float(mean_squared_error(reference, guess)), SMALLEST_MSE)
+    reference, guess = (composite_on_black(image).astype(np.float64) for image in (truth, made))
+    error = max(float(mean_squared_error(reference, guess)), MIN_MSE)
     ssim: Any = structural_similarity
     return Scores(
         mse=error * LEVELS**2,
@@ -93,11 +93,11 @@ def absolute_error(truth: Image, made: Image) -> NDArray[Any]:
     -------
     (H, W) float32
     """
-    error: NDArray[Any] = np.abs(as_seen(truth) - as_seen(made)).mean(axis=2) * np.float32(LEVELS)
+    error: NDArray[Any] = np.abs(composite_on_black(truth) - composite_on_black(made)).mean(axis=2) * np.float32(LEVELS)
     return error
 
 
-def as_seen(image: Image) -> NDArray[Any]:
+def composite_on_black(image: Image) -> NDArray[Any]:
     """The image as float32 with 1.0 for white, colours multiplied by alpha; what is no number becomes black."""
     values = normalised(image)
     if has_alpha(image) and image.dtype != np.float32:  # float images have that done already
@@ -119,7 +119,7 @@ def as_shown(image: Image) -> NDArray[Any]:
     [[[255, 255, 255]]]
     """
     linear = image.dtype == np.float32
-    values = as_seen(image)
+    values = composite_on_black(image)
     if has_alpha(image):
         gray = 0.5**2.2 if linear else 0.5
         values = values[..., :-1] + gray * (1 - values[..., -1:].clip(0, 1))

@@ -32,9 +32,9 @@ from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.evaluation.hiding import Interval
 from fpsboost.evaluation.making import Made, seconds_of_children
 from fpsboost.frame import Image, has_alpha
-from fpsboost.media.images.files import IMAGE_SUFFIXES, encode_image, extension_of, read_image
+from fpsboost.io.images.files import IMAGE_SUFFIXES, encode_image, extension_of, read_image
+from fpsboost.io.images.sequence import list_files
 from fpsboost.motion.colour import normalised
-from fpsboost.sequence import list_files
 
 UNKNOWN = float("nan")
 

@@ -18,9 +18,9 @@ from fpsboost.evaluation.metrics import absolute_error, as_shown
 from fpsboost.frame import Image
 from fpsboost.interpolator import Pair
 from fpsboost.motion.field import point_places
-from fpsboost.motion.opencv import Still
-from fpsboost.synthesis import Transition
-from fpsboost.synthesis.fuse import Fuse
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 
 WIDEST = 1280
 """Pixels of a picture on the page."""
@@ -31,7 +31,7 @@ QUALITY = 92
 LOSSLESS = 101
 """What OpenCV calls WebP without loss."""
 
-SMALLEST_CROP = 48
+MIN_CROP = 48
 """Pixels; a tenth of the frame's width where that is more."""
 
 WHEEL = 160
@@ -244,7 +244,7 @@ def _interval_of(picked: Picked) -> Interval:
 
 
 def _moves(maker: Maker) -> bool:
-    return isinstance(maker, InterpolatorMaker) and not isinstance(maker.interpolator.estimator, Still)
+    return isinstance(maker, InterpolatorMaker) and not isinstance(maker.interpolator.estimator, ZeroMotion)
 
 
 def _pair(maker: Maker, interval: Interval) -> Pair:
@@ -260,9 +260,9 @@ def _doubts(
         if name not in pairs or not isinstance(maker, InterpolatorMaker):
             continue
         synthesizer = maker.interpolator.synthesizer
-        if isinstance(synthesizer, Fuse):
-            transition = Transition(*pairs[name].in_one_light, *pairs[name].fields)
-            confidence = next(synthesizer.fuse(transition, [float(picked.hidden.t)])).confidence
+        if isinstance(synthesizer, MultiHypothesis):
+            frame_pair = FramePair(*pairs[name].compensated, *pairs[name].fields)
+            confidence = next(synthesizer.fuse(frame_pair, [float(picked.hidden.t)])).confidence
             error = absolute_error(picked.hidden.truth, made[name])
             doubt, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / BRIGHTEST))
             yield Picture(name, index, encode(doubt)), Picture(name, index, encode(wrong), float(error.mean()))
@@ -306,7 +306,7 @@ def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
     (20, 10, 48)
     """
     height, width = errors[0].shape
-    size = min(max(SMALLEST_CROP, width // 10), height, width)
+    size = min(max(MIN_CROP, width // 10), height, width)
     means = np.stack([_window_means(error, size) for error in errors])
     together = means.mean(axis=0)
     y, x = np.unravel_index(int(together.argmax()), together.shape)

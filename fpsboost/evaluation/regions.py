@@ -14,11 +14,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.analysis.duplicates import DuplicateDetector, brightness
 from fpsboost.evaluation.hiding import Interval
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.motion.opencv import Dis
-from fpsboost.motion.vectors import VectorFolder, frame_number
-from fpsboost.prepared import PreparedImage
-from fpsboost.scenes import DuplicateDetector, brightness
+from fpsboost.motion.rendered import frame_number
 
 MOVES = 1.0
 """Shortest motion from one shown frame to the next that counts as moving, pixels."""
@@ -82,9 +83,7 @@ def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Ite
         yield Regions(moving, visible[0] != visible[1], ~(found[0] | found[1]))
 
 
-def _motion(
-    here: PreparedImage, there: PreparedImage, vectors: VectorFolder | None
-) -> tuple[NDArray[Any], NDArray[Any]]:
+def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -> tuple[NDArray[Any], NDArray[Any]]:
     """(H, W, 2) float32 each, motion from one frame to another and back."""
     if vectors is None:
         field, back = Dis().estimate(here, there)
@@ -92,12 +91,12 @@ def _motion(
     return _rendered_motion(here, there, vectors), _rendered_motion(there, here, vectors)
 
 
-def _find(truth: PreparedImage, shown: Sequence[PreparedImage], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+def _find(truth: FrameCache, shown: Sequence[FrameCache], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     """Where the blocks of the true frame are found in each of the shown ones."""
-    here = np.asarray(truth.once(brightness), np.float32)
+    here = np.asarray(truth.cached(brightness), np.float32)
     differences = []
     for other, flow in zip(shown, flows, strict=True):
-        there = np.asarray(other.once(brightness), np.float32)
+        there = np.asarray(other.cached(brightness), np.float32)
         moved = cv2.remap(there, *_ends(flow), cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         there_or_here = [cv2.blur(cv2.absdiff(here, each), (BLOCK, BLOCK)) for each in (moved, there)]
         there_or_here[0][~_is_inside(flow)] = np.inf
@@ -107,10 +106,10 @@ def _find(truth: PreparedImage, shown: Sequence[PreparedImage], flows: Sequence[
     return [first <= limit, second <= limit]
 
 
-def _rendered_motion(here: PreparedImage, there: PreparedImage, vectors: VectorFolder) -> NDArray[Any]:
+def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder) -> NDArray[Any]:
     """(H, W, 2) float32, motion from one frame to another, along the vectors of the first."""
-    number = frame_number(here.place)
-    frames = frame_number(there.place) - number
+    number = frame_number(here.output_position)
+    frames = frame_number(there.output_position) - number
     known = vectors.for_image(number, here.array)
     flow: NDArray[Any] = (known.forward if frames > 0 else known.backward) * np.float32(abs(frames))
     return flow

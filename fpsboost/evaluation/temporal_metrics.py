@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.evaluation.metrics import LEVELS, as_seen
+from fpsboost.evaluation.metrics import LEVELS, composite_on_black
 from fpsboost.frame import Image
 from fpsboost.motion.colour import gray
 
@@ -38,7 +38,7 @@ class DifferenceMeter:
 
     def made(self, truth: Image, made: Image) -> None:
         """The change of the error is the error of the change."""
-        error = as_seen(made) - as_seen(truth)
+        error = composite_on_black(made) - composite_on_black(truth)
         change = np.square(error - self._error, dtype=np.float64)
         self._values.append({"dtssd": float(np.sqrt(change.mean())) * LEVELS})
         self._error = error

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.compare import Observer, Picked, pick
 from fpsboost.evaluation.hiding import Hiding
@@ -24,7 +25,6 @@ from fpsboost.evaluation.metrics import mean, score
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import configure, find_method, methods
 from fpsboost.motion.search_radius import choose_search_radius, expected_motion
-from fpsboost.scenes import CutDetector
 
 DEFAULT = "nlm"
 """The method that every other one is measured by."""
@@ -157,7 +157,7 @@ def choose_frames(
     `fpsboost.evaluation.hiding.Hiding`).
     """
     motions: list[tuple[float, int]] = []
-    likenesses: list[float] = []
+    match_scores: list[float] = []
     known: list[bool] = []
     for interval in hiding.intervals(path, input_fps):
         image0, image1 = interval.prepared()
@@ -165,9 +165,9 @@ def choose_frames(
         middle = interval.hidden[len(interval.hidden) // 2].number
         motions.append((motion, middle))
         known.append(interval.is_known)
-        likenesses.append(methods["nlm"].pair(image0, image1).likeness)
+        match_scores.append(methods["nlm"].pair(image0, image1).match_score)
         observer.made()
-    cuts = CutDetector().find_cuts(likenesses)
+    cuts = CutDetector().find_cuts(match_scores)
     fair = [(each, cut) for each, cut, is_known in zip(motions, cuts, known, strict=True) if is_known]
     if not fair:
         raise InputError(

@@ -2,7 +2,7 @@
 
 Nothing is allowed that changes a number: no reordering of sums, so that results do not depend on how a loop was cut
 into vectors, and no contraction (see `fpsboost.kernels.fma`). Every kernel runs in one thread and lets go of Python's
-lock, so that pairs of frames can be worked on side by side (see `fpsboost.overlap`).
+lock, so that pairs of frames can be worked on side by side (see `fpsboost.io.prefetch`).
 """
 
 JIT = {"nogil": True, "error_model": "numpy", "fastmath": False}

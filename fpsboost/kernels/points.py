@@ -44,7 +44,7 @@ def find_gradients(vectors, spacing, gradients):
 
 
 @njit(inline="always", **JIT)
-def trip(dx, dy, back, spacing, height, width, y, x):
+def forward_backward_vector_error(dx, dy, back, spacing, height, width, y, x):
     """How far from its beginning a pixel's vector ends, there and back, and whether it leads into the frame."""
     landing_y, landing_x = np.rint(np.float64(y) + dy), np.rint(np.float64(x) + dx)
     nearest_y, nearest_x = min(max(int(landing_y), 0), height - 1), min(max(int(landing_x), 0), width - 1)
@@ -55,7 +55,7 @@ def trip(dx, dy, back, spacing, height, width, y, x):
 
 
 @njit(cache=True, **JIT)
-def measure_trips(vectors, y, x, back, spacing, height, width, distance):
+def measure_forward_backward_errors(vectors, y, x, back, spacing, height, width, distance):
     """How far from where they began vectors end, there and back.
 
     Parameters
@@ -71,7 +71,9 @@ def measure_trips(vectors, y, x, back, spacing, height, width, distance):
     """
     for i in range(y.size):
         for j in range(x.size):
-            distance[i, j], _ = trip(vectors[i, j, 0], vectors[i, j, 1], back, spacing, height, width, y[i], x[j])
+            distance[i, j], _ = forward_backward_vector_error(
+                vectors[i, j, 0], vectors[i, j, 1], back, spacing, height, width, y[i], x[j]
+            )
 
 
 @njit(cache=True, **JIT)
@@ -103,8 +105,10 @@ def find_accelerations(there, back, away, away_back, spacing, height, width, y, 
             row, column = y[i] // spacing, x[j] // spacing
             dx, dy = there[row, column, 0], there[row, column, 1]
             away_x, away_y = away[row, column, 0], away[row, column, 1]
-            apart, inside = trip(dx, dy, back, spacing, height, width, y[i], x[j])
-            away_apart, away_inside = trip(away_x, away_y, away_back, spacing, height, width, y[i], x[j])
+            apart, inside = forward_backward_vector_error(dx, dy, back, spacing, height, width, y[i], x[j])
+            away_apart, away_inside = forward_backward_vector_error(
+                away_x, away_y, away_back, spacing, height, width, y[i], x[j]
+            )
             if inside and away_inside and apart <= consistent and away_apart <= consistent:
                 changes[i, j, 0] = 1
                 changes[i, j, 1] = (dx * duration + away_x) * factor

@@ -1,6 +1,6 @@
-"""Rows of the windows that `fpsboost.kernels.fuse` works on: loops so short that the compiler would leave them scalar.
+"""Rows of the windows that `fpsboost.kernels.multi_hypothesis` works on, in vector instructions.
 
-A row has 16 squares of two by two pixels.
+The loops are so short that the compiler would leave them scalar. A row has 16 squares of two by two pixels.
 """
 
 from __future__ import annotations

@@ -2,27 +2,27 @@
 
 One contract, `MotionEstimator`, and its implementations: `ExhaustiveSearch` (the report's), `CoarseToFine` (the
 default), `Dis`, `Farneback` and `TvL1` (OpenCV's optical flow), `BlockMatching` and `CodecMotion` (video coding's),
-`RenderedMotion` (a renderer's vectors) and `Still` (no motion at all). Each is a frozen dataclass whose fields are its
-options.
+`RenderedMotion` (a renderer's vectors) and `ZeroMotion` (no motion at all). Each is a frozen dataclass
+whose fields are its options.
 """
 
 from __future__ import annotations
 
 from typing import Protocol
 
+from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.field import MotionField
-from fpsboost.prepared import PreparedImage
 
 
 class MotionEstimator(Protocol):
     """Contract: where do the pixels of each frame go in the other one?"""
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions.
 
         Parameters
         ----------
-        image0, image1 : PreparedImage
+        image0, image1 : FrameCache
             Two frames of one size and type.
 
         Returns

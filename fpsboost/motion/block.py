@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair, has_alpha
+from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.block import match_blocks
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
-from fpsboost.prepared import PreparedImage
 
 Pattern = Literal["full", "three-step", "diamond"]
 
@@ -23,8 +23,8 @@ LARGE_DIAMOND = np.array([(-2, 0), (-1, -1), (-1, 1), (0, -2), (0, 2), (1, -1), 
 SMALL_DIAMOND = np.array([(-1, 0), (0, -1), (0, 1), (1, 0)], np.int32)
 """Places around another, ``(dy, dx)``."""
 
-LARGEST_BLOCK = 128
-LARGEST_RANGE = 1000
+MAX_BLOCK = 128
+MAX_RANGE = 1000
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class BlockMatching:
     --------
     >>> frame = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     >>> moved = np.roll(frame, (2, 5), axis=(0, 1))
-    >>> field01, _ = BlockMatching().estimate(PreparedImage(frame), PreparedImage(moved))
+    >>> field01, _ = BlockMatching().estimate(FrameCache(frame), FrameCache(moved))
     >>> field01.flow[20, 30].tolist(), float(field01.similarity[20, 30])
     ([5.0, 2.0], 1.0)
     """
@@ -65,16 +65,16 @@ class BlockMatching:
     pattern: Pattern = "full"
 
     def __post_init__(self) -> None:
-        if not 2 <= self.block_size <= LARGEST_BLOCK:
-            raise OptionError(f"--block-size must be from 2 to {LARGEST_BLOCK} pixels, not {self.block_size}.")
-        if not 1 <= self.search_range <= LARGEST_RANGE:
-            raise OptionError(f"--search-range must be from 1 to {LARGEST_RANGE} pixels, not {self.search_range}.")
+        if not 2 <= self.block_size <= MAX_BLOCK:
+            raise OptionError(f"--block-size must be from 2 to {MAX_BLOCK} pixels, not {self.block_size}.")
+        if not 1 <= self.search_range <= MAX_RANGE:
+            raise OptionError(f"--search-range must be from 1 to {MAX_RANGE} pixels, not {self.search_range}.")
         check_choice("--pattern", self.pattern, get_args(Pattern))
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.array, image1.array)
-        values0, values1 = (image.once(colour_values) for image in (image0, image1))
+        values0, values1 = (image.cached(colour_values) for image in (image0, image1))
         white = white_of(image0.array)
         return self._match(values0, values1, white), self._match(values1, values0, white)
 

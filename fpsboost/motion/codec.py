@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.video.x264 import repeatable_parameters
 from fpsboost.motion.block import colour_values, white_of
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField
-from fpsboost.prepared import PreparedImage
-from fpsboost.x264 import repeatable_parameters
 
 Preset = Literal[
     "ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow", "placebo"
@@ -30,7 +30,7 @@ ENCODER = "libx264"
 BLOCK, CELL = 16, 8
 """Sides of the largest and the smallest block that has a vector of its own, pixels."""
 
-SMALLEST_SIDE = 16
+MIN_SIDE = 16
 """Smaller frames are encoded as this large."""
 
 RATE = 25
@@ -72,7 +72,7 @@ class CodecMotion:
     >>> image0, image1 = (
     ...     (128 + 60 * np.sin((x - dx) / 5) + 60 * np.cos(y / 7 + x / 9 - dx / 9)).astype(np.uint8) for dx in (0, 4)
     ... )
-    >>> field01, _ = CodecMotion().estimate(PreparedImage(image0), PreparedImage(image1))
+    >>> field01, _ = CodecMotion().estimate(FrameCache(image0), FrameCache(image1))
     >>> np.round(np.median(field01.flow, axis=(0, 1))).tolist()
     [4.0, 0.0]
     """
@@ -85,14 +85,14 @@ class CodecMotion:
             raise OptionError(f"crf must be from 0 to 51, not {self.crf}.")
         check_choice("preset", self.preset, get_args(Preset))
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.array, image1.array)
         return self._towards(image1, image0), self._towards(image0, image1)
 
-    def _towards(self, reference: PreparedImage, predicted: PreparedImage) -> MotionField:
+    def _towards(self, reference: FrameCache, predicted: FrameCache) -> MotionField:
         """The motion of the predicted frame's blocks."""
-        packets = self._encode(reference.once(_as_yuv), predicted.once(_as_yuv))
+        packets = self._encode(reference.cached(_as_yuv), predicted.cached(_as_yuv))
         return _field(_read_vectors(packets), predicted, reference)
 
     def _encode(self, *pictures: NDArray[Any]) -> list[av.Packet[Any]]:
@@ -123,7 +123,7 @@ def _as_yuv(image: Image) -> NDArray[Any]:
             components = np.repeat(components[..., :1], 3, axis=2)
         colours = np.clip(components * 255 + 0.5, 0, 255).astype(np.uint8)
     height, width = image.shape[:2]
-    below, right = (length % 2 + max(0, SMALLEST_SIDE - length) // 2 * 2 for length in (height, width))
+    below, right = (length % 2 + max(0, MIN_SIDE - length) // 2 * 2 for length in (height, width))
     even = cv2.copyMakeBorder(colours, 0, below, 0, right, cv2.BORDER_REPLICATE)
     return cv2.cvtColor(even, cv2.COLOR_BGR2YUV_I420)
 
@@ -140,7 +140,7 @@ def _read_vectors(packets: list[av.Packet[Any]]) -> NDArray[Any]:
     return np.empty(0, NO_VECTORS) if vectors is None else vectors.to_ndarray().copy()
 
 
-def _field(vectors: NDArray[Any], image: PreparedImage, other: PreparedImage) -> MotionField:
+def _field(vectors: NDArray[Any], image: FrameCache, other: FrameCache) -> MotionField:
     height, width = image.array.shape[:2]
     numbers = _block_numbers(vectors, height, width)
     motions = np.zeros((len(vectors) + 1, 2), np.float32)
@@ -167,10 +167,10 @@ def _block_numbers(vectors: NDArray[Any], height: int, width: int) -> NDArray[An
     return cells.repeat(CELL, axis=0).repeat(CELL, axis=1)[:height, :width]
 
 
-def _differences(image: PreparedImage, other: PreparedImage, flow: NDArray[Any]) -> NDArray[Any]:
+def _differences(image: FrameCache, other: FrameCache, flow: NDArray[Any]) -> NDArray[Any]:
     """Of every pixel to what lies at the other end of its rounded vector: mean over the colours, white 1."""
     height, width = flow.shape[:2]
-    here, there = (each.once(colour_values) for each in (image, other))
+    here, there = (each.cached(colour_values) for each in (image, other))
     y, x = np.mgrid[:height, :width]
     end_x, end_y = (np.floor(flow[..., axis] + np.float32(0.5)).astype(np.intp) for axis in (0, 1))
     found = there[(y + end_y).clip(0, height - 1), (x + end_x).clip(0, width - 1)]

@@ -30,7 +30,9 @@ BRIGHTEST = np.float32(1e6)
 
 
 def colour_components(image: Image) -> Components:
-    """Colours in [0, 1] (see `seen`), multiplied by alpha so that the colour of a transparent pixel does not matter.
+    """Colours in [0, 1], multiplied by alpha so that the colour of a transparent pixel does not matter.
+
+    Beyond white they are compressed; see `compress_highlights`.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ def colour_components(image: Image) -> Components:
     (H, W, 3) float32
         Gray images have their value in the first component and zero in the others.
     """
-    values = seen(image)
+    values = compress_highlights(image)
     if has_alpha(image):
         values = values[..., :-1] * values[..., -1:]
     if values.shape[2] == 1:
@@ -140,7 +142,7 @@ def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int =
         split_planes(*image.planes, *codes, scale, padding, luma, planes)
     else:
         white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
-        colours = seen(image) if image.dtype == np.float32 else image
+        colours = compress_highlights(image) if image.dtype == np.float32 else image
         split_colours(colours, np.float32(1 / white), scale, padding, luma, planes)
     local_mean = cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))
     finish_planes(luma, local_mean.reshape(luma.shape), scale, MIDDLE, padding, planes)
@@ -156,7 +158,7 @@ def normalised(image: Image) -> NDArray[Any]:
     return values
 
 
-def seen(image: Image) -> NDArray[Any]:
+def compress_highlights(image: Image) -> NDArray[Any]:
     """`normalised`, with highlights above white as their logarithm: contrast is what counts there, not difference.
 
     Otherwise two frames of a scene that is brightly lit would have nothing in common, and motion could not be followed

@@ -13,15 +13,15 @@ from typing import Literal, get_args
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import check_pair
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import Window, search_by_passes, search_fused
 from fpsboost.motion.search_radius import choose_search_radius
-from fpsboost.motion.vectors import VectorFolder
-from fpsboost.prepared import PreparedImage
 
 Implementation = Literal["fused", "passes"]
-LARGEST_PATCH_RADIUS = 20  # (2r + 1)^2 fixed-point similarities must fit 31 bits
+MAX_PATCH_RADIUS = 20  # (2r + 1)^2 fixed-point similarities must fit 31 bits
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class ExhaustiveSearch:
     --------
     >>> import numpy as np
     >>> noise = np.random.default_rng(1).integers(0, 256, (32, 48, 3), dtype=np.uint8)
-    >>> image0, image1 = PreparedImage(noise), PreparedImage(np.roll(noise, 3, axis=1))
+    >>> image0, image1 = FrameCache(noise), FrameCache(np.roll(noise, 3, axis=1))
     >>> field01, field10 = ExhaustiveSearch(search_radius=4, patch_radius=2).estimate(image0, image1)
     >>> field01.flow[16, 24].tolist(), field10.flow[16, 24].tolist()
     ([3.0, 0.0], [-3.0, 0.0])
@@ -70,18 +70,18 @@ class ExhaustiveSearch:
     def __post_init__(self) -> None:
         if self.search_radius is not None and not 1 <= self.search_radius <= 1000:
             raise OptionError(f"--search-radius must be 1 to 1000 pixels, not {self.search_radius}.")
-        if not 1 <= self.patch_radius <= LARGEST_PATCH_RADIUS:
-            raise OptionError(f"--patch-radius must be 1 to {LARGEST_PATCH_RADIUS} pixels, not {self.patch_radius}.")
+        if not 1 <= self.patch_radius <= MAX_PATCH_RADIUS:
+            raise OptionError(f"--patch-radius must be 1 to {MAX_PATCH_RADIUS} pixels, not {self.patch_radius}.")
         if not self.v > 0:
             raise OptionError(f"--v must be above 0, not {self.v}.")
         check_choice("--window", self.window, get_args(Window))
         check_choice("--implementation", self.implementation, get_args(Implementation))
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`; flows are whole pixels."""
         check_pair(image0.array, image1.array)
         radius = self.search_radius or choose_search_radius(image0, image1, self.vectors)
         search = search_fused if self.implementation == "fused" else search_by_passes
-        colours0, colours1 = image0.once(colour_components), image1.once(colour_components)
+        colours0, colours1 = image0.cached(colour_components), image1.cached(colour_components)
         field01, field10 = search(colours0, colours1, radius, self.patch_radius, self.window, self.v)
         return replace(field01, search_radius=radius), replace(field10, search_radius=radius)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.points import find_gradients, measure_trips
+from fpsboost.kernels.points import find_gradients, measure_forward_backward_errors
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDA
     return y, x
 
 
-def round_trip(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: MotionField) -> NDArray[Any]:
+def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: MotionField) -> NDArray[Any]:
     """How far from where they began vectors end, there and back.
 
     Parameters
@@ -99,7 +99,7 @@ def round_trip(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: Mo
         Pixels.
     """
     distance = np.empty(vectors.shape[:2], np.float32)
-    measure_trips(vectors, y, x, back.vectors, back.spacing, *back.shape, distance)
+    measure_forward_backward_errors(vectors, y, x, back.vectors, back.spacing, *back.shape, distance)
     return distance
 
 

@@ -22,17 +22,17 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Pixels, check_pair
+from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.levels import level_scale, truncation
-from fpsboost.kernels.points import measure_trips
+from fpsboost.kernels.points import measure_forward_backward_errors
 from fpsboost.kernels.refine import refine_points
+from fpsboost.kernels.residual_search import measure_point_similarity, search_residuals
 from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, search_tiles
-from fpsboost.kernels.unexplained import measure_points, search_unexplained
 from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
-from fpsboost.prepared import PreparedImage
 from fpsboost.ycbcr import YCbCrImage
 
 
@@ -57,31 +57,31 @@ DENSE_STEP = 2
 DAMPING = 0.1
 """Of the least-squares step, in squared widths v: holds it back where there is hardly any gradient."""
 
-TAIL = 1 / 32
+WEIGHT_FALLOFF = 1 / 32
 """How fast the weight of a pixel falls in it: slower than its similarity, as the fraction is not known yet."""
 
-LONGEST_STEP = np.float32(1)
+MAX_REFINEMENT = np.float32(1)
 """Of the least-squares step, pixels."""
 
-FAR = np.float32(1e6)
+UNKNOWN_MOTION = np.float32(1e6)
 """Motion that no vector has."""
 
-STEPS = 2
+MAX_REFINEMENTS = 2
 """Least-squares steps of a vector, at most."""
 
 SMALL_RADIUS = 2
 """r of the patch that looks for small things."""
 
-ENOUGH = np.float32(0.75), np.float32(0.7)
+MIN_SIMILARITY = np.float32(0.75), np.float32(0.7)
 """Similarity of a small patch that explains what is seen, for each level that gets a second look, coarsest first."""
 
-BETTER = np.float32(0.2)
+MIN_GAIN = np.float32(0.2)
 """What another motion must add to it."""
 
-COMES_BACK = 1
+CONSISTENCY_TOLERANCE = 1
 """How near to where it began the way there and back of such a motion must end, pixels, to be believed."""
 
-LOOSE = np.float32(0.25)
+WEAK_SMOOTHNESS = np.float32(0.25)
 """Share of the smoothness that holds a believed one to its neighbours: an island of few points pays for its shore."""
 
 
@@ -149,23 +149,23 @@ class CoarseToFine:
         if not self.v > 0:
             raise OptionError(f"--v must be above 0, not {self.v}.")
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.pixels, image1.pixels)
-        levels0, levels1 = (image.for_both_pairs(pyramid, self.coarsest_side) for image in (image0, image1))
+        levels0, levels1 = (image.cached_for_both_pairs(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
         found, step = self._search_coarsest(levels0[-1], levels1[-1]), COARSEST_STEP
         for level in range(len(levels0) - 2, last - 1, -1):
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
             proposals, ties = [points.flow for points in found], [_firm(points.flow) for points in found]
             looks = len(levels0) - 2 - level
-            if 1 <= looks <= len(ENOUGH):
+            if 1 <= looks <= len(MIN_SIMILARITY):
                 coarser = levels0[level + 1], levels1[level + 1]
                 if looks == 1:
                     found = [_denser(points, coarser[0].pixels.shape) for points in found]
                     spacing = 2 * DENSE_STEP
                 proposals = [points.flow for points in found]
-                proposals, ties = self._second_look(*coarser, proposals, spacing // 2, ENOUGH[looks - 1])
+                proposals, ties = self._search_residuals(*coarser, proposals, spacing // 2, MIN_SIMILARITY[looks - 1])
             found = self._search(
                 levels0[level],
                 levels1[level],
@@ -185,9 +185,9 @@ class CoarseToFine:
         )
         return field01, field10
 
-    def _search_coarsest(self, image0: PreparedImage, image1: PreparedImage) -> list[Points]:
+    def _search_coarsest(self, image0: FrameCache, image1: FrameCache) -> list[Points]:
         """Search for every offset at every pixel; what is found then is tried by all points of a tile."""
-        components = image0.once(contrast_components), image1.once(contrast_components)
+        components = image0.cached(contrast_components), image1.cached(contrast_components)
         limit = self._limit(image0.pixels)
         fields = search_fused(*components, limit, self.patch_radius, "box", self.v)
         found = [field.flow for field in fields]
@@ -196,8 +196,8 @@ class CoarseToFine:
 
     def _search(
         self,
-        image0: PreparedImage,
-        image1: PreparedImage,
+        image0: FrameCache,
+        image1: FrameCache,
         expected: list[NDArray[Any]],
         proposals: list[NDArray[Any]],
         ties: list[NDArray[Any]],
@@ -237,7 +237,7 @@ class CoarseToFine:
                 for points, places in zip(shape, tie.shape, strict=True)
             )
             found.append(self._chosen(count, similarity, flows, tie[np.ix_(rows, columns)], step))
-        unknown = [np.full_like(points.flow, FAR) for points in found]
+        unknown = [np.full_like(points.flow, UNKNOWN_MOTION) for points in found]
         self._refine(image0, image1, [points.flow for points in found], unknown, step)
         return found
 
@@ -252,10 +252,10 @@ class CoarseToFine:
         choose_labels(count, costs, flows, similarity, *points)
         return points
 
-    def _second_look(
+    def _search_residuals(
         self,
-        image0: PreparedImage,
-        image1: PreparedImage,
+        image0: FrameCache,
+        image1: FrameCache,
         flows: list[NDArray[Any]],
         step: int,
         enough: np.float32,
@@ -265,12 +265,12 @@ class CoarseToFine:
         pairs = self._both_ways(image0, image1)
         known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
         for flow, pair, similarity in zip(flows, pairs, known, strict=True):
-            measure_points(*pair, self._alike, padding, *size, step, SMALL_RADIUS, flow, similarity)
+            measure_point_similarity(*pair, self._alike, padding, *size, step, SMALL_RADIUS, flow, similarity)
         looked = [flow.copy() for flow in flows]
         around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # least of the neighbours'
         for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
-            search_unexplained(
-                *pair, self._alike, padding, *size, step, limit, SMALL_RADIUS, here, there, enough, BETTER, flow
+            search_residuals(
+                *pair, self._alike, padding, *size, step, limit, SMALL_RADIUS, here, there, enough, MIN_GAIN, flow
             )
         self._refine(image0, image1, looked, flows, step)
         ties = []
@@ -278,15 +278,15 @@ class CoarseToFine:
             (rows, columns), distance, apart = flow.shape[:2], _firm(flow), np.float32(step)
             places = np.arange(rows), np.arange(columns)
             # counted in points: the one nearest to where a vector leads answers, not the one whose pixels it hits
-            measure_trips(replaced / apart, *places, back / apart, 1, rows, columns, distance)
-            believed = (np.abs(replaced - flow).max(axis=2) > 1) & (distance * apart <= COMES_BACK)
-            ties.append(np.where(believed, LOOSE, np.float32(1)))
+            measure_forward_backward_errors(replaced / apart, *places, back / apart, 1, rows, columns, distance)
+            believed = (np.abs(replaced - flow).max(axis=2) > 1) & (distance * apart <= CONSISTENCY_TOLERANCE)
+            ties.append(np.where(believed, WEAK_SMOOTHNESS, np.float32(1)))
         return looked, ties
 
     def _refine(
         self,
-        image0: PreparedImage,
-        image1: PreparedImage,
+        image0: FrameCache,
+        image1: FrameCache,
         flows: list[NDArray[Any]],
         known: list[NDArray[Any]],
         step: int,
@@ -294,14 +294,14 @@ class CoarseToFine:
         """Make motion in both directions exact, in place."""
         size, padding = image0.pixels.shape[:2], PADDING + self.patch_radius
         squared = (level_scale(self.v) / colour_scale(self.v)) ** 2  # levels for each width
-        tail, damping = np.float32(TAIL / squared), np.float32(DAMPING * squared)
+        tail, damping = np.float32(WEIGHT_FALLOFF / squared), np.float32(DAMPING * squared)
         for flow, refined, pair in zip(flows, known, self._both_ways(image0, image1), strict=True):
-            refine_points(*pair, padding, *size, step, tail, damping, LONGEST_STEP, STEPS, refined, flow)
+            refine_points(*pair, padding, *size, step, tail, damping, MAX_REFINEMENT, MAX_REFINEMENTS, refined, flow)
 
-    def _both_ways(self, image0: PreparedImage, image1: PreparedImage) -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
+    def _both_ways(self, image0: FrameCache, image1: FrameCache) -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
         """What the kernels compare, from frame 0 to frame 1 and back."""
         planes0, planes1 = (
-            image.once(contrast_planes, PADDING + self.patch_radius, self.v) for image in (image0, image1)
+            image.cached(contrast_planes, PADDING + self.patch_radius, self.v) for image in (image0, image1)
         )
         return (planes0, planes1), (planes1, planes0)
 
@@ -326,14 +326,14 @@ def _denser(points: Points, size: tuple[int, ...]) -> Points:
     return Points(*(spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in points))
 
 
-def pyramid(image: Pixels, coarsest_side: int) -> list[PreparedImage]:
+def pyramid(image: Pixels, coarsest_side: int) -> list[FrameCache]:
     """The image and its halves, until the longer side would fall below `coarsest_side`; at most five levels."""
     if isinstance(image, np.ndarray) and image.dtype == np.float32:  # what is no number would spread
         image = normalised(image)
     levels = [image]
     while len(levels) < 5 and max(levels[-1].shape[:2]) >= 2 * coarsest_side:
         levels.append(halved(levels[-1]))
-    return [PreparedImage(level) for level in levels]
+    return [FrameCache(level) for level in levels]
 
 
 def halved(image: Pixels) -> Pixels:

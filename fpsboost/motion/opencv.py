@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Pixels, check_pair
+from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.colour import gray
 from fpsboost.motion.field import MotionField
-from fpsboost.prepared import PreparedImage
 
 DIS_PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
     "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
     "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
 }
-SMALLEST_SIDE = 32  # below this the pyramid of DIS has no level left
+MIN_SIDE = 32  # below this the pyramid of DIS has no level left
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Dis:
     def __post_init__(self) -> None:
         check_choice("preset", self.preset, DIS_PRESETS)
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
         flow = cv2.DISOpticalFlow.create(DIS_PRESETS[self.preset])
@@ -80,7 +80,7 @@ class Farneback:
             if getattr(self, name) < 1:
                 raise OptionError(f"{name} must be at least 1, not {getattr(self, name)}.")
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
         flow01, flow10 = (self._flow(a, b) for a, b in ((gray0, gray1), (gray1, gray0)))
@@ -143,7 +143,7 @@ class TvL1:
         if not self.epsilon > 0:
             raise OptionError(f"epsilon must be above 0, not {self.epsilon}.")
 
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
         flow = cv2.optflow.DualTVL1OpticalFlow.create(
@@ -160,31 +160,16 @@ class TvL1:
         return _field(_unpadded(flow01, image0.pixels)), _field(_unpadded(flow10, image0.pixels))
 
 
-@dataclass(frozen=True)
-class Still:
-    """Every pixel stays where it is: the motion of `blend` and `nearest`."""
-
-    takes_planes: ClassVar[bool] = True
-
-    def estimate(self, image0: PreparedImage, image1: PreparedImage) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
-        check_pair(image0.pixels, image1.pixels)
-        height, width = image0.pixels.shape[:2]
-        nothing, alike = np.zeros((1, 1, 2), np.float32), np.ones((1, 1), np.float32)
-        still = MotionField(nothing, alike, spacing=max(height, width), size=(height, width))
-        return still, still
-
-
-def _gray_pair(image0: PreparedImage, image1: PreparedImage) -> tuple[NDArray[Any], NDArray[Any]]:
+def _gray_pair(image0: FrameCache, image1: FrameCache) -> tuple[NDArray[Any], NDArray[Any]]:
     check_pair(image0.pixels, image1.pixels)
     first, second = (_padded_gray(image) for image in (image0, image1))
     return first, second
 
 
-def _padded_gray(image: PreparedImage) -> NDArray[Any]:
-    eight_bit = image.once(gray)
+def _padded_gray(image: FrameCache) -> NDArray[Any]:
+    eight_bit = image.cached(gray)
     height, width = eight_bit.shape
-    below, right = max(0, SMALLEST_SIDE - height), max(0, SMALLEST_SIDE - width)
+    below, right = max(0, MIN_SIDE - height), max(0, MIN_SIDE - width)
     return cv2.copyMakeBorder(eight_bit, 0, below, 0, right, cv2.BORDER_REPLICATE)
 
 

@@ -21,24 +21,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.shortest import find_shortest
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.motion.colour import contrast_components, padded_planes, small_copy
-from fpsboost.motion.field import MotionField, point_places, round_trip
+from fpsboost.motion.field import MotionField, forward_backward_error, point_places
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
-from fpsboost.motion.vectors import RenderedMotion, VectorFolder
-from fpsboost.prepared import PreparedImage
+from fpsboost.motion.rendered import RenderedMotion
 
 MARGIN = 1.2
 """The report's: the radius is the largest motion plus 20 %."""
 
-LEAST_SHARE = 1 / 32
+MIN_RADIUS_SHARE = 1 / 32
 """Of the frame's longer side, the least radius. Refraction moves faster than the surfaces that a renderer's vectors
 follow: a glass cube that turns slowly, its surfaces by 2.5 pixels, needs 12 in a picture of 384."""
 
-LEAST_RADIUS = 4
+MIN_RADIUS = 4
 """Pixels, for the smallest frames."""
 
 UNSEEN = 4 / 3
@@ -48,7 +49,7 @@ vectors, it was 0.9 to 1.9 times that, and 1.0 in pans."""
 LONGER_SIDE = 640
 """Frames are reduced to it, pixels."""
 
-LARGEST_MOTION = 1 / 4
+MAX_MOTION = 1 / 4
 """Of the frame's longer side, the largest motion that is looked for."""
 
 STEP = 4
@@ -63,10 +64,10 @@ BORDER = 16
 PATCH_RADIUS = 5
 """Of the patches that are compared, the report's."""
 
-V = 0.09
+BANDWIDTH = 0.09
 """Bandwidth of the similarity, that of the default method."""
 
-ROUND_TRIP = 0.5
+CONSISTENCY_TOLERANCE = 0.5
 """Pixels by which a vector of DIS may miss on the way back: all that counts is exact to less than a pixel."""
 
 TOLERANCE = 0.2
@@ -87,12 +88,12 @@ MIN_POINTS = math.ceil(2 * (2 * PATCH_RADIUS + 1) ** 2 / STEP**2)
 size, and cannot be told from chance."""
 
 
-def choose_search_radius(image0: PreparedImage, image1: PreparedImage, vectors: VectorFolder | None = None) -> int:
+def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: VectorFolder | None = None) -> int:
     """Choose the report's search radius for two frames (section 4.1).
 
     Parameters
     ----------
-    image0, image1 : PreparedImage
+    image0, image1 : FrameCache
         Two frames of one size and type.
     vectors : VectorFolder, optional
         The renderer's motion, which is estimated where it is not given.
@@ -105,16 +106,16 @@ def choose_search_radius(image0: PreparedImage, image1: PreparedImage, vectors: 
     Raises
     ------
     OptionError, InputError
-        As `fpsboost.motion.vectors.RenderedMotion.estimate`.
+        As `fpsboost.io.vector_folder.RenderedMotion.estimate`.
 
     Examples
     --------
     >>> noise = np.random.default_rng(1).integers(0, 256, (96, 128, 3), dtype=np.uint8)
-    >>> choose_search_radius(PreparedImage(noise), PreparedImage(np.roll(noise, 10, axis=1)))
+    >>> choose_search_radius(FrameCache(noise), FrameCache(np.roll(noise, 10, axis=1)))
     16
     """
     longer_side: int = max(image0.pixels.shape[:2])
-    least = LEAST_SHARE * longer_side
+    least = MIN_RADIUS_SHARE * longer_side
     if vectors is not None:
         fields = RenderedMotion(vectors).estimate(image0, image1)
         largest = max(float(np.abs(field.flow).max()) for field in fields)
@@ -122,15 +123,15 @@ def choose_search_radius(image0: PreparedImage, image1: PreparedImage, vectors: 
     else:
         radius = MARGIN * max(UNSEEN * expected_motion(image0, image1), least)
     # vectors in half floats must not push a whole number over the next one
-    return min(max(LEAST_RADIUS, math.ceil(radius - 1e-3)), max(LEAST_RADIUS, longer_side))
+    return min(max(MIN_RADIUS, math.ceil(radius - 1e-3)), max(MIN_RADIUS, longer_side))
 
 
-def expected_motion(image0: PreparedImage, image1: PreparedImage) -> float:
+def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
     """Estimate the largest motion of two frames from what of it is certain.
 
     Parameters
     ----------
-    image0, image1 : PreparedImage
+    image0, image1 : FrameCache
         Two frames of one size and type.
 
     Returns
@@ -140,18 +141,18 @@ def expected_motion(image0: PreparedImage, image1: PreparedImage) -> float:
     """
     scale: float = max(1.0, max(image0.pixels.shape[:2]) / LONGER_SIDE)
     if scale > 1:
-        image0, image1 = (PreparedImage(image.once(small_copy, LONGER_SIDE)) for image in (image0, image1))
+        image0, image1 = (FrameCache(image.cached(small_copy, LONGER_SIDE)) for image in (image0, image1))
     regular = Dis("medium").estimate(image0, image1)
-    detailed = CoarseToFine(reach=LARGEST_MOTION, step=STEP).estimate(image0, image1)
+    detailed = CoarseToFine(reach=MAX_MOTION, step=STEP).estimate(image0, image1)
     planes0, planes1 = (
-        padded_planes(image.once(contrast_components), BORDER, 0, 2 * LANES, colour_scale(V))
+        padded_planes(image.cached(contrast_components), BORDER, 0, 2 * LANES, colour_scale(BANDWIDTH))
         for image in (image0, image1)
     )
     size = image0.pixels.shape[:2]
     largest = 0.0
     for planes, there, back in (((planes0, planes1), 0, 1), ((planes1, planes0), 1, 0)):
         compared = _compare(*planes, size, regular[there], AROUND)
-        certain = _round_trip(regular[there], regular[back], size) <= ROUND_TRIP
+        certain = _round_trip(regular[there], regular[back], size) <= CONSISTENCY_TOLERANCE
         certain &= compared.own >= MIN_SIMILARITY
         longest = _longest_of_neighbours(np.where(certain, compared.shortest, 0))
         gain = _compare(*planes, size, detailed[there], 0).own - compared.best
@@ -191,7 +192,7 @@ def _compare(
 
 
 def _round_trip(there: MotionField, back: MotionField, size: tuple[int, ...]) -> NDArray[Any]:
-    return round_trip(there.at_points(STEP)[0], *point_places(size, STEP), back)
+    return forward_backward_error(there.at_points(STEP)[0], *point_places(size, STEP), back)
 
 
 def _longest_of_neighbours(lengths: NDArray[Any]) -> float:

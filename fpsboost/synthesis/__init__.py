@@ -1,8 +1,8 @@
 """In-between frames from two frames and the motion between them.
 
-One contract, `Synthesizer`, and its implementations: `Fuse` (the default), `Reproject` (the report's), `SceneAssisted`
-(with a renderer's vectors), `Paint` (blocks moved, as in video coding), `Warp` (what people usually write around an
-optical flow), `Blend` and `Nearest` (which need no motion).
+One contract, `Synthesizer`, and its implementations: `MultiHypothesis` (the default), `Reproject` (the report's),
+`SceneAssisted` (with a renderer's vectors), `Splat` (blocks moved, as in video coding), `Warp` (what people usually
+write around an optical flow), `Blend` and `Nearest` (which need no motion).
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from fpsboost.frame import Pixels
+from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
-from fpsboost.prepared import PreparedImage
 
 
 @dataclass(frozen=True)
-class Transition:
+class FramePair:
     """Two frames and what is known of the way from one to the other.
 
     Attributes
     ----------
-    image0, image1 : PreparedImage
+    image0, image1 : FrameCache
         Two frames of one size and type.
     field01, field10 : MotionField
         Motion in both directions.
@@ -31,8 +31,8 @@ class Transition:
         Motion of the pairs that share its first and its last frame: paths are curved by them, and straight without.
     """
 
-    image0: PreparedImage
-    image1: PreparedImage
+    image0: FrameCache
+    image1: FrameCache
     field01: MotionField
     field10: MotionField
     before: Neighbour | None = None
@@ -42,12 +42,12 @@ class Transition:
 class Synthesizer(Protocol):
     """Contract: what does the scene look like between two frames?"""
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Pixels]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Make one image for every time.
 
         Parameters
         ----------
-        transition : Transition
+        frame_pair : FramePair
         times : sequence of float
             Each in (0, 1).
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 import cv2
 
 from fpsboost.frame import Image, Pixels, as_array
-from fpsboost.synthesis import Transition
+from fpsboost.synthesis import FramePair
 from fpsboost.ycbcr import YCbCrImage
 
 
@@ -20,9 +20,9 @@ class Blend:
 
     takes_planes: ClassVar[bool] = True
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Pixels]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; only the frames are looked at."""
-        image0, image1 = transition.image0.pixels, transition.image1.pixels
+        image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         for t in times:
             if isinstance(image0, YCbCrImage) and isinstance(image1, YCbCrImage):
                 yield image0.mapped(partial(_mixed, t), image1)
@@ -40,8 +40,8 @@ class Nearest:
 
     takes_planes: ClassVar[bool] = True
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Pixels]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; only the frames are looked at."""
-        image0, image1 = transition.image0.pixels, transition.image1.pixels
+        image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         for t in times:
             yield (image0 if t <= 0.5 else image1).copy()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
-from fpsboost.synthesis import Transition
+from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.rounding import rounding_offset
 
 SourceSearch = Literal["iterative", "brute-force"]
@@ -52,12 +52,12 @@ class Reproject:
         if self.iterations < 1:
             raise OptionError(f"--iterations must be at least 1, not {self.iterations}.")
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight, as in the report."""
-        image0, image1 = transition.image0.array, transition.image1.array
+        image0, image1 = frame_pair.image0.array, frame_pair.image1.array
         for t in times:
-            source0, found0 = self.find_sources(transition.field01.flow, t)
-            source1, found1 = self.find_sources(transition.field10.flow, 1 - t)
+            source0, found0 = self.find_sources(frame_pair.field01.flow, t)
+            source1, found1 = self.find_sources(frame_pair.field10.flow, 1 - t)
             out = np.empty_like(image0)
             half = rounding_offset(image0)
             fetch_both(image0, image1, np.float32(t), half, source0, found0, source1, found1, out)

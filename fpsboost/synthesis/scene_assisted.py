@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
-from fpsboost.motion.vectors import VectorFolder, frame_number, not_an_output_frame
-from fpsboost.prepared import PreparedImage
-from fpsboost.synthesis import Transition
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.motion.rendered import frame_number, not_an_output_frame
+from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.rounding import as_image, premultiplied
 
 
 class _Neighbour(NamedTuple):
     """One of the two frames as an in-between frame sees it."""
 
-    image: PreparedImage
+    image: FrameCache
     flow: NDArray[Any]
     """(H, W, 2) float32, from the in-between frame to this one."""
     weight: float
@@ -56,7 +57,7 @@ class SceneAssisted:
         if not 0 <= self.depth_tolerance < 1:
             raise OptionError(f"depth_tolerance must be at least 0 and below 1, not {self.depth_tolerance}.")
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; motion that was estimated is not looked at.
 
         Raises
@@ -67,11 +68,11 @@ class SceneAssisted:
             There are no vectors for it, or some of another size.
         """
         for t in times:
-            yield self._image_at(transition, t)
+            yield self._image_at(frame_pair, t)
 
-    def _image_at(self, transition: Transition, t: float) -> Image:
-        image0, image1 = transition.image0, transition.image1
-        place0, place1, number = _places(image0.place, image1.place, t)
+    def _image_at(self, frame_pair: FramePair, t: float) -> Image:
+        image0, image1 = frame_pair.image0, frame_pair.image1
+        place0, place1, number = _places(image0.output_position, image1.output_position, t)
         here, step = self.vectors.for_image(number, image0.array), self.vectors.step
         neighbours = (
             _Neighbour(image0, here.backward * np.float32((number - place0) * step), 1 - t),
@@ -84,11 +85,11 @@ class SceneAssisted:
             x, y = x + neighbour.flow[..., 0], y + neighbour.flow[..., 1]
             seen = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
             if here.depth is not None:
-                there = self.vectors.for_image(frame_number(neighbour.image.place), image0.array).depth
+                there = self.vectors.for_image(frame_number(neighbour.image.output_position), image0.array).depth
                 assert there is not None, "all frames of a folder have depth, or none"
                 seen &= _at_nearest(there, x, y) >= here.depth * np.float32(1 - self.depth_tolerance)
             weights.append(seen * np.float32(neighbour.weight))
-            colours.append(_between_pixels(neighbour.image.once(premultiplied), x, y))
+            colours.append(_between_pixels(neighbour.image.cached(premultiplied), x, y))
         share = _share_of_second(weights[0], weights[1], t)[..., np.newaxis]
         mixed = (1 - share) * colours[0] + share * colours[1]
         return as_image(mixed, image0.array, image1.array, t)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image
-from fpsboost.synthesis import Transition
+from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.rounding import as_image, premultiplied
 
 
@@ -23,12 +23,12 @@ class Warp:
     to another one: around what moves, the background is pulled along, and what is hidden in one frame is mixed in.
     """
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight."""
         for t in times:
-            mean = (1 - t) * _fetched(transition.image0.once(premultiplied), transition.field01.flow, t)
-            mean += t * _fetched(transition.image1.once(premultiplied), transition.field10.flow, 1 - t)
-            yield as_image(mean, transition.image0.array, transition.image1.array, t)
+            mean = (1 - t) * _fetched(frame_pair.image0.cached(premultiplied), frame_pair.field01.flow, t)
+            mean += t * _fetched(frame_pair.image1.cached(premultiplied), frame_pair.field10.flow, 1 - t)
+            yield as_image(mean, frame_pair.image0.array, frame_pair.image1.array, t)
 
 
 @dataclass(frozen=True)
@@ -39,16 +39,16 @@ class Extrapolate:
     where those of frame 1 have come from, reversed in time.
     """
 
-    def synthesize(self, transition: Transition, times: Sequence[float]) -> Iterator[Image]:
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; the earlier frame has the middle."""
         for t in times:
             image, field, time = (
-                (transition.image0, transition.field01, t)
+                (frame_pair.image0, frame_pair.field01, t)
                 if t <= 0.5
-                else (transition.image1, transition.field10, 1 - t)
+                else (frame_pair.image1, frame_pair.field10, 1 - t)
             )
-            fetched = _fetched(image.once(premultiplied), field.flow, time)
-            yield as_image(fetched, transition.image0.array, transition.image1.array, float(t > 0.5))
+            fetched = _fetched(image.cached(premultiplied), field.flow, time)
+            yield as_image(fetched, frame_pair.image0.array, frame_pair.image1.array, float(t > 0.5))
 
 
 def _fetched(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:

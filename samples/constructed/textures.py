@@ -210,10 +210,10 @@ def fade_edge(random: Random, x: Array, y: Array, shape: str, half: Extent) -> A
     return (1 + 0.08 * np.sin(3 * angle + phase) - radius) * min(half)
 
 
-Paint = Callable[[Random, Array, Array, Extent, float], tuple[Array, Array]]
+Splat = Callable[[Random, Array, Array, Extent, float], tuple[Array, Array]]
 
 
-def paint_slats(period: float, duty: float, paint: Sequence[str], rails: float = 0) -> Paint:
+def paint_slats(period: float, duty: float, paint: Sequence[str], rails: float = 0) -> Splat:
     """Paint upright slats with gaps, on rails this far apart."""
 
     def make(random: Random, x: Array, y: Array, extent: Extent, density: float) -> tuple[Array, Array]:
@@ -227,7 +227,7 @@ def paint_slats(period: float, duty: float, paint: Sequence[str], rails: float =
     return make
 
 
-def paint_grille(period: float, bar: float, paint: Sequence[str]) -> Paint:
+def paint_grille(period: float, bar: float, paint: Sequence[str]) -> Splat:
     """Paint crossed bars with holes between."""
 
     def make(random: Random, x: Array, y: Array, extent: Extent, density: float) -> tuple[Array, Array]:
@@ -249,7 +249,7 @@ def paint_cells(
     grain: float = 0.03,
     bond: float = 0,
     corner: float = 0,
-) -> Paint:
+) -> Splat:
     """Paint tiles, bricks (`bond`: how far every other row is moved, in periods) or keys, with almost equal tones."""
 
     def make(random: Random, x: Array, y: Array, extent: Extent, density: float) -> tuple[Array, Array]:
@@ -273,7 +273,7 @@ def paint_cells(
     return make
 
 
-def paint_dots(period: float, radius: float, paint: str, cloth: str, dirt: float = 0.03) -> Paint:
+def paint_dots(period: float, radius: float, paint: str, cloth: str, dirt: float = 0.03) -> Splat:
     """Paint dots on a cloth, every other row moved by half a period."""
 
     def make(random: Random, x: Array, y: Array, extent: Extent, density: float) -> tuple[Array, Array]:
@@ -286,7 +286,7 @@ def paint_dots(period: float, radius: float, paint: str, cloth: str, dirt: float
 
 
 def pattern(
-    random: Random, extent: Extent, density: float, paint: Paint, shape: str = "", half: Extent = (0, 0)
+    random: Random, extent: Extent, density: float, paint: Splat, shape: str = "", half: Extent = (0, 0)
 ) -> Texture:
     """Draw a pattern, all over (no `shape`) or bounded by a ``box`` or a ``blob`` of half a width and a height."""
     x, y = find_places(extent, density)

@@ -1,0 +1,1 @@
+"""What frames tell before motion is estimated: scene cuts, duplicates, illumination, overlays."""

@@ -1,0 +1,107 @@
+"""Frames as arrays, one by one as they are made: for programs that read and write with OpenCV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+
+import cv2
+
+from fpsboost.errors import OptionError
+from fpsboost.frame import Image
+from fpsboost.interpolator import Interpolator
+from fpsboost.io import FrameSource
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE, open_source
+from fpsboost.io.video.capture import ArraySource, captured, rate_of
+from fpsboost.method_table import find_method
+from fpsboost.streaming import Duplicates, Summary, making_frames
+from fpsboost.timing.rate import OutputRate
+
+
+def stream(
+    source: str | cv2.VideoCapture | Iterable[Image],
+    *,
+    factor: Fraction | int | None = None,
+    fps: Fraction | int | None = None,
+    method: str | Interpolator = "nlm",
+    input_fps: Fraction | int | None = None,
+    duplicates: Duplicates = "interpolate",
+    threads: int | None = None,
+) -> Iterator[Image]:
+    """Raise the frame rate of whatever gives frames, and yield frames as they are made.
+
+    Reads at most ``8 + 2 * threads`` frames ahead of the one that is yielded, and up to 8 more where frames repeat one
+    another; memory does not grow with length. Of n frames come n times `factor`: the last one is shown as long as any.
+
+    Parameters
+    ----------
+    source : str, cv2.VideoCapture or iterable of (H, W, C) uint8, uint16 or float32
+        A path as `fpsboost.convert` takes it; a capture that is open, which may be a file, a camera, a pipeline or a
+        network stream, and which stays the caller's; or arrays in BGR(A) order, not to be written to any more.
+    factor : Fraction or int, optional
+        Output frames per source frame; 2 where neither `factor` nor `fps` is given.
+    fps : Fraction or int, optional
+        Output frames per second, instead of `factor`.
+    method : str or Interpolator
+        A name of `fpsboost.methods`, or an object.
+    input_fps : Fraction or int, optional
+        Frames per second of images and arrays, and of a capture that does not know its own.
+    duplicates : {'interpolate', 'keep'}
+        See `fpsboost.convert`.
+    threads : int, optional
+        Pairs of frames worked on side by side; one a core without it. Frames are the same with any number.
+
+    Yields
+    ------
+    (H, W, C) uint8, uint16 or float32
+        BGR or BGRA, as the source has it.
+
+    Raises
+    ------
+    OptionError
+        Options contradict each other, or `fps` is asked of a source whose own rate is not known.
+    InputError
+        The source gives fewer than two frames, or frames that differ in size or type.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> frames = [np.full((32, 48, 3), level, np.uint8) for level in (0, 40, 80)]
+    >>> [int(frame.mean()) for frame in stream(frames, method="blend", duplicates="keep")]
+    [0, 20, 40, 60, 80, 80]
+    """
+    interpolator = find_method(method) if isinstance(method, str) else method
+    rate = OutputRate(_fraction(factor), _fraction(fps))
+    with _opened(source, _fraction(input_fps), needs_rate=fps is not None) as opened:
+        schedule = rate.schedule(opened.info)
+        making = making_frames(
+            opened,
+            interpolator,
+            schedule,
+            Summary(),
+            holds_last_frame=True,
+            duplicates=duplicates,
+            threads=threads,
+        )
+        with making as frames:
+            for frame in frames:
+                yield frame.array
+
+
+def _opened(
+    source: str | cv2.VideoCapture | Iterable[Image], input_fps: Fraction | None, *, needs_rate: bool
+) -> FrameSource:
+    """Return whatever gives frames as a source."""
+    if isinstance(source, str):
+        return open_source(source, input_fps)
+    if isinstance(source, cv2.VideoCapture):
+        images, rate = captured(source), input_fps or rate_of(source)
+    else:
+        images, rate = iter(source), input_fps
+    if rate is None and needs_rate:
+        raise OptionError("fps needs the source's own frame rate; say it with input_fps, or give factor instead.")
+    return ArraySource(images, rate or ASSUMED_IMAGE_RATE)
+
+
+def _fraction(value: Fraction | int | None) -> Fraction | None:
+    return None if value is None else Fraction(value)

@@ -1,0 +1,221 @@
+"""The command line: parse, build objects, call the library, show progress, choose the exit code.
+
+Exit codes: 0 done, 1 failed (without a word if the reader of standard output has gone), 2 wrong usage, 3 a comparison
+that ends below --fail-under, 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, CycloptsError, Group, Parameter
+
+from fpsboost.cli.library_texts import LibraryTexts
+from fpsboost.cli.messages import console, say_error, say_traceback, shown
+from fpsboost.cli.options import (
+    CutOptions,
+    InputOptions,
+    MotionOptions,
+    RateOptions,
+    RunOptions,
+    TuningOptions,
+    VideoOptions,
+)
+from fpsboost.cli.progress import Reporter
+from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
+from fpsboost.version import __version__
+
+if TYPE_CHECKING:
+    from fpsboost.io.video.encoding import Encoding
+
+EXAMPLES = """
+[bold]Examples[/]
+  fpsboost in.mp4 out.mp4                              twice the frames
+  fpsboost in.mp4 out.mkv --fps 59.94 --crf 16         a rate, not a factor
+  fpsboost renders/ doubled/                           a folder of images
+  fpsboost renders/ --fill-gaps --in-place             those that are missing
+  fpsboost shot_####.png out.mp4 --input-fps 24        images to video
+  fpsboost in.mp4 out.mp4 --start 1:30 --end 2:00      a part of it
+  fpsboost in.mp4 out.mp4 --factor 4 --slow-motion     four times as long
+  fpsboost in.gif out.webp                             gif, apng or webp
+  fpsboost in.mp4 frames/ --method nlm-exhaustive      the report's method
+  fpsboost a.mp4 b.mov renders/ out/                   several, into a folder
+  fpsboost in.mp4 out.mp4 --resume                     go on if it was stopped
+  ffmpeg -i in -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
+  fpsboost probe in.mp4                                what a clip is
+  fpsboost compare in.mp4 --report page/               which method is best
+"""
+
+PIPE = "pipe:"
+"""What a lone dash is called from here on, which the parser would take for an option without a name."""
+
+app = App(
+    name="fpsboost",
+    help="Raise the frame rate of a video or an image sequence.",
+    usage="Usage: fpsboost [OPTIONS] IN OUT\n       fpsboost [OPTIONS] IN... FOLDER\n       fpsboost COMMAND",
+    help_epilogue=EXAMPLES.strip(),
+    help_format="rich",
+    suppress_keyboard_interrupt=False,
+    version=f"fpsboost {__version__}",
+    group_commands=Group("Commands", sort_key=8),
+    default_parameter=Parameter(
+        negative=(), show_default=lambda value: value if value is not False else None, show_choices=False
+    ),
+)
+
+
+@app.default
+def convert(
+    input: Annotated[str, Parameter(name="IN")],
+    output: Annotated[str | None, Parameter(name="OUT")] = None,
+    /,
+    *more: Annotated[str, Parameter(show=False)],
+    source: InputOptions = InputOptions(),
+    rate_options: RateOptions = RateOptions(),
+    motion: MotionOptions = MotionOptions(),
+    tuning: TuningOptions = TuningOptions(),
+    at_cuts: CutOptions = CutOptions(),
+    video: VideoOptions = VideoOptions(),
+    options: RunOptions = RunOptions(),
+) -> None:
+    """Raise the frame rate of a video or an image sequence.
+
+    Parameters
+    ----------
+    input
+        A video, an animation (gif, apng, webp), a folder of images,
+        shot_%04d.png, shot_####.png, or - for a YUV4MPEG2 pipe.
+    output
+        The same; video as mp4, m4v, mov, mkv or webm.
+        For several inputs a folder, made if it is missing.
+    more
+        Further names; the last one is the folder.
+    """
+    # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
+    from fpsboost import conversion  # noqa: PLC0415
+    from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
+
+    interpolator = at_cuts.applied_to(motion.interpolator(tuning))
+    factor, fps, input_fps = rate_options.multiple(), rate_options.rate(), source.image_rate()
+    trim, encoding, limit = source.trim(), video.encoding(), options.limit()
+
+    def run(input: str, output: str | None, place: str = "") -> None:
+        target = input if output is None else output
+        check_encodes(target, encoding)
+        called = "standard output" if output == PIPE else target
+        with Reporter(place + called, quiet=options.quiet, verbose=options.verbose) as reporter:
+            reporter.say_settings(motion.method, interpolator)
+            summary = conversion.convert(
+                input,
+                output,
+                factor=factor,
+                fps=fps,
+                keep_timing=rate_options.keep_timing,
+                slow_motion=rate_options.slow_motion,
+                slow_motion_sound=rate_options.slow_motion_sound,
+                method=interpolator,
+                input_fps=input_fps,
+                trim=trim,
+                duplicates=motion.duplicates,
+                fill_gaps=source.fill_gaps,
+                in_place=options.in_place,
+                decoding=source.decoding(),
+                encoding=encoding,
+                overwrite=options.overwrite,
+                resume=options.resume,
+                limit=limit,
+                threads=options.threads,
+                observer=reporter,
+            )
+        reporter.say_summary(summary)
+
+    paths = [input, *([] if output is None else [output]), *more]
+    inputs = paths if options.in_place else paths[:-1]
+    if not inputs:
+        raise OptionError(f"OUT is missing: name an output for {input}, or give --in-place for images beside it.")
+    if len(inputs) == 1:
+        run(input, None if options.in_place else output)
+        return
+    if motion.vectors is not None:
+        raise OptionError("--vectors belongs to one clip; convert several inputs with vectors one by one.")
+    if options.in_place:
+        convert_in_place(inputs, run, quiet=options.quiet, verbose=options.verbose)
+    else:
+        convert_each(inputs, paths[-1], run, quiet=options.quiet, verbose=options.verbose)
+
+
+def check_encodes(output: str, encoding: Encoding) -> None:
+    """Raise `OptionError` where options of encoders were given for what no encoder writes."""
+    from fpsboost.io.opening import makes_animation, makes_video, stands_for_images  # noqa: PLC0415
+
+    if encoding.given and (stands_for_images(output) or not makes_video(output)):
+        kind = "an animation, which takes" if makes_animation(output) else "images, which take"
+        raise OptionError(f"{output} will be {kind} no {' or '.join(encoding.given)}; leave that out.")
+
+
+app.command(
+    "fpsboost.cli.probe:probe", help="Say what a clip is, and what a conversion would do with it.", help_epilogue=""
+)
+app.command(
+    "fpsboost.cli.compare:compare",
+    help="Hide frames, make them again, and say which method does best.",
+    help_epilogue="Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.",
+)
+app.command("fpsboost.cli.tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
+
+
+def stop(number: int, frame: FrameType | None) -> None:
+    """Treat a request to terminate like Ctrl-C, so that nothing half-written stays behind."""
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Run the command line and exit; `fpsboost.__main__` is where it begins."""
+    signal.signal(signal.SIGTERM, stop)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as nohup and a shell's & have it
+        signal.signal(signal.SIGINT, stop)
+    with LibraryTexts() as texts:
+        run_command(texts)
+
+
+def run_command(texts: LibraryTexts) -> None:
+    """Run the command line; exit unless all went well."""
+    errors = console()
+    verbose = "--verbose" in sys.argv
+    tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]
+    try:
+        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        if texts.sentence() and not {"--quiet", "-q"} & set(tokens):
+            errors.print(f"Note: {shown(texts.sentence())}")
+    except KeyboardInterrupt as stopped:
+        left = notes_of(stopped)
+        nothing = "Stopped." if PIPE in tokens else "Stopped; nothing was written."
+        errors.print(f"Stopped; {shown(left)}" if left else nothing)
+        sys.exit(130)
+    except ReaderGoneError:  # as other filters, without a word
+        sys.exit(1)
+    except CompleteAlreadyError as error:  # what a batch that is started again wants
+        if not {"--quiet", "-q"} & set(tokens):
+            errors.print(shown(str(error)))
+    except CycloptsError as error:
+        errors.print(f"[red]fpsboost:[/] {shown(str(error))} See fpsboost --help.")
+        sys.exit(2)
+    except FpsboostError as error:
+        if verbose:
+            say_traceback()
+            for line in texts.lines():
+                errors.print(shown(line))
+        say_error(errors, error)
+        sys.exit(2 if isinstance(error, OptionError) else 1)
+    except OSError as error:  # a name or a place that nobody looked at
+        if verbose:
+            say_traceback()
+        place = error.filename or "A file"
+        errors.print(f"[red]fpsboost:[/] {shown(f'{place} cannot be used ({error.strerror}); check the place.')}")
+        sys.exit(1)
+    except MemoryError:
+        errors.print("[red]fpsboost:[/] There is not enough memory for this; scale it down, or close other programs.")
+        sys.exit(1)

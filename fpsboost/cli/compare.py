@@ -1,0 +1,347 @@
+"""The command `fpsboost compare`: a table on the terminal, a page, plain data."""
+
+from __future__ import annotations
+
+import math
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Group, Parameter
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Column, Table
+
+from fpsboost.cli import messages
+from fpsboost.cli.contestants import choose, name_others, split_methods
+from fpsboost.cli.messages import shown
+from fpsboost.cli.options import CutOptions, InputOptions
+from fpsboost.errors import OptionError, OutputError
+
+if TYPE_CHECKING:
+    from fpsboost.evaluation.compare import Comparison, MethodResult
+    from fpsboost.evaluation.hiding import Hiding
+    from fpsboost.evaluation.making import Maker
+    from fpsboost.io.vector_folder import VectorFolder
+
+DEFAULT_METHODS = ("nlm,nlm-fast,dis,minterpolate,blend",)
+
+BELOW = 3
+"""Exit code where a comparison ends below ``--fail-under``."""
+
+what = Group("What is compared", sort_key=2)
+results = Group("Results", sort_key=3)
+
+
+@Parameter(name="*", group=Group("Which frames", sort_key=1))
+@dataclass(frozen=True)
+class FrameOptions(InputOptions):
+    """Which frames of a clip are shown, which are hidden and made again, and how the clip is read.
+
+    Parameters
+    ----------
+    range
+        Frames to take, from 0 on and without B; also A: or :B.
+    skip
+        Frames hidden between two that are shown.
+    duplicates
+        Repeats: interpolate (no truths) or keep them.
+    """
+
+    range: Annotated[str, Parameter(metavar="A:B", show_default=False)] = ":"
+    skip: Annotated[int, Parameter(metavar="N")] = 1
+    duplicates: Annotated[Literal["interpolate", "keep"], Parameter(metavar="HOW")] = "interpolate"
+
+    def hiding(self) -> Hiding:
+        """What is hidden, and how the clip is read."""
+        from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
+
+        first, last = parse_range(self.range)
+        return Hiding(self.skip, first, last, self.trim(), self.decoding(), self.duplicates)
+
+
+def compare(
+    input: Annotated[str, Parameter(name="IN")],
+    /,
+    *,
+    frames: FrameOptions = FrameOptions(),
+    methods: Annotated[
+        tuple[str, ...], Parameter(group=what, name=["--methods", "-m"], metavar="NAMES", show_default=",".join)
+    ] = DEFAULT_METHODS,
+    frames_of: Annotated[
+        tuple[str, ...], Parameter(group=what, name="--frames", metavar="NAME=DIR", show_default=False)
+    ] = (),
+    peer: Annotated[tuple[str, ...], Parameter(group=what, metavar="NAME=COMMAND", show_default=False)] = (),
+    vectors: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
+    depth: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
+    at_cuts: CutOptions = CutOptions(),
+    metrics: Annotated[tuple[str, ...], Parameter(group=results, metavar="NAMES", show_default=False)] = (),
+    report: Annotated[str | None, Parameter(group=results, metavar="DIR")] = None,
+    json: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
+    csv: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
+    fail_under: Annotated[float | None, Parameter(group=results, metavar="DB")] = None,
+    quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
+) -> None:
+    """Hide frames, make them again with each method, and say which comes nearest to the truth.
+
+    Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.
+
+    Parameters
+    ----------
+    input
+        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+    methods
+        As in conversions, with commas between them and options
+        behind a colon: dis,nlm-exhaustive:patch-radius=9,v=0.05;
+        or all; minterpolate is FFmpeg's. Given repeatedly, all.
+    frames_of
+        Images that another tool made: all frames in order,
+        the hidden ones alone, or numbered like them, from 0.
+        May be given repeatedly.
+    peer
+        A command that makes them: 'tool {in} {out}', from
+        and into a folder of images; also {factor} and {fps}.
+        May be given repeatedly.
+    vectors
+        Folder of a renderer's vectors, for every frame of IN.
+    depth
+        Folder of its depth, for reproject-scene.
+    metrics
+        Measured beside PSNR (and P5, its 5th percentile), SSIM,
+        MAE and MSE, with commas between: dtssd, tof, flip,
+        xpsnr, vmaf, grid; see docs/comparison.md.
+    report
+        A new folder for the page, index.html.
+    json
+        A new file for all figures, as docs/comparison.md says.
+    csv
+        A new file for a table: a row a method and frame.
+    fail_under
+        Exit with 3 if the first method's PSNR is lower.
+    quiet
+        Say nothing but errors.
+    """
+    from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
+    from fpsboost.evaluation.exporting import write_csv, write_json  # noqa: PLC0415
+    from fpsboost.evaluation.further_metrics import choose_metrics  # noqa: PLC0415
+    from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
+    from fpsboost.method_table import find_method  # noqa: PLC0415
+
+    console = Console(highlight=False, quiet=quiet)
+    hiding = frames.hiding()
+    others = name_others(frames_of, peer)
+    if depth is not None and vectors is None:
+        raise OptionError("--depth goes with --vectors; give both.")
+    folder = None if vectors is None else open_vectors(input, vectors, depth)
+    makers, skipped = choose(methods, folder)
+    makers = with_cuts(makers, at_cuts)
+    if fail_under is not None:
+        check_limit(fail_under, methods, list(makers), skipped)
+    chosen = choose_metrics(metrics)
+    for path, option in ((report, "--report"), (json, "--json"), (csv, "--csv")):
+        check_new(path, option)
+    rate = frames.image_rate()
+    with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # a report shows what a peer wrote there
+        with Progressing(quiet=quiet) as progress:
+            makers |= others.makers(lambda: hiding.intervals(input, rate), Path(scratch), progress.begun)
+            comparison = run(
+                input,
+                makers,
+                hiding,
+                progress,
+                skipped=skipped,
+                input_fps=rate,
+                rendered=words_of({"--vectors": vectors, "--depth": depth}),
+                others=others.words(),
+                vectors=folder,
+                cuts=at_cuts.applied_to(find_method("nlm")).cuts,
+                cut_options=words_of(at_cuts.given),
+                metrics=chosen,
+            )
+        for each in tables(comparison):
+            console.print(each)
+        for line in remarks(comparison, makers):
+            console.print(shown(line))
+        console.print(shown(judge(comparison).text), style="bold", soft_wrap=True)
+        if json is not None:
+            write_json(Path(json), comparison)
+        if csv is not None:
+            write_csv(Path(csv), comparison)
+        if report is not None:
+            from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (what draws is slow to import)
+
+            with Console(stderr=True, quiet=quiet).status("writing the page"):
+                page = write_report(Path(report), comparison, makers, input_fps=rate)
+            console.print(f"Page: {shown(str(page))}", soft_wrap=True)
+    if fail_under is not None:
+        check_is_reached(comparison, fail_under)
+
+
+def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
+    """The options that were given, as words of the command line; True stands for one without a value."""
+    given = {option: value for option, value in options.items() if value is not None and value is not False}
+    return tuple(
+        word for option, value in given.items() for word in ((option,) if value is True else (option, str(value)))
+    )
+
+
+def with_cuts(makers: Mapping[str, Maker], at_cuts: CutOptions) -> dict[str, Maker]:
+    """The methods, those of this package told where scenes end."""
+    from fpsboost.evaluation.making import InterpolatorMaker  # noqa: PLC0415
+
+    return {
+        name: replace(maker, interpolator=at_cuts.applied_to(maker.interpolator))
+        if isinstance(maker, InterpolatorMaker)
+        else maker
+        for name, maker in makers.items()
+    }
+
+
+def check_limit(limit: float, methods: Sequence[str], compared: Sequence[str], skipped: Mapping[str, str]) -> None:
+    """Raise `OptionError` if ``--fail-under`` is no number, or asks about a method that cannot be run."""
+    if not math.isfinite(limit):
+        raise OptionError(f"--fail-under must be a number of decibels, not {limit}.")
+    first = split_methods(methods)[0].text
+    if compared and first in skipped:
+        raise OptionError(f"--fail-under asks about {first}, which cannot be run here; name another method first.")
+
+
+def check_is_reached(comparison: Comparison, limit: float) -> None:
+    """Exit with `BELOW` if the first method's mean PSNR is lower than a limit."""
+    first = comparison.methods[0]
+    psnr = comparison.means(first).psnr
+    if psnr < limit:
+        sentence = f"{first.name} reaches {psnr:.2f} dB, below the {limit:g} dB of --fail-under."
+        messages.console().print(f"[red]fpsboost:[/] {shown(sentence)}")
+        sys.exit(BELOW)
+
+
+def open_vectors(clip: str, vectors: str, depth: str | None) -> VectorFolder:
+    """A renderer's vectors for the frames of a clip, by number where both have some."""
+    from fpsboost.io.images.numbering import find_numbers  # noqa: PLC0415
+    from fpsboost.io.vector_folder import VectorFolder  # noqa: PLC0415
+
+    folder, numbers = VectorFolder(vectors, depth), find_numbers(clip)
+    return folder if numbers is None else folder.matched(numbers, must_match=numbers.step > 1)
+
+
+def check_new(path: str | None, option: str) -> None:
+    """Raise `OutputError` if a file or folder to be written exists, or has no folder to be in."""
+    if path is None:
+        return
+    if Path(path).exists():
+        raise OutputError(f"{path} exists; name a new one with {option}, or remove it first.")
+    if not Path(path).parent.is_dir():
+        raise OutputError(f"{path} is in no folder that exists; create {Path(path).parent} or change {option}.")
+
+
+def tables(comparison: Comparison) -> list[Table]:
+    """Overall figures, the best method first, and the error by areas, where any is large enough."""
+    from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
+
+    ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
+    overall = Table(
+        Column("method", overflow="fold"),
+        title=f"{shown(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}",
+    )
+    by_area = Table(Column("MAE", overflow="fold"), title="where the errors are")
+    for name in ("PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
+        overall.add_column(name, justify="right")
+    areas = [area for area, _ in comparison.areas]
+    for area, outside in comparison.areas:
+        by_area.add_column(area, justify="right")
+        by_area.add_column(outside, justify="right")
+    for place, method in enumerate(ranked):
+        style = "bold green" if place == 0 and len(ranked) > 1 else ""
+        name = "\n".join(map(shown, break_name(method.name)))
+        overall.add_row(name, *overall_cells(comparison, method), style=style)
+        errors = [comparison.mean_error(method, *each) for each in product(areas, (True, False))]
+        by_area.add_row(name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
+    found = [overall]
+    if areas:
+        found.append(by_area)
+    if comparison.metrics:
+        found.append(further_table(comparison, ranked))
+    return found
+
+
+def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Table:
+    """What was measured beside, methods in the order of the overall figures."""
+    from fpsboost.evaluation.further_metrics import figures_of  # noqa: PLC0415
+    from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
+
+    figures = figures_of(comparison.metrics)
+    table = Table(Column("method", overflow="fold"), title="further metrics")
+    for figure in figures:
+        table.add_column(figure.title, justify="right")
+    for method in ranked:
+        values = comparison.further(method)
+        pairs = [(figure.digits, values[figure.name]) for figure in figures]
+        cells = ["-" if math.isnan(value) else f"{value:.{digits}f}" for digits, value in pairs]
+        table.add_row("\n".join(map(shown, break_name(method.name))), *cells)
+    return table
+
+
+def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
+    """Quality and price of a method."""
+    scores, seconds = comparison.means(method), comparison.mean_seconds(method)
+    return [
+        f"{scores.psnr:.2f}",
+        f"{comparison.low_psnr(method):.2f}",
+        f"{scores.ssim:.4f}",
+        f"{scores.mae:.2f}",
+        f"{scores.mse:.1f}",
+        *("-" if math.isnan(each) else f"{each:.3f}" for each in seconds),
+    ]
+
+
+def remarks(comparison: Comparison, makers: Mapping[str, Maker]) -> list[str]:
+    """What a reader of the table must know."""
+    from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
+
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
+    lines = [f"PSNR in dB, P5 its 5th percentile; MAE and MSE in levels of 255. Of the picture: {shares}."]
+    lines += [metrics[name].meaning for name in comparison.metrics]
+    if comparison.cuts:
+        are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
+        lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")
+    lines += [f"Note: {note}" for note in comparison.notes(makers)]
+    lines += [f"Note: {name} was skipped, {reason}." for name, reason in comparison.skipped.items()]
+    return lines
+
+
+class Progressing:
+    """Shows a long run to a person: what is being done, a bar and the time left, on a terminal."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        console = Console(stderr=True)
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed} frames"),
+            TimeRemainingColumn(compact=True),
+            console=console,
+            transient=True,
+            disable=quiet or not console.is_terminal,
+        )
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> Progressing:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._progress.stop()
+
+    def begun(self, name: str, frames: int | None) -> None:
+        """See `fpsboost.evaluation.compare.Observer.begun`."""
+        self._task = self._progress.add_task(shown(name), total=frames)
+
+    def made(self) -> None:
+        """See `fpsboost.evaluation.compare.Observer.made`."""
+        if self._task is not None:
+            self._progress.advance(self._task)

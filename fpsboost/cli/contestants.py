@@ -1,0 +1,192 @@
+"""Who takes part in a comparison, as the command line names them: methods with options, and other tools' frames."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from fpsboost.errors import OptionError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from fpsboost.evaluation.hiding import Interval
+    from fpsboost.evaluation.making import Maker
+    from fpsboost.io.vector_folder import VectorFolder
+
+
+class NamedMethod(NamedTuple):
+    """A method of ``--methods``."""
+
+    text: str
+    """As the user wrote it: how it is called in tables."""
+    name: str
+    options: dict[str, str]
+
+
+def split_methods(texts: Sequence[str]) -> list[NamedMethod]:
+    """Read ``--methods``: names with commas between them, each with options behind a colon.
+
+    No name holds an equals sign and every option does, so a comma may stand between methods and between options alike.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        One for each time that the option was given.
+
+    Raises
+    ------
+    OptionError
+        A name or an option is missing, or an option is given twice.
+
+    Examples
+    --------
+    >>> [each.text for each in split_methods(["nlm,nlm-exhaustive:patch-radius=9,v=0.05,dis", "blend"])]
+    ['nlm', 'nlm-exhaustive:patch-radius=9,v=0.05', 'dis', 'blend']
+    """
+    found: list[NamedMethod] = []
+    for text in texts:
+        for place, part in enumerate(each.strip() for each in text.split(",")):
+            name, colon, option = part.partition(":")
+            if "=" in part and not (colon and "=" not in name):  # an option of the method before
+                if place == 0 or ":" not in found[-1].text:
+                    raise OptionError(f"{part!r} belongs to no method; write METHOD:{part}.")
+                found[-1] = _with_option(found[-1], f"{found[-1].text},{part}", part)
+                continue
+            if not name:
+                raise OptionError(f"--methods {text!r} lacks a name; write names with commas between them.")
+            method = NamedMethod(part, name.strip(), {})
+            found.append(_with_option(method, part, option) if colon else method)
+    return found
+
+
+def _with_option(method: NamedMethod, text: str, part: str) -> NamedMethod:
+    option, equals, value = (each.strip() for each in part.partition("="))
+    if not (option and equals and value):
+        raise OptionError(f"{method.text!r} has an option without a value; write {method.name}:OPTION=VALUE.")
+    if option in method.options:
+        raise OptionError(f"{text!r} gives {option} twice; give it once.")
+    return NamedMethod(text, method.name, {**method.options, option: value})
+
+
+def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:
+    """The methods of ``--methods``, and those that cannot be run, with the reason.
+
+    Raises
+    ------
+    OptionError
+        A method or one of its options is unknown, and the message lists the known ones; or a value is out of range.
+    """
+    from fpsboost.evaluation.making import known_methods  # noqa: PLC0415
+    from fpsboost.method_table import vector_methods  # noqa: PLC0415
+
+    every = known_methods()
+    makers: dict[str, Maker] = {}
+    skipped: dict[str, str] = {}
+    for method in split_methods(texts):
+        chosen = [method]
+        if method.text == "all":
+            chosen = [NamedMethod(name, name, {}) for name in every]
+        for each in chosen:
+            if each.name not in every:
+                raise OptionError(f"There is no method {each.name!r}; choose from {', '.join(every)}, or all.")
+            reason = _missing(each.name, needs_vectors=each.name in vector_methods and vectors is None)
+            if reason is None:
+                makers[each.text] = _make(each, vectors)
+            else:
+                skipped[each.text] = reason
+    return makers, skipped
+
+
+def _missing(name: str, *, needs_vectors: bool) -> str | None:
+    from fpsboost.evaluation.making import MINTERPOLATE, Minterpolate  # noqa: PLC0415
+
+    if needs_vectors:
+        return "it needs the renderer's motion vectors (--vectors)"
+    return Minterpolate.missing() if name == MINTERPOLATE else None
+
+
+def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
+    from fpsboost.evaluation.making import MINTERPOLATE, InterpolatorMaker, Minterpolate  # noqa: PLC0415
+    from fpsboost.method_table import configure, find_method, methods, read_options  # noqa: PLC0415
+
+    if method.name == MINTERPOLATE:
+        return Minterpolate.with_options(method.options)
+    # as in conversions, the report's search takes the renderer's largest motion where that is known
+    unaware = method.name in methods and not hasattr(methods[method.name].estimator, "vectors")
+    interpolator = find_method(method.name, None if unaware else vectors)
+    options = read_options(interpolator, method.name, method.options)
+    try:
+        return InterpolatorMaker(configure(interpolator, method.name, options))
+    except OptionError as error:
+        raise OptionError(f"In {method.text}: {error}") from None
+
+
+class Others(NamedTuple):
+    """What ``--frames`` and ``--peer`` name."""
+
+    folders: dict[str, str]
+    commands: dict[str, str]
+
+    def words(self) -> tuple[str, ...]:
+        """The options again, as words of a command line."""
+        return tuple(
+            word
+            for option, given in (("--frames", self.folders), ("--peer", self.commands))
+            for name, value in given.items()
+            for word in (option, f"{name}={value}")
+        )
+
+    def makers(
+        self, intervals: Callable[[], Iterable[Interval]], scratch: Path, begun: Callable[[str, None], None]
+    ) -> Iterator[tuple[str, Maker]]:
+        """Match the folders to the clip, and run the commands: before anything else, because what fails fails here.
+
+        Parameters
+        ----------
+        intervals : callable
+            Reads the clip.
+        scratch : Path
+            A folder for what commands read and write, which stays as long as the frames are needed.
+        begun : callable
+            Is told whose turn it is.
+        """
+        from fpsboost.evaluation.peers import find_frames, run_peer  # noqa: PLC0415
+
+        for name, folder in self.folders.items():
+            begun(name, None)
+            yield name, find_frames(name, Path(folder), intervals())
+        for name, command in self.commands.items():
+            begun(name, None)
+            yield name, run_peer(name, command, intervals(), Path(tempfile.mkdtemp(dir=scratch)))
+
+
+def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
+    """Read ``--frames NAME=FOLDER`` and ``--peer NAME=COMMAND``, each given any number of times.
+
+    Raises
+    ------
+    OptionError
+        A name is missing, taken twice or a method's, or a command lacks its folders.
+    """
+    from fpsboost.evaluation.making import known_methods  # noqa: PLC0415
+    from fpsboost.evaluation.peers import split_command  # noqa: PLC0415
+
+    taken = set(known_methods()) | {"all", "truth"}
+    found: dict[str, dict[str, str]] = {"--frames": {}, "--peer": {}}
+    for option, value, text in [
+        *(("--frames", "FOLDER", each) for each in frames),
+        *(("--peer", "'COMMAND {in} {out}'", each) for each in peers),
+    ]:
+        name, equals, rest = (each.strip() for each in text.partition("="))
+        if not (name and equals and rest):
+            raise OptionError(f"{option} {text!r} lacks a name or what it names; write {option} NAME={value}.")
+        if name in taken or ":" in name:
+            raise OptionError(f"{option} {name!r} is the name of another method; choose one of your own.")
+        taken.add(name)
+        found[option][name] = rest
+    for name, command in found["--peer"].items():
+        split_command(name, command)
+    return Others(found["--frames"], found["--peer"])

@@ -1,0 +1,363 @@
+"""The options of a conversion, a class for each group of them: how they are called, and what the library makes of them.
+
+Nothing heavy is imported before an option is used, because --help need not wait for OpenCV, numba and FFmpeg.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Group, Parameter
+
+from fpsboost.errors import OptionError
+
+if TYPE_CHECKING:
+    from fpsboost.interpolator import Interpolator
+    from fpsboost.io.memory_limit import MemoryLimit
+    from fpsboost.io.trim import Trim
+    from fpsboost.io.video.decode_options import DecodeOptions
+    from fpsboost.io.video.encoding import Encoding
+
+
+@Parameter(name="*", group=Group("Input", sort_key=1))
+@dataclass(frozen=True)
+class InputOptions:
+    """Which part of the input is converted, and how it is read.
+
+    Parameters
+    ----------
+    start
+        Where to begin: 90, 1:30.5, or frame 120f.
+    end
+        Where to stop, the same; without that frame.
+    input_fps
+        Frames per second of input images.
+    stream
+        Video stream by its number in probe; else the largest.
+    deinterlace
+        Make a frame of each field first: 50 a second of 25i.
+    size_change
+        Where the size changes: stop or scale.
+    decoder
+        Read videos by ffmpeg or opencv.
+    fill_gaps
+        Make just the images that are missing, by their numbers.
+    """
+
+    start: Annotated[str | None, Parameter(metavar="TIME")] = None
+    end: Annotated[str | None, Parameter(metavar="TIME")] = None
+    input_fps: Annotated[str | None, Parameter(metavar="RATE")] = None
+    stream: Annotated[int | None, Parameter(metavar="N")] = None
+    deinterlace: bool = False
+    size_change: Annotated[Literal["stop", "scale"], Parameter(metavar="HOW")] = "stop"
+    decoder: Annotated[Literal["ffmpeg", "opencv"], Parameter(metavar="HOW")] = "ffmpeg"
+    fill_gaps: bool = False
+
+    def trim(self) -> Trim:
+        """The part of the input."""
+        from fpsboost.io.trim import Trim  # noqa: PLC0415
+        from fpsboost.timing.position import parse_position  # noqa: PLC0415
+
+        return Trim(
+            None if self.start is None else parse_position(self.start, "--start"),
+            None if self.end is None else parse_position(self.end, "--end"),
+        )
+
+    def decoding(self) -> DecodeOptions:
+        """How a video is read."""
+        from fpsboost.io.video.decode_options import DecodeOptions  # noqa: PLC0415
+
+        return DecodeOptions(self.stream, self.deinterlace, self.size_change, self.decoder)
+
+    def image_rate(self) -> Fraction | None:
+        """Frames per second of images."""
+        from fpsboost.timing.schedule import parse_rate  # noqa: PLC0415
+
+        return None if self.input_fps is None else parse_rate(self.input_fps, "--input-fps")
+
+
+@Parameter(name="*", group=Group("How many frames", sort_key=2))
+@dataclass(frozen=True)
+class RateOptions:
+    """How fast the output plays.
+
+    Parameters
+    ----------
+    factor
+        Output frames per input frame: 3, 5/2; else 2.
+    fps
+        Frames per second instead: 60, 59.94, 60000/1001.
+    keep_timing
+        Multiply each interval; else the rate is constant.
+    slow_motion
+        Keep the rate and last --factor times as long.
+    slow_motion_sound
+        Then drop the sound, or stretch it; else drop.
+    """
+
+    factor: Annotated[str | None, Parameter(name=["--factor", "-f"], metavar="N")] = None
+    fps: Annotated[str | None, Parameter(metavar="RATE")] = None
+    keep_timing: bool = False
+    slow_motion: bool = False
+    slow_motion_sound: Annotated[Literal["drop", "stretch"] | None, Parameter(metavar="HOW")] = None
+
+    def multiple(self) -> Fraction | None:
+        """Output frames per input frame."""
+        from fpsboost.timing.schedule import parse_number  # noqa: PLC0415
+
+        return None if self.factor is None else parse_number(self.factor, "--factor")
+
+    def rate(self) -> Fraction | None:
+        """Output frames per second."""
+        from fpsboost.timing.schedule import parse_rate  # noqa: PLC0415
+
+        return None if self.fps is None else parse_rate(self.fps, "--fps")
+
+
+@Parameter(name="*", group=Group("Options of single methods", sort_key=7))
+@dataclass(frozen=True)
+class TuningOptions:
+    """What some methods can be told.
+
+    Parameters
+    ----------
+    patch_radius
+        nlm*: size of compared patches, pixels each way.
+    v
+        nlm*: width of the similarity, colours from 0 to 1.
+    search_radius
+        nlm-exhaustive: largest motion, pixels; else found.
+    window
+        nlm-exhaustive: weigh patches by box or gaussian.
+    implementation
+        nlm-exhaustive: fused kernel, or OpenCV passes.
+    search
+        reproject-image too: iterative or brute-force.
+    iterations
+        The same: limit of the iterative search; else 10.
+    block_size
+        block: side of the blocks, pixels.
+    search_range
+        block: largest motion, pixels each way.
+    pattern
+        block: full, three-step or diamond.
+    """
+
+    patch_radius: Annotated[int | None, Parameter(metavar="N")] = None
+    v: Annotated[float | None, Parameter(name="--v", metavar="X")] = None
+    search_radius: Annotated[int | None, Parameter(metavar="N")] = None
+    window: Annotated[Literal["box", "gaussian"] | None, Parameter(metavar="HOW")] = None
+    implementation: Annotated[Literal["fused", "passes"] | None, Parameter(metavar="HOW")] = None
+    search: Annotated[Literal["iterative", "brute-force"] | None, Parameter(metavar="HOW")] = None
+    iterations: Annotated[int | None, Parameter(metavar="N")] = None
+    block_size: Annotated[int | None, Parameter(metavar="N")] = None
+    search_range: Annotated[int | None, Parameter(metavar="N")] = None
+    pattern: Annotated[Literal["full", "three-step", "diamond"] | None, Parameter(metavar="HOW")] = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Those that were given, by the names of the fields of estimators and synthesizers."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+@Parameter(name="*", group=Group("How they are made", sort_key=3))
+@dataclass(frozen=True)
+class MotionOptions:
+    """How frames are made.
+
+    Parameters
+    ----------
+    method
+        nlm, nlm-fast, blend or nearest;
+        the report's: nlm-exhaustive, nlm-brute-force,
+        nlm-passes (the same in passes of OpenCV);
+        with --vectors: reproject-image, reproject-scene;
+        to compare: dis, farneback, tvl1, dis-warp, tvl1-warp,
+        farneback-warp, block, codec.
+    duplicates
+        Repeats: interpolate or keep them.
+    vectors
+        Folder of a renderer's vectors, for every output frame.
+    depth
+        Folder of its depth, for reproject-scene.
+    """
+
+    method: Annotated[str, Parameter(name=["--method", "-m"], metavar="NAME")] = "nlm"
+    duplicates: Annotated[Literal["interpolate", "keep"], Parameter(metavar="HOW")] = "interpolate"
+    vectors: Annotated[str | None, Parameter(metavar="DIR")] = None
+    depth: Annotated[str | None, Parameter(metavar="DIR")] = None
+
+    def interpolator(self, tuning: TuningOptions) -> Interpolator:
+        """The method with its options.
+
+        Raises
+        ------
+        OptionError
+            It is unknown, or has no such option.
+        InputError
+            The vectors cannot be read.
+        """
+        from fpsboost.io.vector_folder import VectorFolder  # noqa: PLC0415
+        from fpsboost.method_table import configure, find_method  # noqa: PLC0415
+
+        if self.depth is not None and self.vectors is None:
+            raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
+        folder = None if self.vectors is None else VectorFolder(self.vectors, self.depth)
+        return configure(find_method(self.method, folder), self.method, tuning.given)
+
+
+@Parameter(name="*", group=Group("Scene cuts", sort_key=4))
+@dataclass(frozen=True)
+class CutOptions:
+    """Where scenes end, and what is shown there.
+
+    Parameters
+    ----------
+    at_cuts
+        repeat a frame, blend or extrapolate.
+    cut_threshold
+        Likeness below which a pair is a cut, 0 to 1; else 0.5.
+    no_cuts
+        Take everything for one scene.
+    cuts
+        List of cuts: a time or frame a line, or PySceneDetect's.
+    """
+
+    at_cuts: Annotated[Literal["repeat", "blend", "extrapolate"], Parameter(metavar="HOW")] = "repeat"
+    cut_threshold: Annotated[float | None, Parameter(metavar="X")] = None
+    no_cuts: bool = False
+    cuts: Annotated[str | None, Parameter(metavar="FILE")] = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Those that differ from the defaults, as the command line calls them."""
+        values = {
+            "--at-cuts": self.at_cuts if self.at_cuts != "repeat" else None,
+            "--no-cuts": self.no_cuts or None,
+            "--cut-threshold": self.cut_threshold,
+            "--cuts": self.cuts,
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+    def applied_to(self, interpolator: Interpolator) -> Interpolator:
+        """The interpolator with these.
+
+        Raises
+        ------
+        OptionError
+            They contradict each other, or the list of cuts is none.
+        InputError
+            That cannot be read.
+        """
+        from fpsboost.analysis.cut_list import read_cuts  # noqa: PLC0415
+        from fpsboost.analysis.scene_cuts import CutDetector  # noqa: PLC0415
+
+        names = [name for name in self.given if name != "--at-cuts"]
+        if len(names) > 1:
+            raise OptionError(f"{' and '.join(names)} contradict each other; give one of them.")
+        policy = interpolator.cuts
+        if self.no_cuts:
+            policy = None
+        elif self.cuts is not None:
+            policy = read_cuts(self.cuts)
+        elif self.cut_threshold is not None and isinstance(policy, CutDetector):
+            policy = replace(policy, threshold=self.cut_threshold)
+        return replace(interpolator, cuts=policy, at_cuts=self.at_cuts)
+
+
+@Parameter(name="*", group=Group("Video output", sort_key=5))
+@dataclass(frozen=True)
+class VideoOptions:
+    """How video is encoded, and what comes along.
+
+    Parameters
+    ----------
+    codec
+        h264, hevc, vp9, av1 or any encoder of FFmpeg.
+    crf
+        Quality, lower is better.
+    preset
+        Encoder speed, such as slow or veryfast.
+    bitrate
+        Bits per second instead of a quality: 8M, 800k.
+    lossless
+        Decoding gives back exactly what was encoded.
+    pix_fmt
+        FFmpeg's name, yuv420p10le; else the input's.
+    encoder_option
+        FFmpeg's own option; may be given repeatedly.
+    audio_codec
+        Sound as aac, opus, flac...; else copied.
+    no_audio
+        Leave the sound out.
+    no_subtitles
+        Leave the subtitles out.
+    """
+
+    codec: Annotated[str | None, Parameter(metavar="NAME")] = None
+    crf: Annotated[int | None, Parameter(metavar="N")] = None
+    preset: Annotated[str | None, Parameter(metavar="NAME")] = None
+    bitrate: Annotated[str | None, Parameter(metavar="N")] = None
+    lossless: bool = False
+    pix_fmt: Annotated[str | None, Parameter(metavar="NAME")] = None
+    encoder_option: Annotated[tuple[str, ...] | None, Parameter(metavar="KEY=VALUE")] = None
+    audio_codec: Annotated[str | None, Parameter(metavar="NAME")] = None
+    no_audio: bool = False
+    no_subtitles: bool = False
+
+    def encoding(self) -> Encoding:
+        """How to encode."""
+        from fpsboost.io.video.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
+
+        return Encoding(
+            self.codec,
+            self.crf,
+            self.preset,
+            audio=not self.no_audio,
+            audio_codec=self.audio_codec,
+            subtitles=not self.no_subtitles,
+            pixel_format=self.pix_fmt,
+            bitrate=None if self.bitrate is None else parse_bitrate(self.bitrate),
+            lossless=self.lossless,
+            encoder_options=parse_encoder_options(self.encoder_option or ()),
+        )
+
+
+@Parameter(name="*", group=Group("Files and messages", sort_key=6))
+@dataclass(frozen=True)
+class RunOptions:
+    """What may be replaced and taken, and what is said.
+
+    Parameters
+    ----------
+    overwrite
+        Replace an existing output.
+    in_place
+        No OUT: frames go beside the input's images.
+    resume
+        Go on where the same run was stopped, if it was.
+    max_memory
+        Refuse what needs more: 8G; else what is available.
+    threads
+        Pairs of frames worked on side by side; else one a core.
+    verbose
+        Say what is used; show a traceback if something fails.
+    quiet
+        Say nothing but errors.
+    """
+
+    overwrite: Annotated[bool, Parameter(name=["--overwrite", "-y"])] = False
+    in_place: bool = False
+    resume: bool = False
+    max_memory: Annotated[str | None, Parameter(metavar="SIZE")] = None
+    threads: Annotated[int | None, Parameter(metavar="N")] = None
+    verbose: bool = False
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"])] = False
+
+    def limit(self) -> MemoryLimit | None:
+        """What may be taken."""
+        from fpsboost.io.memory_limit import parse_memory  # noqa: PLC0415
+
+        return None if self.max_memory is None else parse_memory(self.max_memory)

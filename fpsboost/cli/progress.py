@@ -1,0 +1,120 @@
+"""How a conversion is shown to a person while it runs, and what is said at its end."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from fpsboost.cli.messages import console, shown
+from fpsboost.version import __version__
+
+if TYPE_CHECKING:
+    from fpsboost.frame import ClipInfo
+    from fpsboost.interpolator import Interpolator
+    from fpsboost.streaming import Summary
+
+
+class FramesPerSecondColumn(ProgressColumn):
+    """Output frames per second so far."""
+
+    def render(self, task: Task) -> Text:
+        """See `rich.progress.ProgressColumn.render`."""
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.1f} frames/s", style="progress.data.speed")
+
+
+class Reporter:
+    """Shows a conversion to a person: a bar on a terminal, nothing when piped, a summary at the end."""
+
+    def __init__(self, output: str, *, quiet: bool, verbose: bool) -> None:
+        self._console = console(quiet=quiet)
+        self._output = output
+        self._verbose = verbose
+        self._info: ClipInfo | None = None
+        self._listening = ExitStack()
+        self._task: TaskID | None = None
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed}/{task.fields[frames]}"),
+            FramesPerSecondColumn(),
+            TimeRemainingColumn(compact=True),
+            console=self._console,
+            transient=True,
+            disable=quiet or not self._console.is_terminal,
+        )
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._listening.close()
+        self._progress.stop()
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """See `fpsboost.conversion.Observer.opened`."""
+        from fpsboost.kernels.compiling import told_of_compiling  # noqa: PLC0415 (--help need not wait for numba)
+
+        self._info = info
+        if self._verbose:
+            count = "an unknown number of" if info.frame_count is None else info.frame_count
+            self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
+        self._listening.enter_context(told_of_compiling(self._say_compiling))
+        self._task = self._progress.add_task(
+            shown(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
+        )
+
+    def ready(self) -> None:
+        """See `fpsboost.conversion.Observer.ready`."""
+        if self._task is not None:
+            self._progress.start_task(self._task)
+
+    def wrote(self, summary: Summary) -> None:
+        """See `fpsboost.conversion.Observer.wrote`."""
+        if self._task is not None:
+            self._progress.update(self._task, completed=summary.frames_out)
+
+    def say_settings(self, method: str, interpolator: Interpolator) -> None:
+        """With --verbose: every option in use."""
+        if self._verbose:
+            self._say(f"fpsboost {__version__}, method {method}")
+            for part in (interpolator.estimator, interpolator.synthesizer, interpolator.cuts or "no scene cuts"):
+                self._say(f"  {part}")
+
+    def say_summary(self, summary: Summary) -> None:
+        """What was done, and every remark."""
+        assert self._info is not None, "a summary comes after opening"
+        frames = f"{summary.frames_in} -> {summary.frames_out} frames"
+        if summary.duplicates:
+            frames += f", {summary.duplicates} duplicate frame{'s' if summary.duplicates > 1 else ''}"
+        if summary.scene_cuts:
+            frames += f", {summary.scene_cuts} scene cut{'s' if summary.scene_cuts > 1 else ''}"
+        if summary.completed_frames:
+            frames += f", {summary.completed_frames} of which were there already"
+        speed = (summary.frames_out - summary.completed_frames) / max(summary.seconds, 1e-9)
+        if self._verbose and summary.search_radii:
+            least, largest = min(summary.search_radii), max(summary.search_radii)
+            self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
+        if self._verbose and summary.details:
+            self._say(summary.details)
+        self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s)")
+        for remark in summary.remarks:
+            self._say(f"Note: {remark}")
+
+    def _say_compiling(self) -> None:
+        self._say("Compiling for this machine, once; later runs start at once.")
+
+    def _say(self, text: str) -> None:
+        self._console.print(shown(text))
+
+
+def readable(number: Any) -> str:
+    """A rate as people write it: 24, 23.976."""
+    return f"{float(number):.3f}".rstrip("0").rstrip(".")

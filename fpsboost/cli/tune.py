@@ -1,0 +1,120 @@
+"""The command `fpsboost tune`: which options of the report's method suit a clip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Group, Parameter
+from rich.console import Console
+from rich.table import Table
+
+from fpsboost.cli.compare import FrameOptions, Progressing, check_new
+from fpsboost.cli.messages import shown
+
+if TYPE_CHECKING:
+    from fpsboost.evaluation.tune import Trial, Tuning
+
+what = Group("What is tried", sort_key=2)
+results = Group("Results", sort_key=3)
+
+BAR = 24
+"""Longest bar, characters."""
+
+
+def tune(
+    input: Annotated[str, Parameter(name="IN")],
+    /,
+    *,
+    chosen: FrameOptions = FrameOptions(),
+    method: Annotated[str, Parameter(group=what, name=["--method", "-m"], metavar="NAME")] = "nlm-exhaustive",
+    frames: Annotated[int, Parameter(group=what, metavar="N")] = 3,
+    figure: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
+    quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
+) -> None:
+    """Try search radii, patch sizes, windows and v on a few hidden frames, and say which to use.
+
+    Parameters
+    ----------
+    input
+        A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+    method
+        nlm-exhaustive, or nlm, which has no window and no search radius.
+    frames
+        How many to try on; they are chosen for their motion.
+    figure
+        A new file for the curves: .svg, .png or .pdf.
+    quiet
+        Print the options and nothing else.
+    """
+    from fpsboost.evaluation.tune import tune as run  # noqa: PLC0415
+    from fpsboost.evaluation.tuning_chart import check_drawable, draw_tuning  # noqa: PLC0415
+
+    console = Console(highlight=False)
+    hiding = chosen.hiding()
+    check_new(figure, "--figure")
+    if figure is not None:
+        check_drawable(Path(figure))
+    rate = chosen.image_rate()
+    with Progressing(quiet=quiet) as progress:
+        tuning = run(input, method, hiding, frames, progress, rate)
+    if figure is not None:
+        draw_tuning(tuning, Path(figure))
+    if not quiet:
+        numbers = ", ".join(map(str, tuning.frames))
+        console.print(shown(f"{input}, frames {numbers}: mean squared error, levels of 255; CPU seconds a frame."))
+        for name, trials in tuning.sweeps.items():
+            console.print(table(name, trials, tuning))
+        console.print(shown(beside_the_default(tuning)))
+        console.print("In a comparison:")
+        console.print(shown(f"-m {as_method(tuning)}"), soft_wrap=True)
+        console.print("In a conversion:")
+    console.print(shown(as_options(tuning)), soft_wrap=True)
+
+
+def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
+    """One sweep, with bars."""
+    shown = Table(name.replace("_", " "), box=None, title=None, pad_edge=False)
+    windowed = name == "patch_radius" and "window" in trials[0].options
+    if windowed:
+        shown.add_column("window")
+    shown.add_column("MSE", justify="right")
+    shown.add_column("")
+    shown.add_column("CPU s", justify="right")
+    largest = max(trial.mse for trial in trials)
+    best = tuning.best.options
+    for trial in trials:
+        chosen = trial.options[name] == best[name] and (not windowed or trial.options["window"] == best["window"])
+        shown.add_row(
+            str(trial.options[name]),
+            *([trial.options["window"]] if windowed else []),
+            f"{trial.mse:.2f}",
+            "█" * max(1, round(BAR * trial.mse / largest)),
+            f"{trial.cpu_seconds:.2f}",
+            style="bold green" if chosen else "",
+        )
+    return shown
+
+
+def beside_the_default(tuning: Tuning) -> str:
+    """What the method gives with the options that were found, and the default method as it is, in one sentence."""
+    from fpsboost.evaluation.tune import DEFAULT  # noqa: PLC0415
+
+    best, default = tuning.best, tuning.default
+    other = "with its own values" if tuning.method == DEFAULT else f"the default, {DEFAULT},"
+    return (
+        f"With these, {tuning.method} has an MSE of {best.mse:.2f} at {best.cpu_seconds:.2f} CPU s a frame; "
+        f"{other} {default.mse:.2f} at {default.cpu_seconds:.2f}."
+    )
+
+
+def as_method(tuning: Tuning) -> str:
+    """The method with its options, for ``compare --methods``."""
+    options = ",".join(f"{name.replace('_', '-')}={value}" for name, value in tuning.best.options.items())
+    return f"{tuning.method}:{options}"
+
+
+def as_options(tuning: Tuning) -> str:
+    """The method with its options, for a conversion."""
+    options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in tuning.best.options.items())
+    return f"--method {tuning.method} {options}"

@@ -1,0 +1,251 @@
+"""Files in, files out: from paths and options to a source, an interpolator and a sink, and the loop between them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import get_args
+
+from fpsboost.analysis.cut_list import CutList
+from fpsboost.errors import OptionError, check_choice
+from fpsboost.interpolator import Interpolator
+from fpsboost.io import FrameSource, Resumable
+from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.opening import (
+    check_images,
+    fingerprint_job,
+    makes_animation,
+    makes_video,
+    open_sink,
+    open_source,
+    requirements_of,
+    trim_source,
+)
+from fpsboost.io.prefetch import available_cores
+from fpsboost.io.trim import Trim, TrimmedSource
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.source import VideoSource
+from fpsboost.method_table import find_method
+from fpsboost.streaming import Duplicates, Observer, SilentObserver, Summary, run_conversion
+from fpsboost.timing.rate import OutputRate, SlowSound
+from fpsboost.timing.schedule import count_frames
+
+NOT_IN_FINGERPRINT = ("input", "output", "overwrite", "resume", "limit", "threads", "observer")
+"""Arguments of `convert` that a run may change which goes on with another; every other one shapes the output."""
+
+
+def convert(
+    input: str,
+    output: str | None = None,
+    *,
+    factor: Fraction | int | None = None,
+    fps: Fraction | int | None = None,
+    keep_timing: bool = False,
+    slow_motion: bool = False,
+    slow_motion_sound: SlowSound | None = None,
+    method: str | Interpolator = "nlm",
+    input_fps: Fraction | int | None = None,
+    trim: Trim | None = None,
+    duplicates: Duplicates = "interpolate",
+    fill_gaps: bool = False,
+    in_place: bool = False,
+    decoding: DecodeOptions | None = None,
+    encoding: Encoding | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
+    limit: MemoryLimit | None = None,
+    threads: int | None = None,
+    observer: Observer | None = None,
+) -> Summary:
+    """Convert a clip to a higher frame rate.
+
+    Parameters
+    ----------
+    input, output : str
+        Each a video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``,
+        ``shot_####.png``), or ``-`` for YUV4MPEG2 from standard input or to standard output. Images whose numbers
+        rise by a step of 2 or more were rendered with that step: where `factor` divides it, the frames made get the
+        numbers that are missing.
+    factor : Fraction or int, optional
+        Output frames per source frame; 2 where neither `factor` nor `fps` is given.
+    fps : Fraction or int, optional
+        Output frames per second, instead of `factor`.
+    keep_timing : bool
+        Multiply the frames of each interval by `factor`. Otherwise a video comes out at a constant rate, whatever the
+        source does, and frames are made for the times of that.
+    slow_motion : bool
+        Last `factor` times as long, at the source's rate or at `fps`.
+    slow_motion_sound : {'drop', 'stretch'}, optional
+        Leave the sound of slow motion out, which is done unless told, or make it last as long at its own pitch.
+    method : str or Interpolator
+        A name of `fpsboost.methods`, or an object.
+    input_fps : Fraction or int, optional
+        Frames per second of input images.
+    trim : Trim, optional
+        Which part of the input to convert; all of it where it is not given.
+    duplicates : {'interpolate', 'keep'}
+        Frames that show the same as the one before, as in animation on threes, pulldown and captures that missed some:
+        make the moving picture at their times, or keep them. Stills, and pictures held until a cut, are always kept.
+        Not looked for where a renderer's motion vectors say what moves, nor where just the images are made that are
+        missing between numbers.
+    fill_gaps : bool
+        Make just the images that are missing between numbered ones, each at the time of its number. `input_fps` then
+        counts numbers, and `factor`, frames per number, is 1 unless told.
+    in_place : bool
+        Put the frames that are made beside the images of the input, and leave `output` out. Nothing that is there is
+        touched.
+    decoding : DecodeOptions, optional
+        Which stream of a video file is read, whether its fields become frames first, and what happens where its size
+        changes.
+    encoding : Encoding, optional
+        How to encode video, and which streams to keep.
+    overwrite : bool
+        Replace an existing output.
+    resume : bool
+        Go on with what an earlier run of the same input and options had finished when it was stopped; where there is
+        nothing, start.
+    limit : MemoryLimit, optional
+        What may be taken: a clip that needs more is refused before it is decoded. What is available without it.
+    threads : int, optional
+        Pairs of frames that are worked on side by side; as many as there are cores and memory for without it. Frames
+        are the same with any number.
+    observer : Observer, optional
+        Told how it goes.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    OptionError, InputError, OutputError
+        See `fpsboost.errors`.
+    CompleteAlreadyError
+        The output that `resume` was to go on with is there.
+
+    Examples
+    --------
+    >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
+    """
+    options = {name: value for name, value in locals().items() if name not in NOT_IN_FINGERPRINT}
+    check_choice("--duplicates", duplicates, get_args(Duplicates))
+    output = _target(input, output, in_place=in_place, overwrite=overwrite)
+    output_rate = OutputRate(_fraction(factor), _fraction(fps), keep_timing, slow_motion, slow_motion_sound, fill_gaps)
+    interpolator = find_method(method) if isinstance(method, str) else method
+    encoding = encoding or Encoding()
+    to_video = makes_video(output)
+    to_file = to_video or makes_animation(output)
+    trim = trim or Trim()
+    requirements = requirements_of(
+        output,
+        encoding,
+        needs_rate=fps is not None or trim.needs_rate,
+        takes_planes=interpolator.takes_planes,
+    )
+    with open_source(
+        input,
+        _fraction(input_fps),
+        requirements=requirements,
+        decoding=decoding,
+        fill_gaps=fill_gaps,
+        in_place=in_place,
+        limit=limit,
+    ) as whole:
+        may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
+        source = trim_source(whole, trim, may_skip=may_skip, stretch=output_rate.stretch)
+        info = source.info
+        encoding, lost = _with_sound_that_fits(encoding, whole, output_rate)
+        schedule = output_rate.schedule(info, has_clock=to_video)
+        multiple = schedule.rate(info.rate) / info.rate
+        keeps_numbers = isinstance(whole, ImageSource) and not to_file and whole.numbers_for(multiple) is not None
+        if fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
+            duplicates = "keep"
+        expected = count_frames(schedule, info, holds_last_frame=to_video)
+        interpolator, on_vectors = _with_vectors_by_number(interpolator, whole, multiple, expected)
+        sink = open_sink(
+            output,
+            source=whole,
+            timing=output_rate.timing(info, schedule),
+            encoding=encoding,
+            expected_frames=expected,
+            overwrite=overwrite,
+            job=fingerprint_job(whole, resume=resume, **options),
+            window=source.window if isinstance(source, TrimmedSource) else None,
+            factor=multiple,
+            in_place=in_place,
+        )
+        if threads is None:
+            threads = (limit or MemoryLimit()).affordable_threads(info.width, info.height, available_cores())
+        observer = observer or SilentObserver()
+        observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
+        with sink:
+            there = sink.completed_frames if isinstance(sink, Resumable) else 0
+            summary = run_conversion(
+                source,
+                interpolator,
+                sink,
+                schedule,
+                observer,
+                duplicates=duplicates,
+                stretch=output_rate.stretch,
+                skip=there,
+                threads=threads,
+            )
+    # some are known only when everything has been put together
+    summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
+    summary.remarks += [*lost, *on_vectors, *output_rate.remarks(info, schedule, summary.frame_intervals)]
+    if isinstance(whole, ImageSource) and whole.step > 1 and to_file:
+        summary.remarks.append(
+            f"--input-fps counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
+            f"it is 24/{whole.step}, or 24 with --fill-gaps."
+        )
+    return summary
+
+
+def _target(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:
+    """Where the output goes."""
+    if not in_place:
+        if output is None:
+            raise OptionError(f"There is no output for {input}; name one, or give --in-place for images beside it.")
+        return output
+    if output is not None:
+        raise OptionError(f"--in-place writes beside the images of {input}; leave the output {output} out.")
+    if overwrite:
+        raise OptionError("--in-place replaces nothing; leave --overwrite out.")
+    check_images(input, "--in-place")
+    return input
+
+
+def _with_vectors_by_number(
+    interpolator: Interpolator, source: FrameSource, factor: Fraction, count: int | None
+) -> tuple[Interpolator, list[str]]:
+    """A renderer's vectors by the numbers of the output's frames where both have some, and a remark if they differ."""
+    if not isinstance(source, ImageSource) or not source.numbers or count is None:
+        return interpolator, []
+    kept = source.numbers_for(factor)
+    if interpolator.needs_every_frame and kept is None and (source.step > 1 or source.fills_gaps):
+        raise OptionError(
+            f"A renderer's motion vectors go by the numbers of {source.info.name}, and {factor} times the frames do "
+            f"not fit between those; give --factor {source.step}."
+        )
+    first, step = kept or (source.first_number + int(source.skipped * factor), 1)
+    return interpolator.with_vectors_for(range(first, first + count * step, step), must_match=kept is not None)
+
+
+def _with_sound_that_fits(
+    encoding: Encoding, source: FrameSource, output_rate: OutputRate
+) -> tuple[Encoding, list[str]]:
+    """Sound lasts as long as it lasts, so that slow motion has none unless told; and a remark where that is a loss."""
+    if output_rate.slow_motion_sound == "stretch" and not encoding.audio:
+        raise OptionError("--slow-motion-sound stretch and --no-audio contradict each other; give one of them.")
+    if output_rate.stretch == 1 or not encoding.audio or output_rate.slow_motion_sound == "stretch":
+        return encoding, []
+    has_sound = isinstance(source, VideoSource) and "sound" in source.companions
+    lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []
+    return replace(encoding, audio=False, audio_codec=None), lost
+
+
+def _fraction(value: Fraction | int | None) -> Fraction | None:
+    return None if value is None else Fraction(value)

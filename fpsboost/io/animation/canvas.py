@@ -1,0 +1,204 @@
+"""What animation files have in common: pieces drawn onto a canvas, each shown for a time of its own."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Literal, NamedTuple, Protocol
+
+import cv2
+import numpy as np
+
+from fpsboost.errors import InputError
+from fpsboost.frame import Image
+from fpsboost.io.images.exact import DamagedError
+
+ANIMATION_SUFFIXES = (".gif", ".apng", ".webp")
+"""Suffixes of the animations that can be written."""
+
+MAX_PIXELS = 2**28  # 16384 x 16384; a header can promise anything
+
+DEFAULT_DELAY = Fraction(1, 10)
+"""What players take a delay of nothing for."""
+
+Disposal = Literal["keep", "clear", "restore"]
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What the headers of an animation say, all of them read and nothing decoded.
+
+    Attributes
+    ----------
+    height, width : int
+        Of the canvas, pixels.
+    frame_count : int
+    duration, time_base : Fraction
+        Seconds of all frames together, and the largest tick that every delay is a multiple of.
+    plays : int
+        How often it is shown; 0 for ever again.
+    has_alpha : bool
+        Whether anything can be seen through.
+    is_whole : bool
+        Whether the file ends where it should.
+    """
+
+    height: int
+    width: int
+    frame_count: int
+    duration: Fraction
+    time_base: Fraction
+    plays: int
+    has_alpha: bool
+    is_whole: bool
+
+
+class Shown(NamedTuple):
+    """A whole picture, (H, W, 4) uint8 or uint16, and for how many seconds it is shown."""
+
+    image: Image
+    delay: Fraction
+
+
+class Piece(NamedTuple):
+    """One step as the file holds it: a rectangle, how it is drawn, and what becomes of it afterwards."""
+
+    image: Image
+    top: int
+    left: int
+    delay: Fraction
+    is_over: bool
+    """Laid over what is there by its alpha; otherwise put in its place."""
+    disposal: Disposal
+
+
+class AnimationWriter(Protocol):
+    """Contract: writes one type of animation into an open file, frame by frame."""
+
+    def add(self, image: Image, delay: Fraction) -> None:
+        """Write the next frame, (H, W, 1, 3 or 4), shown for `delay` seconds, a delay that the format can say."""
+        ...
+
+    def finish(self) -> None:
+        """Write what comes behind the last frame, and into the header what is known only now."""
+        ...
+
+
+def outline_of(
+    size: tuple[int, int], delays: Counter[Fraction], plays: int, *, has_alpha: bool, is_whole: bool
+) -> Outline:
+    """Add up what the headers of all frames say.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Height and width.
+    delays : Counter of Fraction
+        How many frames are shown for how long.
+    plays : int
+    has_alpha, is_whole : bool
+
+    Raises
+    ------
+    DamagedError
+        No frames, or no size or an unbelievable one.
+    """
+    height, width = size
+    if not delays or not 0 < height * width <= MAX_PIXELS:
+        raise DamagedError
+    duration = sum((delay * count for delay, count in delays.items()), Fraction(0))
+    time_base = Fraction(1, int(np.lcm.reduce([delay.denominator for delay in delays], dtype=object)))
+    return Outline(height, width, delays.total(), duration, time_base, plays, has_alpha, is_whole)
+
+
+def composed(pieces: Iterable[Piece], height: int, width: int) -> Generator[Shown, None, None]:
+    """Draw pieces onto a canvas that is transparent at first; a picture of its own for each.
+
+    Raises
+    ------
+    DamagedError
+        A piece lies outside of the canvas.
+    """
+    canvas: Image | None = None
+    for piece in pieces:
+        rows, columns = piece.image.shape[:2]
+        if canvas is None:
+            canvas = np.zeros((height, width, 4), piece.image.dtype)
+        part = canvas[piece.top : piece.top + rows, piece.left : piece.left + columns]
+        if part.shape != piece.image.shape or part.dtype != piece.image.dtype:
+            raise DamagedError
+        before = part.copy() if piece.disposal == "restore" else 0
+        part[...] = laid_over(piece.image, part) if piece.is_over else piece.image
+        yield Shown(canvas.copy(), piece.delay)
+        if piece.disposal != "keep":
+            part[...] = before
+
+
+def laid_over(image: Image, ground: Image) -> Image:
+    """Lay an image over another one; straight alpha in both and in the result.
+
+    Parameters
+    ----------
+    image, ground : (H, W, 4) uint8 or uint16
+    """
+    white = np.float32(np.iinfo(image.dtype).max)
+    share = image[..., 3:] / white
+    below = (1 - share) * (ground[..., 3:] / white)
+    alpha = share + below
+    colours = (image[..., :3] * share + ground[..., :3] * below) / np.maximum(alpha, np.float32(1e-9))
+    result: Image = np.rint(np.concatenate([colours, alpha * white], axis=-1)).astype(image.dtype)
+    return result
+
+
+def with_four_channels(image: Image) -> Image:
+    """Gray, gray and alpha, or BGR as BGRA, opaque where the image says nothing."""
+    if image.shape[2] == 4:
+        return image
+    white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
+    alpha = image[..., 1:] if image.shape[2] == 2 else np.full_like(image[..., :1], white)
+    colours = image if image.shape[2] == 3 else np.repeat(image[..., :1], 3, axis=2)
+    return np.concatenate([colours, alpha], axis=-1)
+
+
+def changed_part(before: Image, image: Image, step: int) -> tuple[slice, slice]:
+    """The rows and columns outside of which two images are the same; a pixel where they are the same everywhere.
+
+    Parameters
+    ----------
+    before, image : (H, W, C)
+        Of one size and type.
+    step : int
+        Where the rectangle may begin: at multiples of this.
+    """
+    changed = (before != image).any(axis=2)
+    slices = []
+    for axis in (1, 0):
+        places = np.flatnonzero(changed.any(axis=axis))
+        first, last = (int(places[0]), int(places[-1])) if places.size else (0, 0)
+        slices.append(slice(first - first % step, last + 1))
+    return slices[0], slices[1]
+
+
+def decoded_still(data: bytes) -> Image:
+    """Decode the file of a still image, as which a frame is coded.
+
+    Raises
+    ------
+    DamagedError
+        It cannot be decoded.
+    """
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise DamagedError
+    return image.reshape(*image.shape[:2], -1)
+
+
+def damaged(path: Path | str) -> InputError:
+    """What to say of a file that is not what its format says."""
+    return InputError(f"{path} is damaged or no animation; replace it.")

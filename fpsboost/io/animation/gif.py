@@ -1,0 +1,234 @@
+"""Animated GIF: FFmpeg packs and unpacks the pixels, through PyAV; the blocks around them are read and written here.
+
+Every frame gets the 256 colours that suit it best, so that nothing but one frame is in memory; a picture that has no
+more of them, such as one of another GIF, comes back as it was. Players show what lasts less
+than two hundredths of a second for a tenth of one.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Generator
+from contextlib import closing
+from fractions import Fraction
+from typing import Any, BinaryIO, cast
+
+import av
+import av.error
+import av.filter
+import numpy as np
+
+from fpsboost.frame import Image
+from fpsboost.io.animation.canvas import (
+    DEFAULT_DELAY,
+    Outline,
+    Shown,
+    outline_of,
+)
+from fpsboost.io.images.exact import DamagedError, read_exactly, unpacked
+
+CLOCK = 100  # ticks per second
+MIN_DELAY = Fraction(2, CLOCK)
+MAX_DELAY = Fraction(65535, CLOCK)
+
+HEADER_SIZE = 13
+_control_block, _image_block, _application_block = b"\x21\xf9", b",", b"\x21\xff"
+_trailer = b";"
+_clear = 2
+"""How a block of control says that its frame is cleared away afterwards."""
+
+OPAQUE = 128
+"""Alpha from which on a pixel is seen, since GIF knows only seen and unseen."""
+
+_smooth = "dither=sierra2_4a"
+
+
+def read_outline(file: BinaryIO) -> Outline:
+    """Read what an animation says of itself; whether it has alpha also asks for the first frame.
+
+    Raises
+    ------
+    DamagedError
+        It is no GIF, or ends too early to tell anything.
+    """
+    head = read_exactly(file, HEADER_SIZE)
+    if head[:4] != b"GIF8":
+        raise DamagedError
+    width, height, flags = unpacked("<HHB", head[6:])
+    _skip_table(file, flags)
+    is_whole, plays, delay, clears, delays = True, 1, DEFAULT_DELAY, False, Counter[Fraction]()
+    try:
+        while (kind := read_exactly(file, 1)) != _trailer:
+            if kind == _image_block:
+                _skip_table(file, read_exactly(file, 9)[8])
+                file.seek(1, 1)
+                _skip_blocks(file)
+                delays[delay] += 1
+                delay = DEFAULT_DELAY
+                continue
+            label, content = read_exactly(file, 1), _first_block(file)
+            if kind + label == _control_block:
+                ticks = unpacked("<BH", content)[1]
+                delay = Fraction(ticks, CLOCK) if ticks >= 2 else DEFAULT_DELAY
+                clears |= content[0] >> 2 & 7 == _clear
+            elif content == b"NETSCAPE2.0":
+                repeats = unpacked("<BH", _first_block(file))[1]
+                plays = repeats + 1 if repeats else 0
+            _skip_blocks(file)
+    except DamagedError:
+        is_whole = False
+    file.seek(0)
+    if not clears:
+        with closing(read_frames(file)) as frames:
+            first = next(frames, None)
+        clears = first is not None and bool((first.image[..., 3] < 255).any())
+    return outline_of((height, width), delays, plays, has_alpha=clears, is_whole=is_whole)
+
+
+def _skip_table(file: BinaryIO, flags: int) -> None:
+    if flags & 0x80:
+        read_exactly(file, 3 << (flags & 7) + 1)
+
+
+def _first_block(file: BinaryIO) -> bytes:
+    return read_exactly(file, read_exactly(file, 1)[0])
+
+
+def _skip_blocks(file: BinaryIO) -> None:
+    while length := read_exactly(file, 1)[0]:
+        file.seek(length, 1)
+
+
+def read_frames(file: BinaryIO) -> Generator[Shown, None, None]:
+    """Decode the frames of an animation one by one.
+
+    Raises
+    ------
+    DamagedError
+        It ends within a frame, or a frame cannot be decoded.
+    """
+    try:
+        with av.open(file, "r", format="gif") as container:
+            for picture in container.decode(video=0):
+                delay = picture.duration * Fraction(picture.time_base or 0)
+                image = np.ascontiguousarray(picture.to_ndarray(format="bgra"))
+                yield Shown(image, delay if delay >= MIN_DELAY else DEFAULT_DELAY)
+    except av.error.FFmpegError as error:
+        raise DamagedError from error
+
+
+class GifWriter:
+    """Writes an animated GIF; see `AnimationWriter`.
+
+    Parameters
+    ----------
+    file : file of bytes
+        Open for writing, empty.
+    plays : int
+        How often the animation is shown; 0 for ever again.
+    """
+
+    def __init__(self, file: BinaryIO, plays: int) -> None:
+        self._file, self._plays = file, plays
+        self._encoder: av.VideoCodecContext | None = None
+        self._graphs: dict[bool, av.filter.Graph] = {}
+        self._count = 0
+
+    def add(self, image: Image, delay: Fraction) -> None:
+        has_alpha = image.shape[2] == 4
+        if self._encoder is None:
+            self._encoder = _open_encoder(image)
+        picture = self._with_palette(image)
+        picture.pts, picture.time_base = self._count, Fraction(1, CLOCK)
+        (packet,) = self._encoder.encode(picture)
+        data = bytearray(bytes(packet))
+        if self._count == 0:
+            self._file.write(data[:HEADER_SIZE] + _repeats(self._plays))
+            del data[:HEADER_SIZE]
+        assert data[:2] == _control_block
+        if has_alpha:  # the next frame may let more be seen through
+            data[3] = data[3] & ~0x1C | _clear << 2
+        data[4:6] = struct.pack("<H", int(delay * CLOCK))
+        self._file.write(data)
+        self._count += 1
+
+    def finish(self) -> None:
+        self._file.write(_trailer)
+
+    def _with_palette(self, image: Image) -> av.VideoFrame:
+        """The image with 256 colours of its own, one of them transparent where it is needed."""
+        image = _plain(image)
+        exact = _few_colours(image)
+        if exact is not None:
+            return exact
+        transparent = not image[..., 3].all()
+        picture = av.VideoFrame.from_ndarray(image, format="bgra")
+        picture.pts, picture.time_base = self._count, Fraction(1, CLOCK)
+        graph = self._graphs.get(transparent)
+        if graph is None:
+            graph = self._graphs[transparent] = _palette_graph(picture, transparent)
+        graph.push(picture)
+        chosen: Any = cast(av.VideoFrame, graph.pull()).to_ndarray()
+        # the encoder takes the padding of its first frame's rows for that of all, and writes past its memory otherwise
+        return av.VideoFrame.from_ndarray(chosen, format="pal8")
+
+
+def _repeats(plays: int) -> bytes:
+    """The block that says how often; none where it is once."""
+    if plays == 1:
+        return b""
+    return _application_block + b"\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", max(0, plays - 1)) + b"\0"
+
+
+def _plain(image: Image) -> Image:
+    """BGRA with all or nothing for alpha; what nobody sees has a colour of the rest, to take no place in a palette."""
+    if image.shape[2] == 3:
+        return np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
+    seen = image[..., 3] >= OPAQUE
+    hidden_colour = image.reshape(-1, 4)[seen.argmax(), :3]
+    colours = np.where(seen[..., np.newaxis], image[..., :3], hidden_colour)
+    return np.dstack([colours, np.where(seen, np.uint8(255), np.uint8(0))])
+
+
+def _few_colours(image: Image) -> av.VideoFrame | None:
+    """The picture as it is, where 256 colours are enough for that."""
+    pixels = image.view("<u4")[..., 0]
+    if np.unique(pixels[::8, ::8]).size > 256:
+        return None
+    colours, indices = np.unique(pixels, return_inverse=True)
+    if colours.size > 256:
+        return None
+    palette = np.zeros(256, ">u4")  # with alpha in the first byte, then red
+    palette[: colours.size] = colours
+    entries = palette.view(np.uint8).reshape(256, 4)
+    planes: Any = (indices.reshape(pixels.shape).astype(np.uint8), entries)
+    return av.VideoFrame.from_ndarray(planes, format="pal8")
+
+
+def _open_encoder(image: Image) -> av.VideoCodecContext:
+    encoder = av.CodecContext.create("gif", "w")
+    encoder.height, encoder.width = image.shape[:2]
+    encoder.pix_fmt, encoder.time_base = "pal8", Fraction(1, CLOCK)
+    # where there is alpha, frames are whole pictures; else the rectangle that changed is written ("transdiff", which
+    # leaves out single pixels, gets some of them wrong where palettes change, and saves nothing under dithering)
+    flags = "offsetting" if image.shape[2] < 4 else "0"
+    encoder.options = {"global_palette": "0", "gifflags": flags}
+    return encoder
+
+
+def _palette_graph(picture: av.VideoFrame, transparent: bool) -> av.filter.Graph:
+    graph = av.filter.Graph()
+    entry = graph.add_buffer(
+        width=picture.width, height=picture.height, format=picture.format, time_base=Fraction(1, CLOCK)
+    )
+    split, sink = graph.add("split"), graph.add("buffersink")
+    chosen = graph.add("palettegen", f"stats_mode=single:reserve_transparent={int(transparent)}")
+    used = graph.add("paletteuse", f"new=1:alpha_threshold={OPAQUE}:{_smooth}")
+    entry.link_to(split)
+    split.link_to(used, 0, 0)
+    split.link_to(chosen, 1, 0)
+    chosen.link_to(used, 0, 1)
+    used.link_to(sink)
+    graph.configure()
+    return graph

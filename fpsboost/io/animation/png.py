@@ -1,0 +1,188 @@
+"""Animations made of the chunks of PNG files (APNG)."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from fractions import Fraction
+from io import BytesIO
+from typing import BinaryIO, NamedTuple
+
+import cv2
+import numpy as np
+
+from fpsboost.errors import OutputError
+from fpsboost.frame import Image, describe
+from fpsboost.io.animation.canvas import (
+    DEFAULT_DELAY,
+    Disposal,
+    Outline,
+    Piece,
+    changed_part,
+    decoded_still,
+    outline_of,
+    with_four_channels,
+)
+from fpsboost.io.images.exact import DamagedError, unpacked
+from fpsboost.io.images.png_chunks import SIGNATURE, chunk_bytes, chunks_in
+
+MAX_DELAY_PART = 65535  # a delay is a fraction of two 16-bit numbers
+
+_disposals: tuple[Disposal, ...] = ("keep", "clear", "restore")
+_coarse_clocks = (10_000, 1000, 100, 10, 1)
+
+
+class _Control(NamedTuple):
+    """What an fcTL chunk says of the frame behind it."""
+
+    width: int
+    height: int
+    left: int
+    top: int
+    delay: Fraction
+    disposal: Disposal
+    is_over: bool
+
+
+def is_apng(file: BinaryIO) -> bool:
+    """Whether an open PNG file says that it is an animation."""
+    try:
+        for chunk in chunks_in(file, (b"IDAT",)):
+            if chunk.name in (b"acTL", b"IDAT"):
+                return chunk.name == b"acTL"
+    except DamagedError:
+        pass
+    return False
+
+
+def read_outline(file: BinaryIO) -> Outline:
+    """Read what an animation says of itself.
+
+    Raises
+    ------
+    DamagedError
+        It is no animation, or ends too early to tell anything.
+    """
+    size, plays, delays = (0, 0), 0, Counter[Fraction]()
+    has_alpha, is_whole = False, True
+    try:
+        for name, data in chunks_in(file, (b"IDAT", b"fdAT")):
+            if name == b"IHDR":
+                width, height, _, kind = unpacked(">IIBB", data)
+                size, has_alpha = (height, width), kind in (4, 6)
+            elif name == b"tRNS":
+                has_alpha = True
+            elif name == b"acTL":
+                _, plays = unpacked(">II", data)
+            elif name == b"fcTL":
+                control = _control(data)
+                delays[control.delay] += 1
+                # what is cleared is transparent; the first frame fills the canvas, so that nothing else is
+                has_alpha |= control.disposal == "clear" or (control.disposal == "restore" and delays.total() == 1)
+    except DamagedError:
+        is_whole = False
+    return outline_of(size, delays, plays, has_alpha=has_alpha, is_whole=is_whole)
+
+
+def read_pieces(file: BinaryIO) -> Iterator[Piece]:
+    """Decode the frames of an animation one by one.
+
+    Raises
+    ------
+    DamagedError
+        It ends within a frame, or a frame cannot be decoded.
+    """
+    header, common, control, content = b"", b"", None, bytearray()
+    for name, data in chunks_in(file):
+        if name == b"IHDR":
+            header = data
+        elif name in (b"PLTE", b"tRNS"):
+            common += chunk_bytes(name, data)
+        elif name in (b"fcTL", b"IEND"):
+            if control is not None:
+                yield _piece(header, common, control, bytes(content))
+            control, content = (_control(data) if name == b"fcTL" else None), bytearray()
+        elif name == b"IDAT" and control is not None:  # else a picture for those who know no animations
+            content += data
+        elif name == b"fdAT":
+            content += data[4:]
+    if control is not None:
+        raise DamagedError
+
+
+def _control(data: bytes) -> _Control:
+    _, width, height, left, top, above, below, disposal, blending = unpacked(">5I2H2B", data)
+    delay = Fraction(above, below or 100) or DEFAULT_DELAY
+    return _Control(width, height, left, top, delay, _disposals[min(disposal, 2)], blending == 1)
+
+
+def _piece(header: bytes, common: bytes, control: _Control, content: bytes) -> Piece:
+    """Decode a frame as the still image that it is."""
+    width, height = unpacked(">II", header[:8])
+    if control.width > width or control.height > height:
+        raise DamagedError
+    resized = struct.pack(">II", control.width, control.height) + header[8:]
+    still = (
+        SIGNATURE + chunk_bytes(b"IHDR", resized) + common + chunk_bytes(b"IDAT", content) + chunk_bytes(b"IEND", b"")
+    )
+    image = with_four_channels(decoded_still(still))
+    return Piece(image, control.top, control.left, control.delay, control.is_over, control.disposal)
+
+
+class ApngWriter:
+    """Writes an APNG, without loss; see `AnimationWriter`. Of each frame it stores what changed.
+
+    Parameters
+    ----------
+    file : file of bytes
+        Open for writing, empty.
+    plays : int
+        How often the animation is shown; 0 for ever again.
+    """
+
+    def __init__(self, file: BinaryIO, plays: int) -> None:
+        self._file, self._plays = file, plays
+        self._count = self._numbered = 0
+        self._place_of_counts = 0
+        self._before: Image | None = None
+
+    def add(self, image: Image, delay: Fraction) -> None:
+        part = (slice(None), slice(None)) if self._before is None else changed_part(self._before, image, 1)
+        if self._before is not None and self._before.shape != image.shape:
+            raise OutputError(f"One frame is {describe(image)}, unlike the first; make all frames alike.")
+        changed = np.ascontiguousarray(image[part])
+        _, data = cv2.imencode(".png", changed)
+        content = b""
+        for name, inner in chunks_in(BytesIO(data.tobytes())):
+            if name == b"IHDR" and self._before is None:
+                self._file.write(SIGNATURE + chunk_bytes(name, inner))
+                self._place_of_counts = self._file.tell()
+                self._file.write(chunk_bytes(b"acTL", bytes(8)))
+            elif name == b"IDAT":
+                content += inner
+        height, width = changed.shape[:2]
+        place = (part[1].start or 0, part[0].start or 0)
+        control = (width, height, *place, delay.numerator, delay.denominator, 0, 0)
+        self._file.write(chunk_bytes(b"fcTL", self._number() + struct.pack(">4I2H2B", *control)))
+        first = self._before is None
+        self._file.write(chunk_bytes(b"IDAT", content) if first else chunk_bytes(b"fdAT", self._number() + content))
+        self._before = image
+        self._count += 1
+
+    def finish(self) -> None:
+        self._file.write(chunk_bytes(b"IEND", b""))
+        self._file.seek(self._place_of_counts)
+        self._file.write(chunk_bytes(b"acTL", struct.pack(">II", self._count, self._plays)))
+
+    def _number(self) -> bytes:
+        self._numbered += 1
+        return struct.pack(">I", self._numbered - 1)
+
+
+def representable_delay(delay: Fraction) -> Fraction:
+    """The delay nearest to one that an APNG can say."""
+    if max(delay.numerator, delay.denominator) <= MAX_DELAY_PART:
+        return delay
+    clock = next(clock for clock in _coarse_clocks if delay * clock <= MAX_DELAY_PART)
+    return Fraction(round(delay * clock), clock)

@@ -1,0 +1,235 @@
+"""Write an animation file: GIF, APNG or WebP, whole under its name or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
+
+import numpy as np
+
+from fpsboost.errors import OutputError, explained
+from fpsboost.frame import ClipInfo, Frame, Image, describe
+from fpsboost.io.animation import gif, png, webp
+from fpsboost.io.animation.canvas import AnimationWriter, with_four_channels
+from fpsboost.io.target import check_target
+from fpsboost.io.video.ycc import straight_16_bit
+from fpsboost.timing.schedule import OutputTiming
+
+BROWSERS_SLOW_DOWN = Fraction(1, 100)
+"""Browsers show frames of this length and shorter ones for a tenth of a second."""
+
+
+@dataclass(frozen=True)
+class AnimationType:
+    """What a type of animation file can hold.
+
+    Attributes
+    ----------
+    writer : callable
+        Makes a writer from an open file and the number of times to play.
+    nearest_delay : callable
+        The nearest delay that it can say.
+    shortest, longest : Fraction
+        Delays, in seconds.
+    largest_side : int
+        Pixels.
+    is_deep : bool
+        16 bits as well as 8.
+    most_plays : int
+    """
+
+    writer: Callable[[BinaryIO, int], AnimationWriter]
+    nearest_delay: Callable[[Fraction], Fraction]
+    shortest: Fraction
+    longest: Fraction
+    largest_side: int
+    is_deep: bool
+    most_plays: int
+
+
+def _to_ticks(clock: int) -> Callable[[Fraction], Fraction]:
+    return lambda delay: Fraction(round(delay * clock), clock)
+
+
+types = {
+    ".gif": AnimationType(gif.GifWriter, _to_ticks(gif.CLOCK), gif.MIN_DELAY, gif.MAX_DELAY, 65535, False, 65536),
+    ".apng": AnimationType(
+        png.ApngWriter, png.representable_delay, Fraction(1, 65535), Fraction(65535), 2**31 - 1, True, 2**31 - 1
+    ),
+    ".webp": AnimationType(
+        webp.WebpWriter, _to_ticks(webp.CLOCK), Fraction(1, webp.CLOCK), webp.MAX_DELAY, 16383, False, 65535
+    ),
+}
+
+
+class AnimationSink:
+    """An animation file, which appears under its name when it is complete.
+
+    A frame is shown until the next one comes, up to the clock of the file; what that loses is not carried along.
+
+    Parameters
+    ----------
+    path : str
+        Target; its suffix is one of `ANIMATION_SUFFIXES`.
+    info : ClipInfo
+        The size of the frames to come.
+    timing : OutputTiming
+        Rate.
+    plays : int
+        How often it is to be shown; 0 for ever again.
+    inputs : collection of Path
+        Files that are being read.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    OutputError
+        The target exists, is an input, cannot be written, or cannot hold such a size or rate.
+    """
+
+    holds_last_frame = True
+
+    def __init__(
+        self, path: str, info: ClipInfo, timing: OutputTiming, *, plays: int, inputs: Collection[Path], overwrite: bool
+    ) -> None:
+        self._name, self._path, self._info = path, Path(path), info
+        self._type = types[self._path.suffix.lower()]
+        self._plays = min(plays, self._type.most_plays)
+        check_target(self._path, path, inputs, overwrite)
+        self._check_fits(timing.rate)
+        self._file: BinaryIO | None = None
+        self._temporary: Path | None = None
+        self._writer: AnimationWriter | None = None
+        self._begin: Fraction | None = None
+        self._shown_until = Fraction(0)
+        self._latest = Fraction(0)
+        self._losses: list[str] = []
+        self._has_short_frames = False
+
+    def _check_fits(self, rate: Fraction) -> None:
+        suffix, largest = self._path.suffix.lower(), self._type.largest_side
+        width, height = self._info.width, self._info.height
+        if max(width, height) > largest:
+            raise OutputError(
+                f"{self._name} cannot hold {width}x{height} pixels, {suffix} ends at {largest}; use .apng."
+            )
+        fastest = 1 / self._type.shortest
+        if rate > fastest:
+            others = "" if suffix == ".apng" else f", or write {'.webp or .apng' if suffix == '.gif' else '.apng'}"
+            raise OutputError(
+                f"{self._name} cannot show {float(rate):.6g} frames per second, {suffix} ends at {fastest}; use --fps "
+                f"{fastest} or less{others}."
+            )
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the file cannot hold, and what players do with it."""
+        remarks = list(self._losses)
+        if self._latest >= self._type.shortest:
+            remarks.append(
+                f"{self._name} shows some frames up to {float(self._latest * 1000):.0f} ms late, because "
+                f"{self._path.suffix.lower()} cannot show one for less than {float(self._type.shortest * 1000):.3g} ms."
+            )
+        if self._has_short_frames:
+            remarks.append(
+                f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use --fps 90 or less "
+                "for them."
+            )
+        return remarks
+
+    def __enter__(self) -> Self:
+        temporary = self._path.with_name(f".{self._path.name}.partial-{secrets.token_hex(4)}")
+        with self._explained():
+            self._file = temporary.open("xb")
+        self._temporary = temporary
+        self._writer = self._type.writer(self._file, self._plays)
+        return self
+
+    def write(self, frame: Frame) -> None:
+        """Encode one frame; times must increase.
+
+        Raises
+        ------
+        OutputError
+            The frame does not fit the clip, or the file cannot be written.
+        """
+        assert self._writer is not None
+        if frame.array.shape[:2] != (self._info.height, self._info.width):
+            raise OutputError(
+                f"{self._name} is {self._info.width}x{self._info.height} and cannot take a frame of "
+                f"{describe(frame.array)}; make all frames one size first."
+            )
+        image = self._storable(frame.array)
+        if self._begin is None:
+            self._begin = frame.time
+        end = frame.time + frame.duration - self._begin
+        while True:
+            wanted = end - self._shown_until
+            delay = max(self._type.nearest_delay(min(wanted, self._type.longest)), self._type.shortest)
+            with self._explained():
+                self._writer.add(image, delay)
+            self._shown_until += delay
+            self._has_short_frames |= delay <= BROWSERS_SLOW_DOWN
+            if wanted <= self._type.longest:
+                break
+        self._latest = max(self._latest, self._shown_until - end)
+
+    def _storable(self, image: Image) -> Image:
+        """The image with a type and channels that the file can hold; says what is lost."""
+        if image.dtype == np.float32:
+            self._lose("values beyond black and white, and precision beyond 16 bits" if self._type.is_deep else "depth")
+            image = straight_16_bit(image)
+        if image.dtype == np.uint16 and not self._type.is_deep:
+            self._lose("depth")
+            image = np.rint(image / np.float32(257)).astype(np.uint8)
+        if image.shape[2] == 2:
+            return with_four_channels(image)
+        if image.shape[2] == 1:
+            return np.repeat(image, 3, axis=2)
+        return image
+
+    def _lose(self, what: str) -> None:
+        remark = f"{self._name} lost {what}, because {self._path.suffix.lower()} holds "
+        remark += "16 bits." if self._type.is_deep else "8 bits; write an .apng to keep it."
+        if remark not in self._losses:
+            self._losses.append(remark)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                with self._explained():
+                    self._finish()
+        finally:
+            self._discard()
+
+    def _finish(self) -> None:
+        if self._begin is None:
+            raise OutputError(f"{self._name} was not written because there were no frames.")
+        assert self._file is not None
+        assert self._writer is not None
+        assert self._temporary is not None
+        self._writer.finish()
+        self._file.close()
+        os.replace(self._temporary, self._path)
+        self._temporary = None
+
+    def _discard(self) -> None:
+        with contextlib.suppress(OSError):
+            if self._file is not None:
+                self._file.close()
+        if self._temporary is not None:
+            with contextlib.suppress(OSError):
+                self._temporary.unlink(missing_ok=True)
+
+    def _explained(self) -> contextlib.AbstractContextManager[None]:
+        return explained(OutputError, "write", self._name, "check the free space and the permissions")

@@ -1,0 +1,260 @@
+"""One image file, read and encoded: PNG, TIFF, JPEG, WebP, BMP and OpenEXR, and what each of them can hold.
+
+Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha. What describes
+them is read in `image_metadata`; an EXIF orientation is not applied, that of a TIFF is. A palette becomes
+colour, gray with alpha BGRA. Alpha in OpenEXR is associated (colours are multiplied by it), which is how the package
+takes all float images; values beyond black and white stay.
+
+Encoding was chosen by measuring 1080p frames: OpenCV's own PNG setting takes 60 to 130 ms, compression 3 two to four
+times as long for files between 30 % smaller (smooth) and 7 % larger (grain); LZW with a predictor takes a third off an
+8-bit TIFF in 60 ms; float TIFF stays uncompressed, because OpenCV 4 would choose a lossy compression by itself.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from fpsboost.errors import InputError, OutputError, explained
+from fpsboost.frame import ClipInfo, Image, describe, type_names
+from fpsboost.io.images.exr import encode_exr, find_layer, read_exr, read_exr_header
+from fpsboost.io.images.kinds import as_stored
+from fpsboost.io.images.sizes import declared_size
+from fpsboost.io.memory_limit import MemoryLimit
+
+IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp", ".exr")
+
+JPEG_QUALITY = 95
+
+# What each format keeps exactly (JPEG: as far as a lossy format does).
+_types_kept = {
+    ".png": (np.uint8, np.uint16),
+    ".tif": (np.uint8, np.uint16, np.float32),
+    ".tiff": (np.uint8, np.uint16, np.float32),
+    ".jpg": (np.uint8,),
+    ".jpeg": (np.uint8,),
+    ".webp": (np.uint8,),
+    ".bmp": (np.uint8,),
+    ".exr": (np.float32,),
+}
+_types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr")
+_largest_side = {".jpg": 65500, ".jpeg": 65500, ".webp": 16383}
+_webp_keeps_hidden_colour = hasattr(cv2, "IMWRITE_WEBP_LOSSLESS_MODE")  # OpenCV 4.12 and later
+
+
+def extension_of(name: str) -> str:
+    """Return the ending of a file name in small letters, ``.png``."""
+    return os.path.splitext(name)[1].lower()
+
+
+def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
+    """Read one image as it is stored.
+
+    Parameters
+    ----------
+    path : Path
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
+
+    Returns
+    -------
+    (H, W, C) uint8, uint16 or float32
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is damaged or too large, or has another type of pixels.
+    """
+    if extension_of(path.name) == ".exr":
+        return _read_exr_image(path, limit)
+    with explained(InputError, "read", path, "check that it exists and that you may read it"):
+        data = path.read_bytes()  # not cv2.imread, which knows no Unicode names on Windows and gives no reasons
+    size = declared_size(data)
+    if size is not None:
+        (limit or MemoryLimit()).check(path, *size)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    except cv2.error:
+        image = None
+    if image is None or _ends_early(data):
+        raise InputError(f"{path} is damaged or no image; replace it.")
+    if image.ndim == 2:
+        image = image[:, :, np.newaxis]
+    image = as_stored(data, image)
+    if image.dtype not in type_names or image.shape[2] not in (1, 3, 4):
+        raise InputError(
+            f"{path} has {image.shape[2]} channels of {image.dtype}; "
+            "save it as gray or colour with 8 bits, 16 bits or 32-bit float."
+        )
+    return image
+
+
+def _read_exr_image(path: Path, limit: MemoryLimit | None) -> Image:
+    def choose(names: Collection[str]) -> list[str]:
+        chosen = _choose_colours(names)
+        if not chosen:
+            raise InputError(
+                f"{path} has no colours among its channels ({', '.join(names)}); save R, G and B, or Y, in one layer."
+            )
+        return chosen
+
+    planes = list(read_exr(path, choose, limit).values())
+    if len(planes) == 2:  # gray and alpha
+        planes = [planes[0]] * 3 + planes[1:]
+    return np.stack(planes, axis=-1)
+
+
+def _choose_colours(names: Collection[str]) -> list[str]:
+    """The channels of a picture in the package's order, B, G, R and A, or Y and A; none where there is no picture."""
+    for colours in ("BGR", "Y"):
+        layer = find_layer(names, colours, "Combined")
+        if layer is not None:
+            return [layer + each for each in f"{colours}A" if layer + each in names]
+    return list(names) if len(names) == 1 else []
+
+
+def needs_float(path: Path, image: Image) -> bool:
+    """Whether the 16 bits of OpenEXR's half would lose some of an image's precision.
+
+    Parameters
+    ----------
+    path : Path
+        Where the image was read from.
+    image : (H, W, C)
+    """
+    if extension_of(path.name) != ".exr":
+        return image.dtype == np.float32
+    channels = read_exr_header(path).channels
+    return any(channels[name] != "half" for name in _choose_colours(list(channels)))
+
+
+def unread_channels(path: Path) -> list[str]:
+    """The channels of a file that `read_image` leaves out: other layers, depth, motion."""
+    if extension_of(path.name) != ".exr":
+        return []
+    names = list(read_exr_header(path).channels)
+    chosen = _choose_colours(names)
+    return [name for name in names if name not in chosen]
+
+
+def _ends_early(data: bytes) -> bool:
+    """Look for the end of a JPEG behind the start of its scan: OpenCV 4 fills up what is missing with gray."""
+    if data[:2] != b"\xff\xd8":
+        return False
+    place = 2
+    while data[place : place + 1] == b"\xff" and data[place + 1 : place + 2] not in (b"\xda", b""):
+        is_filler = data[place + 1] == 0xFF
+        place += 1 if is_filler else 2 + int.from_bytes(data[place + 2 : place + 4])
+    return data[place : place + 2] == b"\xff\xda" and data.find(b"\xff\xd9", place) < 0
+
+
+def check_size(target: str, extension: str, info: ClipInfo) -> None:
+    """Raise `OutputError` where images of this size are too large for their type of file.
+
+    Parameters
+    ----------
+    target : str
+        What to call the images in the message.
+    extension : str
+        ``.png``.
+    info : ClipInfo
+    """
+    largest = _largest_side.get(extension)
+    if largest is not None and max(info.height, info.width) > largest:
+        raise OutputError(
+            f"{target} cannot hold {info.width}x{info.height} pixels, {extension} ends at {largest}; use .png."
+        )
+
+
+def keeps_alpha(extension: str) -> bool:
+    """Whether a type of file, ``.png``, holds alpha."""
+    return extension in _types_with_alpha
+
+
+def check_format(path: Path, image: Image) -> None:
+    """Raise `OutputError` where a type of file cannot hold the image's type or its alpha."""
+    extension = path.suffix.lower()
+    if image.dtype not in _types_kept[extension]:
+        other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
+        kind = type_names[image.dtype]
+        raise OutputError(f"{path.name} cannot hold {kind} images; use {other}, as in shot_######{other[-4:]}.")
+    if image.shape[2] == 4 and not keeps_alpha(extension):
+        raise OutputError(f"{path.name} cannot hold alpha; use .png or .tif, as in shot_######.png.")
+
+
+def losses(path: Path, image: Image) -> list[str]:
+    """Say what encoding an image loses although `check_format` lets it pass.
+
+    Parameters
+    ----------
+    path : Path
+        Its suffix is the type of file.
+    image : (H, W, C)
+
+    Returns
+    -------
+    list of str
+        Sentences for the user.
+    """
+    if path.suffix.lower() != ".webp":
+        return []
+    if image.shape[2] == 1:
+        return ["WebP has no gray: gray images were written as colour with three equal channels."]
+    if image.shape[2] == 4 and not _webp_keeps_hidden_colour and np.any(image[image[:, :, 3] == 0]):
+        return ["This version of OpenCV drops the colour of fully transparent pixels from WebP."]
+    return []
+
+
+def encode_image(
+    path: Path, image: Image, *, half: bool = True, attributes: Collection[tuple[str, tuple[float, ...]]] = ()
+) -> bytes:
+    """Turn an image into the content of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Its suffix is the type of file; nothing is written there.
+    image : (H, W, C)
+        Of a type that `check_format` lets pass.
+    half : bool
+        Write OpenEXR with 16 bits a number instead of 32.
+    attributes : collection of (str, tuple of float)
+        What else an OpenEXR file is to say; see `fpsboost.io.images.exr.encode_exr`.
+
+    Raises
+    ------
+    OutputError
+        OpenCV refuses.
+    """
+    extension = path.suffix.lower()
+    if extension == ".exr":
+        names = {1: "Y", 2: "YA", 3: "BGR", 4: "BGRA"}[image.shape[2]]
+        return encode_exr({name: image[..., i] for i, name in enumerate(names)}, half=half, attributes=attributes)
+    try:
+        done, data = cv2.imencode(extension, image, _options(extension, image))
+    except cv2.error:
+        done = False
+    if not done:
+        raise OutputError(f"{path} cannot be encoded ({describe(image)}); try .png or .tif.")
+    return data.tobytes()
+
+
+def _options(extension: str, image: Image) -> list[int]:
+    """Options of OpenCV for one image; see the module's text for why."""
+    if extension in (".jpg", ".jpeg"):
+        return [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    if extension in (".tif", ".tiff"):
+        if image.dtype == np.float32:
+            return [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_NONE]
+        lzw, horizontal = cv2.IMWRITE_TIFF_COMPRESSION_LZW, cv2.IMWRITE_TIFF_PREDICTOR_HORIZONTAL
+        return [cv2.IMWRITE_TIFF_COMPRESSION, lzw, cv2.IMWRITE_TIFF_PREDICTOR, horizontal]
+    if extension == ".webp":
+        lossless = [cv2.IMWRITE_WEBP_QUALITY, 101]  # above 100 means lossless
+        if image.shape[2] == 4 and _webp_keeps_hidden_colour:
+            lossless += [cv2.IMWRITE_WEBP_LOSSLESS_MODE, cv2.IMWRITE_WEBP_LOSSLESS_PRESERVE_COLOR]
+        return lossless
+    return []

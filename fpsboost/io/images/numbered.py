@@ -1,0 +1,612 @@
+"""Numbered images in a folder, read and written one at a time.
+
+Images whose numbers rise by a step of 2 or more were rendered with that step. Frames made between them get the numbers
+that are missing, where the factor divides the step; otherwise all are numbered anew, one by one, and that is said.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
+from fpsboost.frame import ClipInfo, Frame, Image, describe
+from fpsboost.io import Closing
+from fpsboost.io.images.files import (
+    IMAGE_SUFFIXES,
+    check_format,
+    check_size,
+    encode_image,
+    extension_of,
+    losses,
+    needs_float,
+    read_image,
+    unread_channels,
+)
+from fpsboost.io.images.kinds import holds_more_pictures
+from fpsboost.io.images.metadata import (
+    ImageMetadata,
+    can_pass,
+    content_of,
+    how_stored,
+    lost_metadata,
+    read_metadata,
+    upright,
+    with_metadata,
+)
+from fpsboost.io.images.numbering import find_images, is_pattern
+from fpsboost.io.images.sequence import FileSequence, Numbering
+from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.staging import JobFingerprint, StagingDirectory, hidden_place, sync, write_safely
+
+MAX_GAP = 1000
+"""Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
+
+MOVING = "moving.json"
+"""Says, in the hidden folder, which images are getting their names, and how many frames there are."""
+
+VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
+
+
+@dataclass(frozen=True)
+class ImageFile:
+    """The file that a frame was read from: its `Frame.original`."""
+
+    path: Path
+
+
+class ImageSource(Closing):
+    """Read a folder or a pattern of images, one at a time.
+
+    Parameters
+    ----------
+    path : str
+        A folder that holds one sequence, or a pattern. In a folder, files that are no images and hidden files are
+        ignored.
+    rate : Fraction
+        Frames per second; images do not say.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
+    upright : bool
+        Turn images as their EXIF orientation says, for targets that cannot say it; frames then have no original.
+    fill_gaps : bool
+        Take the numbers for the clock, `rate` of them a second, so that images may be missing.
+    in_place : bool
+        Frames are to be made beside the images: those that a stopped run has begun to put there do not count.
+
+    Attributes
+    ----------
+    files : list of Path
+        The images in order.
+    numbering : Numbering or None
+        How they are named; None where the names have no numbers.
+    numbers : list of int
+        The images' numbers; empty where there are none.
+    step : int
+        By how much they rise; 1 with `fill_gaps`, where there are none, and for a single image.
+    fills_gaps : bool
+        `fill_gaps`.
+    skipped : int
+        Files before these that are not read.
+    begins : Fraction
+        When the first of these is shown, seconds after the first of all.
+    first_number : int
+        Number of the first of all images; 1 where there are none.
+    suffix : str
+        The type of the files as they write it, ``.png``.
+    needs_float : bool
+        Whether OpenEXR's half would lose some of their precision.
+
+    Raises
+    ------
+    OptionError
+        The rate is not above 0, or there are gaps to fill among names without numbers.
+    InputError
+        No images, several sequences, a gap, or an unreadable first image; while iterating, an unreadable image or one
+        that differs from the first in size or type.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        rate: Fraction,
+        *,
+        upright: bool = False,
+        fill_gaps: bool = False,
+        in_place: bool = False,
+        limit: MemoryLimit | None = None,
+    ) -> None:
+        if rate <= 0:
+            raise OptionError(f"The frame rate of images must be above 0, not {rate}.")
+        with explained(InputError, "read", path, "check that it exists and that you may read it"):
+            found = find_images(path)
+            if in_place:
+                found = _without_moved(found)
+        self.files, self.numbering, self.numbers = found.files, found.numbering, list(found.numbers)
+        self.fills_gaps = fill_gaps
+        if fill_gaps:
+            self._check_gaps(path)
+        else:
+            found.check_complete(
+                found.step, "add it, or convert with --fill-gaps, which makes just those that are missing"
+            )
+        self.step = 1 if fill_gaps else found.step
+        self._places = [number - self.numbers[0] for number in self.numbers] if fill_gaps else range(len(self.files))
+        self.skipped, self.begins = 0, Fraction(0)
+        self.suffix = self.files[0].suffix
+        if self.suffix.lower() not in IMAGE_SUFFIXES:
+            raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
+        self.first_number = self.numbers[0] if self.numbers else 1
+        self._upright, self._limit = upright, limit or MemoryLimit()
+        first = self._read(self.files[0])
+        self.needs_float = needs_float(self.files[0], first)
+        self._unread = unread_channels(self.files[0])
+        self._holds_more = holds_more_pictures(content_of(self.files[0]))
+        height, width, _ = first.shape
+        self.info = ClipInfo(path, height, width, rate, 1 / rate, len(self.files), self._duration(rate))
+
+    def _check_gaps(self, path: str) -> None:
+        if not self.numbers:
+            raise OptionError(f"--fill-gaps goes by numbers, and the images of {path} have none; leave it out.")
+        for (file, number), (next_file, following) in pairwise(zip(self.files, self.numbers, strict=True)):
+            if following - number > MAX_GAP:
+                raise InputError(
+                    f"{following - number - 1} images are missing between {file} and {next_file.name}, and --fill-gaps "
+                    f"makes {MAX_GAP - 1} at most; choose one sequence, or number the images anew."
+                )
+
+    def _duration(self, rate: Fraction) -> Fraction | None:
+        """Seconds, where the number of images does not say it."""
+        return (self._places[-1] - self._places[0] + 1) / rate if self.fills_gaps else None
+
+    def numbers_for(self, factor: Fraction) -> tuple[int, int] | None:
+        """Which numbers frames of the output have, where the images keep theirs.
+
+        Parameters
+        ----------
+        factor : Fraction
+            Output frames per image, or per number where gaps are filled.
+
+        Returns
+        -------
+        (first, step) or None
+            None where they are numbered anew: the images have no numbers, theirs leave no room, or `factor` does not
+            divide their step.
+        """
+        step = self.step / factor
+        if not self.numbers or (self.step == 1 and not self.fills_gaps) or step.denominator > 1:
+            return None
+        return self.numbers[0], int(step)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is guessed and what is not read; what is wrong with images is an error."""
+        remarks = []
+        if self.step > 1:
+            remarks.append(
+                f"The numbers of {self.info.name} rise by {self.step}: taken for a sequence rendered with that step."
+            )
+        if self._holds_more:
+            remarks.append(f"{self.files[0].name} and its like hold several pictures, the first of which was read.")
+        names = self._unread
+        if not names:
+            return remarks
+        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        return [*remarks, f"{self.files[0].name} and its like hold other channels ({listed}), which were left out."]
+
+    def __iter__(self) -> Iterator[Frame]:
+        first = None
+        for place, path in zip(self._places, self.files, strict=True):
+            image = self._read(path)
+            if first is None:
+                first = image
+            if image.shape != first.shape or image.dtype != first.dtype:
+                raise InputError(
+                    f"{path} ({describe(image)}) is unlike {self.files[0]} ({describe(first)}); "
+                    "make all images one size and type."
+                )
+            original = None if self._upright else ImageFile(path)
+            yield Frame(image, (place - self._places[0]) / self.info.rate, 1 / self.info.rate, original)
+
+    def _read(self, path: Path) -> Image:
+        image = read_image(path, self._limit)
+        return upright(image, read_metadata(path).orientation) if self._upright else image
+
+    def keep(self, first: int, last: int | None) -> None:
+        """Read only the files from one place to before another; places count numbers where gaps are filled.
+
+        Raises
+        ------
+        InputError
+            There are none.
+        """
+        kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
+        if not kept:
+            reason = "ends before --start" if first > self._places[-1] else "has none between --start and --end"
+            raise InputError(f"{self.info.name} has {len(self.files)} images and {reason}; name an earlier one.")
+        part = slice(kept[0], kept[-1] + 1)
+        self.begins = self._places[kept[0]] / self.info.rate
+        self.files, self.numbers, self._places = self.files[part], self.numbers[part], self._places[part]
+        self.skipped = kept[0]
+        self.info = replace(self.info, frame_count=len(self.files), duration=self._duration(self.info.rate))
+
+    def close(self) -> None:
+        """Do nothing: no file stays open."""
+
+
+def _without_moved(found: FileSequence) -> FileSequence:
+    """The images without those that a stopped run in place has begun to put among them."""
+    if found.numbering is None:
+        return found
+    moving = hidden_place(found.numbering.folder, found.numbering.pattern) / MOVING
+    moved = set(json.loads(moving.read_bytes())["names"]) if moving.exists() else set()
+    kept = [each for each in zip(found.files, found.numbers, strict=True) if each[0].name not in moved]
+    return FileSequence([file for file, _ in kept], found.numbering, [number for _, number in kept])
+
+
+class ImageSink:
+    """Write numbered images, all of them or none.
+
+    They grow in a hidden folder beside their final place. A new folder gets its name by one renaming; into an existing
+    one the images are moved at the end, and moved back should that fail. A later run can go on with images that are
+    there when this one is stopped, and with moving them.
+
+    Parameters
+    ----------
+    path : str
+        A folder, made if it is not there, or a pattern in an existing folder. In a folder the naming of an image source
+        is continued; frames of a video become ``000001.png``. JPEG is written with quality 95, everything else without
+        loss: OpenEXR as half where the source is, else as float.
+    info : ClipInfo
+        The size of the images.
+    source : ImageSource or None
+        Where the frames come from, if that is images: gives the first number and, in a folder, the naming.
+    frame_count : int or None
+        Expected number of frames; decides the digits in a folder.
+    overwrite : bool
+        Replace images of the same naming, later ones too. Anything else in the folder stays.
+    job : JobFingerprint, optional
+        What a later run must have in common with this one to go on with it; without one, nothing can be resumed.
+    factor : Fraction, optional
+        Images per image of the source, or per number of it where that fills gaps. Where it divides the step of the
+        source's numbers, the images keep those, with their padding, and the others get the numbers between.
+    in_place : bool
+        Write beside the source's images, which `path` names: only the others, none of which may be there.
+
+    Raises
+    ------
+    OptionError
+        There are no numbers for the frames between, in place.
+    OutputError
+        The target exists (without `overwrite`), is the source, is being written by another run, or cannot hold or
+        receive the images; or nothing is missing, in place.
+    """
+
+    holds_last_frame = False
+
+    def __init__(
+        self,
+        path: str,
+        info: ClipInfo,
+        source: ImageSource | None,
+        frame_count: int | None,
+        *,
+        overwrite: bool,
+        job: JobFingerprint | None = None,
+        factor: Fraction | None = None,
+        in_place: bool = False,
+    ) -> None:
+        self._path, self._job, self._frame_count = path, job, frame_count
+        self._overwrite, self._in_place = overwrite, in_place
+        self._half = source is None or not source.needs_float
+        kept = None if source is None or factor is None else source.numbers_for(factor)
+        self._next, self._step = kept or (1 if source is None else source.first_number, 1)
+        self._originals = {file.name for file in source.files} if source is not None and in_place else set[str]()
+        self._metadata = None if source is None else read_metadata(source.files[0])
+        self._names: list[str] = []
+        self._frames = 0
+        self._frames_there = 0
+        self._kinds = set[str]()
+        self._remarks: list[str] = []
+        if source is not None and source.step > 1 and kept is None and factor is not None:
+            self._remarks.append(
+                f"{factor} times the frames do not fit between numbers that rise by {source.step}: all were numbered "
+                f"anew, one by one; --factor {source.step} makes just those that are missing."
+            )
+        with explained(OutputError, "write to", path, "check the path and the permissions"):
+            self._is_folder = Path(path).is_dir() or not is_pattern(path)
+            if in_place:
+                self._numbering = self._numbering_in_place(source, factor)
+            elif self._is_folder and kept and source is not None and source.numbering is not None:
+                self._numbering = replace(source.numbering, folder=Path(path))
+            elif self._is_folder:
+                self._numbering = _name_in_folder(Path(path), source, frame_count)
+            else:
+                self._numbering = Numbering.parse(path)
+                self._remark_on_digits(frame_count)
+            self._check_place(info)
+            if source is not None and not in_place:
+                self._refuse_inputs(source)
+            folder = self._numbering.folder
+            # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
+            self._is_new = not folder.is_dir()
+            if in_place or not (self._is_new or self._is_folder):
+                called = self._numbering.pattern
+            else:
+                called = folder.name if self._is_new else "fpsboost"
+            place = hidden_place(folder.parent if self._is_new else folder, called)
+            self._unfinished = StagingDirectory(place, "output", path, job)
+            self._replaced = place / "replaced"
+            self._moving = place / MOVING
+            self._refuse_existing()
+
+    @property
+    def numbering(self) -> Numbering:
+        """How the images are named."""
+        return self._numbering
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about what the files could not hold."""
+        return [*self._unfinished.remarks, *self._remarks]
+
+    @property
+    def completed_frames(self) -> int:
+        """How many images an earlier run has finished; see `fpsboost.io.Resumable`."""
+        return self._frames_there
+
+    def _numbering_in_place(self, source: ImageSource | None, factor: Fraction | None) -> Numbering:
+        """The source's own, if it has numbers for the frames between."""
+        if source is None or source.numbering is None or factor is None:
+            raise OptionError(f"--in-place needs images with numbers in their names, and {self._path} has none.")
+        has_room = source.step > 1 or source.numbers[-1] - source.numbers[0] >= len(source.numbers)
+        if not has_room:
+            if self._job is not None and self._job.resume:
+                raise CompleteAlreadyError(f"No image is missing from {self._path}, so it was left as it is.")
+            raise OutputError(
+                f"No image is missing from {self._path}: there are no numbers for frames between; leave --in-place out "
+                "and name another folder."
+            )
+        fits = factor == 1 if source.fills_gaps else factor > 1 and source.numbers_for(factor) is not None
+        if not fits:
+            way = "leave --factor out" if source.fills_gaps else f"give --factor {source.step}, or --fill-gaps"
+            raise OptionError(
+                f"{factor} times the frames of {self._path} do not fit between its numbers, which --in-place keeps; "
+                f"{way}."
+            )
+        return source.numbering
+
+    def _remark_on_digits(self, frame_count: int | None) -> None:
+        digits = self._numbering.digits
+        if frame_count is not None and 1 < digits < len(str(self._next + (frame_count - 1) * self._step)):
+            self._remarks.append(f"{self._path} has too few digits for {frame_count} frames: later names grow longer.")
+
+    def _check_place(self, info: ClipInfo) -> None:
+        folder, extension = self._numbering.folder, extension_of(self._numbering.path(1).name)
+        if extension not in IMAGE_SUFFIXES:
+            raise OutputError(
+                f"{self._path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
+            )
+        check_size(self._path, extension, info)
+        if folder.exists() and not folder.is_dir():
+            raise OutputError(f"{folder} is a file; name a folder, or a pattern in one.")
+        needed = folder.parent if self._is_folder else folder
+        if not needed.is_dir():
+            raise OutputError(f"The folder {needed} does not exist; create it first.")
+
+    def _refuse_inputs(self, source: ImageSource) -> None:
+        """Never touch what is being read, also through links and where names ignore case."""
+        folder = self._numbering.folder
+        if not folder.is_dir():
+            return
+        clash = None
+        if folder.samefile(source.files[0].parent):
+            if self._is_folder:
+                raise OutputError(f"{self._path} is also the input; write to another folder.")
+            folded = replace(
+                self._numbering, prefix=self._numbering.prefix.casefold(), suffix=self._numbering.suffix.casefold()
+            )
+            clash = next((file for file in source.files if folded.number_in(file.name.casefold()) is not None), None)
+        old = {path.resolve() for path in self._find_old()}
+        if old and clash is None:
+            clash = next((file for file in source.files if file.resolve() in old), None)
+        if clash is not None:
+            raise OutputError(f"{self._path} would replace the input {clash}; write to another folder or pattern.")
+
+    def _find_old(self) -> list[Path]:
+        # In a folder the digits are this program's choice, so frames of an earlier run may have fewer or more.
+        if not self._numbering.folder.is_dir():
+            return []
+        return [path for _, path in self._numbering.find(any_padding=self._is_folder)]
+
+    def _refuse_existing(self) -> None:
+        folder = self._numbering.folder
+        is_moving = self._unfinished.goes_on and self._moving.exists()
+        if self._in_place:
+            if self._moving.exists() and not is_moving:
+                raise OutputError(
+                    f"A run in {self._path} was stopped while its frames got their names; --resume goes on with that."
+                )
+            for name in self._names:
+                if (self._unfinished.staged / name).exists() and (folder / name).exists():
+                    raise OutputError(f"{folder / name} has appeared meanwhile; move it away, and use --resume.")
+            return
+        if self._overwrite or not folder.is_dir() or is_moving:
+            return
+        old = self._find_old()
+        is_full = self._is_folder and any(not name.startswith(".") for name in os.listdir(folder))
+        if not old and not is_full:
+            return
+        if self._job is not None and self._job.resume and not self._unfinished.is_pending:
+            raise CompleteAlreadyError(
+                f"{self._path} exists already and no run of it is unfinished, so it was left as it is."
+            )
+        if is_full:
+            raise OutputError(f"{folder} is not empty; add --overwrite to replace the frames in it, or name another.")
+        raise OutputError(f"{old[0]} exists; add --overwrite to replace such images, or choose another pattern.")
+
+    def __enter__(self) -> Self:
+        with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
+            self._refuse_set_aside()
+            self._unfinished.open()
+            try:
+                self._unfinished.staged.mkdir(exist_ok=True)
+                self._frames_there = self._count_finished()
+            except BaseException:
+                self._unfinished.close(keep=True)
+                raise
+        return self
+
+    def _refuse_set_aside(self) -> None:
+        """Never remove frames of before that a run was about to replace, and that it could not put back."""
+        if not self._unfinished.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
+            raise OutputError(
+                f"{self._replaced} holds frames that a run had set aside to replace them; let that run finish with "
+                "--resume, or move them to where they belong."
+            )
+
+    def _count_finished(self) -> int:
+        """Frames that an earlier run has finished, from the first up to the first that is missing."""
+        if self._moving.exists():
+            return int(json.loads(self._moving.read_bytes())["frames"])
+        made = set(os.listdir(self._unfinished.staged))
+        there = made | self._originals if made else made
+        count = 0
+        while self._numbering.path(self._next + count * self._step).name in there:
+            count += 1
+        return count
+
+    def write(self, frame: Frame) -> None:
+        """Write the next image; its time does not matter."""
+        path = self._numbering.path(self._next)
+        self._next += self._step
+        self._frames += 1
+        if path.name in self._originals:  # in place: stays as it is
+            self._metadata = read_metadata(path)
+            self._remark_on_kind(path, frame.array, passes=True)
+            return
+        check_format(path, frame.array)
+        self._remarks += [remark for remark in losses(path, frame.array) if remark not in self._remarks]
+        if self._frames > self._frames_there:
+            data = self._content(path, frame)
+            with explained(OutputError, "write", path, "check the free space and the permissions"):
+                write_safely(self._unfinished.staged / path.name, data)
+        self._names.append(path.name)
+
+    def _content(self, path: Path, frame: Frame) -> bytes:
+        """A frame that passes into a file of its own type as that file, to the byte; others with what it says."""
+        if isinstance(frame.original, ImageFile):
+            source = frame.original.path
+            self._metadata = read_metadata(source)
+            is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
+            passes = is_same and can_pass(source) and not unread_channels(source)
+            self._remark_on_kind(source, frame.array, passes=passes)
+            if passes:
+                return content_of(source)
+        metadata, extension = self._metadata or ImageMetadata(), extension_of(path.name)
+        for lost in lost_metadata(extension, metadata, frame.array.shape[2]):
+            remark = f"{self._path} cannot hold the {lost} of its source; left out."
+            self._remarks += [remark] * (remark not in self._remarks)
+        data = encode_image(path, frame.array, half=self._half, attributes=metadata.attributes)
+        return with_metadata(extension, data, metadata, frame.array.shape[2])
+
+    def _remark_on_kind(self, source: Path, image: Image, *, passes: bool) -> None:
+        """Say once of each kind of originals that frames are written otherwise."""
+        how = how_stored(content_of(source), image.shape[2])
+        if not how or how in self._kinds:
+            return
+        self._kinds.add(how)
+        written = {1: "gray", 3: "RGB"}.get(image.shape[2], "RGB with alpha")
+        which = "the frames between" if passes else "all frames"
+        self._remarks.append(f"{source.name} and its like are stored {how}; {which} were written as {written}.")
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None and self._names:
+                with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
+                    self._finish()
+        except BaseException as failure:
+            self._leave(failure)
+            raise
+        self._leave(error)
+
+    def _finish(self) -> None:
+        self._refuse_existing()  # once more: hours may have passed
+        folder, staged = self._numbering.folder, self._unfinished.staged
+        for extra in set(os.listdir(staged)) - set(self._names):  # torn images
+            (staged / extra).unlink()
+        if self._is_new and not folder.exists():
+            self._unfinished.publish(folder)
+            return
+        self._replaced.mkdir(exist_ok=True)
+        moves = [(staged / name, folder / name) for name in self._names if (staged / name).exists()]
+        is_begun = len(moves) < len(self._names)  # an earlier run has moved some, and the old ones before them
+        if not is_begun and not self._in_place:
+            moves = [(path, self._replaced / path.name) for path in self._find_old()] + moves
+        write_safely(self._moving, json.dumps({"frames": self._frames, "names": self._names}).encode())
+        try:
+            if self._in_place:
+                _move_all(moves, _move_new)
+            else:
+                _move_all(moves)
+        except BaseException:
+            if all((staged / name).exists() for name in self._names):
+                self._moving.unlink()
+            raise
+        sync(folder)
+        shutil.rmtree(self._replaced, ignore_errors=True)
+
+    def _leave(self, error: BaseException | None) -> None:
+        """Remove the hidden folder, but for images to go on with, and earlier ones that could not be moved back."""
+        with suppress(OSError):
+            self._replaced.rmdir()  # fails where it is not empty
+        count = self._frames if self._moving.exists() else max(self._frames_there, self._frames if self._names else 0)
+        self._unfinished.leave(error, count, self._frame_count, stays=self._replaced.exists())
+
+
+def _one_name(extension: str) -> str:
+    """The shorter of two names that stand for one type of file."""
+    return {".jpeg": ".jpg", ".tiff": ".tif"}.get(extension, extension)
+
+
+def _name_in_folder(folder: Path, source: ImageSource | None, frame_count: int | None) -> Numbering:
+    """Continue the source's naming, with as many digits as keep the order of names the order of frames."""
+    first = 1 if source is None else source.first_number
+    digits = VIDEO_DIGITS if frame_count is None else len(str(first + frame_count - 1))
+    if source is None:
+        return Numbering(folder, "", max(digits, VIDEO_DIGITS), ".png")
+    if source.numbering is None:
+        return Numbering(folder, "", max(digits, VIDEO_DIGITS), source.suffix)
+    return replace(source.numbering, folder=folder, digits=max(digits, source.numbering.digits))
+
+
+def _move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] | None = None) -> None:
+    """Move every file, replacing what is there unless `move` does not, or none where one cannot be moved."""
+    try:
+        for here, there in moves:
+            (move or os.replace)(here, there)
+    except BaseException:
+        for here, there in reversed(moves):
+            with suppress(OSError):
+                if there.exists() and not here.exists():
+                    os.replace(there, here)
+        raise
+
+
+def _move_new(here: Path, there: Path) -> None:
+    """Move a file to a name that nothing has, also where capital letters make no difference."""
+    if there.exists():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(there))
+    os.rename(here, there)

@@ -1,0 +1,188 @@
+"""What runs beside each other: decoder, encoder and computation, in bounded queues.
+
+An error in any thread surfaces in the caller, and no thread outlives the ``with`` block, however it is left.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from queue import Empty, Full, Queue
+from threading import Event, Thread
+from typing import TypeVar
+
+T = TypeVar("T")
+
+POLL_INTERVAL = 0.1
+"""Seconds between two looks at whether the other side has stopped."""
+
+
+def nothing() -> None:
+    """Do nothing."""
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # no Linux
+        return os.cpu_count() or 1
+
+
+@contextmanager
+def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = nothing) -> Generator[Iterator[T]]:
+    """Run an iterable in a thread, up to `depth` items ahead of the caller.
+
+    Parameters
+    ----------
+    items : iterable
+    depth : int
+    cancel : callable
+        Called when the block is left by an exception, so that an iterable that waits for another program stops.
+
+    Yields
+    ------
+    iterator
+        The items, in order; raises what the iterable raised.
+    """
+    queue: Queue[T] = Queue(depth)
+    stopped, finished = Event(), Event()
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            for item in items:
+                while not stopped.is_set():
+                    try:
+                        queue.put(item, timeout=POLL_INTERVAL)
+                        break
+                    except Full:
+                        continue
+                if stopped.is_set():
+                    return
+        except BaseException as error:
+            errors.append(error)
+        finally:
+            finished.set()
+
+    def received() -> Iterator[T]:
+        while True:
+            try:
+                yield queue.get(timeout=POLL_INTERVAL)
+            except Empty:
+                # the flag is set after the last put, so a queue that is empty after it stays empty
+                if finished.is_set() and queue.empty():
+                    if errors:
+                        raise errors[0] from None
+                    return
+
+    thread = Thread(target=run, name="fpsboost-ahead")
+    thread.start()
+    try:
+        yield received()
+    except BaseException:
+        cancel()
+        raise
+    finally:
+        stopped.set()
+        thread.join()
+
+
+@contextmanager
+def run_in_parallel(
+    threads: int, cancel: Callable[[], None] = nothing
+) -> Generator[Callable[[Iterable[Callable[[], T]]], Iterator[T]]]:
+    """Run jobs in threads, a few at a time.
+
+    Parameters
+    ----------
+    threads : int
+        1 runs every job in the caller's own thread, when its result is asked for.
+    cancel : callable
+        Called when the block is left by an exception, so that jobs that wait for another program's data stop coming.
+
+    Yields
+    ------
+    callable
+        Takes an iterable of jobs, which is asked for the next one in a thread of its own when there is room for it: one
+        more than there are threads are under way or wait to be fetched. Yields their results in order, each as soon as
+        it is there; raises what a job or the iterable raised.
+    """
+    if threads == 1:
+        yield lambda jobs: (job() for job in jobs)
+        return
+    with ExitStack() as stack:
+        pool = ThreadPoolExecutor(threads, "fpsboost-pair")
+        stack.callback(pool.shutdown, cancel_futures=True)
+
+        def in_order(jobs: Iterable[Callable[[], T]]) -> Iterator[T]:
+            # beside those in the queue, one waits for room in it and one is fetched
+            running = stack.enter_context(read_ahead((pool.submit(job) for job in jobs), threads - 1, cancel))
+            for future in running:
+                yield future.result()
+
+        yield in_order
+
+
+@contextmanager
+def write_behind(
+    write: Callable[[T], None], depth: int, cancel: Callable[[], None] = nothing
+) -> Generator[Callable[[T], None]]:
+    """Call a function in a thread, up to `depth` items behind the caller.
+
+    Parameters
+    ----------
+    write : callable
+    depth : int
+    cancel : callable
+        Called when the block is left by an exception, so that a `write` that waits for another program stops.
+
+    Yields
+    ------
+    callable
+        Takes one item; raises what `write` raised on an earlier one. Leaving the block waits for the rest, or drops it
+        where the block is left by an exception.
+    """
+    queue: Queue[T] = Queue(depth)
+    stopped, closed = Event(), Event()
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        while not stopped.is_set():
+            try:
+                item = queue.get(timeout=POLL_INTERVAL)
+            except Empty:
+                if closed.is_set() and queue.empty():
+                    return
+                continue
+            try:
+                write(item)
+            except BaseException as error:
+                errors.append(error)
+                stopped.set()
+
+    def send(item: T) -> None:
+        while True:
+            if errors:
+                raise errors[0]
+            try:
+                return queue.put(item, timeout=POLL_INTERVAL)
+            except Full:
+                continue
+
+    thread = Thread(target=run, name="fpsboost-write")
+    thread.start()
+    try:
+        yield send
+        closed.set()
+        thread.join()
+    except BaseException:
+        cancel()
+        raise
+    finally:
+        stopped.set()
+        thread.join()
+    if errors:
+        raise errors[0]

@@ -1,0 +1,309 @@
+"""Motion that a renderer knows: vectors, and depth, for every frame of the output.
+
+The vectors of a frame go to its neighbours in time, one output frame far; where frames are known by their numbers, from
+one number to the next, whatever the step that was rendered with. Renderers write them as
+
+OpenEXR
+    Blender's vector pass, four channels: X and Y are the place in the previous frame minus the place in this one, Z and
+    W the place in this one minus the place in the next, in pixels, x to the right and y *up*.
+``.flo``
+    ``NAME_backward.flo`` and ``NAME_forward.flo``, to the previous and to the next frame, y down.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Iterable, Sequence
+from copy import copy
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import InputError, explained
+from fpsboost.frame import Image
+from fpsboost.io.flow_files import read_flow
+from fpsboost.io.images.exr import find_layer, read_exr
+from fpsboost.io.images.sequence import (
+    FileSequence,
+    Numbering,
+    find_numbered,
+    find_placeholder,
+    list_files,
+    order_names,
+)
+
+KEPT_FRAMES = 4
+"""A pair's two frames, and two between them."""
+
+BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
+
+
+class FrameVectors(NamedTuple):
+    """What a renderer knows of one output frame."""
+
+    backward: NDArray[Any]
+    """(H, W, 2) float32, to the previous output frame, y down."""
+    forward: NDArray[Any]
+    """(H, W, 2) float32, to the next output frame, y down."""
+    depth: NDArray[Any] | None
+    """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None where it is not known."""
+
+
+class VectorFolder:
+    """A folder with motion vectors for every frame of the output rate.
+
+    The first file is for the first frame, unless `matched` has found the frames' numbers in the names of the files.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder with one sequence of OpenEXR files, or of pairs of ``.flo`` files; or a pattern of OpenEXR files
+        (``Vector####.exr``) where the folder holds others too.
+    depth : str or Path, optional
+        The same for depth: OpenEXR files with one channel, or with one named Z, Depth, V or Y, or Blender's
+        ``Depth.Z``. May be the same files.
+
+    Raises
+    ------
+    InputError
+        The folder is missing, empty, or holds something else or several sequences; a ``.flo`` has no partner.
+
+    Attributes
+    ----------
+    files : list of Path
+        All that is read from, in the order of frames.
+    step : int
+        How many vectors lead from one output frame to the next: the distance of their numbers, or 1.
+    remarks : list of str
+        What was guessed when the frames were matched.
+    """
+
+    def __init__(self, path: str | Path, depth: str | Path | None = None) -> None:
+        self.path = Path(path)
+        self.depth_path = None if depth is None else Path(depth)
+        self._vectors, self._read_vectors = _find_vectors(self.path)
+        self._depth = None if self.depth_path is None else _find_exr(self.depth_path, "depth")
+        depth_files = [] if self._depth is None else self._depth.files
+        partners = [_partners(file) for file in self._vectors.files]
+        self.files = [*chain.from_iterable(partners), *depth_files]
+        self.step, self.remarks = 1, list[str]()
+        self._numbers: Sequence[int] | None = None
+        self._kept: OrderedDict[int, FrameVectors] = OrderedDict()
+
+    def __repr__(self) -> str:
+        return f"VectorFolder({str(self.path)!r}, depth={None if self.depth_path is None else str(self.depth_path)!r})"
+
+    def matched(self, numbers: Sequence[int], *, must_match: bool) -> VectorFolder:
+        """The same vectors for frames that are known by their numbers.
+
+        A frame takes the files with its number where all frames have some, and the files have numbers. Where they have
+        none, or others, the first file stays that of the first frame.
+
+        Parameters
+        ----------
+        numbers : sequence of int
+            Of the output's frames, at one distance.
+        must_match : bool
+            Whether the renderer has given the frames their numbers: then a file that is missing is an error, when it is
+            asked for.
+
+        Returns
+        -------
+        VectorFolder
+        """
+        folder = copy(self)
+        folder._kept = OrderedDict()
+        found = [each.numbers for each in (self._vectors, self._depth) if each is not None]
+        if not all(found):
+            return folder
+        if must_match or all(set(numbers) <= set(each) for each in found):
+            folder._numbers = numbers
+            folder.step = numbers[1] - numbers[0] if len(numbers) > 1 else 1
+        elif self._vectors.numbers[0] != numbers[0] and len(self._vectors.numbers) != len(numbers):
+            folder.remarks = [
+                f"{self.path} is numbered from {self._vectors.numbers[0]} on and the output from {numbers[0]}: its "
+                "files were taken in order, the first for the first frame."
+            ]
+        return folder
+
+    def at(self, number: int) -> FrameVectors:
+        """The vectors of an output frame, counted from 0.
+
+        Raises
+        ------
+        InputError
+            There are none for it, they cannot be read, are no numbers, or differ from the depth in size.
+        """
+        if number not in self._kept:
+            self._kept[number] = self._read(number)
+            if len(self._kept) > KEPT_FRAMES:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(number)
+        return self._kept[number]
+
+    def for_image(self, number: int, image: Image) -> FrameVectors:
+        """Like `at`, for frames like this image.
+
+        Raises
+        ------
+        InputError
+            As `at`, and where the vectors are of another size.
+        """
+        vectors = self.at(number)
+        (height, width), (image_height, image_width) = vectors.backward.shape[:2], image.shape[:2]
+        if (height, width) != (image_height, image_width):
+            raise InputError(
+                f"{self.path} has vectors for {width}x{height} pixels, and the frames have "
+                f"{image_width}x{image_height}; render both in one size."
+            )
+        return vectors
+
+    def _read(self, number: int) -> FrameVectors:
+        backward, forward = self._read_vectors(self._file_of(self._vectors, number, self.path, "vectors"))
+        if self._depth is None or self.depth_path is None:
+            return FrameVectors(backward, forward, None)
+        file = self._file_of(self._depth, number, self.depth_path, "depth")
+        depth = _read_depth(file)
+        if depth.shape != backward.shape[:2]:
+            (height, width), (vectors_height, vectors_width) = depth.shape, backward.shape[:2]
+            raise InputError(
+                f"{file} has {width}x{height} pixels, and the vectors have {vectors_width}x{vectors_height}; "
+                "render both in one size."
+            )
+        return FrameVectors(backward, forward, depth)
+
+    def _file_of(self, found: FileSequence, number: int, path: Path, what: str) -> Path:
+        """The file of an output frame, counted from 0."""
+        if self._numbers is None or found.numbering is None:
+            found.check_complete(1, "render it, too")
+            if not 0 <= number < len(found.files):
+                raise InputError(
+                    f"{path} has no {what} for output frame {number}; render one file for every frame of the output, "
+                    f"from frame 0 on ({len(found.files)} are there)."
+                )
+            return found.files[number]
+        wanted = self._numbers[0] + number * self.step
+        place = bisect_left(found.numbers, wanted)
+        if place == len(found.numbers) or found.numbers[place] != wanted:
+            raise InputError(
+                f"{found.numbering.path(wanted)} is missing, the {what} of output frame {wanted}; render it too."
+            )
+        return found.files[place]
+
+
+VectorReader = Callable[[Path], tuple[NDArray[Any], NDArray[Any]]]
+
+
+def _find_vectors(path: Path) -> tuple[FileSequence, VectorReader]:
+    """The file of each frame, of a pair the one that leads backward, and what reads it."""
+    names = _names_in(path, "motion vectors", (".exr", ".flo"))
+    kinds = {Path(name).suffix.lower() for name in names}
+    if len(kinds) > 1:
+        raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
+    if kinds == {".flo"}:
+        return _find_pairs(path, names), _read_flows
+    return _find_exr(path, "motion vectors"), _read_vector_pass
+
+
+def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
+    """The files with these endings in a folder; none for a pattern.
+
+    Raises
+    ------
+    InputError
+        It is neither, or there are none.
+    """
+    if not path.is_dir():
+        if find_placeholder(path.name) is not None and path.suffix.lower() == ".exr":
+            return []
+        raise InputError(f"{path} is no folder with {what}; name a folder, or a pattern such as Vector####.exr.")
+    with explained(InputError, "read", path, "check that you may read it"):
+        names = list_files(path)
+    names = [name for name in names if Path(name).suffix.lower() in suffixes and not name.startswith(".")]
+    if not names:
+        raise InputError(f"{path} holds no {what} ({' or '.join(suffixes)}); name a folder that does.")
+    return names
+
+
+def _find_exr(path: Path, what: str) -> FileSequence:
+    names = _names_in(path, what, (".exr",))
+    with explained(InputError, "read", path, "check that it exists and that you may read it"):
+        if not names:
+            return find_numbered(Numbering.parse(str(path)))
+        return order_names(path, names)
+
+
+def _find_pairs(folder: Path, names: Iterable[str]) -> FileSequence:
+    """The files to the previous frame, each of which has a partner to the next."""
+    names = set(names)
+    for name in sorted(names):
+        if not name.endswith((BACKWARD, FORWARD)):
+            raise InputError(f"{folder / name} is neither a *{BACKWARD} nor a *{FORWARD}; rename it or take it away.")
+        ending, other = (BACKWARD, FORWARD) if name.endswith(BACKWARD) else (FORWARD, BACKWARD)
+        partner = name.removesuffix(ending) + other
+        if partner not in names:
+            raise InputError(f"{folder / name} has no partner {partner}; write both directions for every frame.")
+    return order_names(folder, sorted(name for name in names if name.endswith(BACKWARD)))
+
+
+def _partners(path: Path) -> list[Path]:
+    """All files of a frame, by the first of them."""
+    if not path.name.endswith(BACKWARD):
+        return [path]
+    return [path, path.with_name(path.name.removesuffix(BACKWARD) + FORWARD)]
+
+
+def _read_flows(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
+    backward, forward = _partners(path)
+    flows = read_flow(backward), read_flow(forward)
+    if flows[0].shape != flows[1].shape:
+        raise InputError(f"{backward} and {forward.name} differ in size; write both for the same frame.")
+    for each, flow in zip((backward, forward), flows, strict=True):
+        _check_numbers(each, flow)
+    return flows
+
+
+def _read_vector_pass(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
+    def choose(names: Collection[str]) -> list[str]:
+        layer = find_layer(names, "XYZW", "Vector")
+        if layer is None:
+            raise InputError(
+                f"{path} has no motion vectors among its channels ({', '.join(names)}); "
+                "save a vector pass, with X, Y, Z and W in one layer."
+            )
+        return [layer + each for each in "XYZW"]
+
+    x, y, z, w = read_exr(path, choose).values()
+    backward, forward = np.dstack([x, -y]), np.dstack([-z, w])  # y points up in the file
+    _check_numbers(path, backward, forward)
+    return backward, forward
+
+
+def _check_numbers(path: Path, *flows: NDArray[Any]) -> None:
+    count = sum(int((~np.isfinite(flow)).any(axis=-1).sum()) for flow in flows)
+    if count:
+        raise InputError(
+            f"{path} has {count} motion vectors that are unknown, infinite or no numbers; render it again."
+        )
+
+
+def _read_depth(path: Path) -> NDArray[Any]:
+    """(H, W) float32; infinite where it is no number."""
+
+    def choose(names: Collection[str]) -> list[str]:
+        layers = [name for name in names if name.endswith(("Depth.Z", "Depth.V"))]
+        taken = "XYZW" if find_layer(names, "XYZW", "") == "" else ""  # by vectors in the same file
+        plain = [name for name in ("Z", "Depth", "V", "Y") if name in names and name not in taken]
+        for found in (layers, list(names), plain[:1]):
+            if len(found) == 1:
+                return found
+        raise InputError(
+            f"{path} has no depth among its channels ({', '.join(names)}); save one channel, named Z, Depth, V or Y."
+        )
+
+    (depth,) = read_exr(path, choose).values()
+    return np.where(np.isnan(depth), np.float32(np.inf), depth)

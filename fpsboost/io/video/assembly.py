@@ -1,0 +1,202 @@
+"""Chunks of encoded pictures and everything else of the source, put together into one file."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import av.container
+import av.error
+
+from fpsboost.errors import OutputError
+from fpsboost.io.staging import sync
+from fpsboost.io.trim import Window
+from fpsboost.io.video.chunks import Chunk
+from fpsboost.io.video.encoding import EXACT_CLOCKS, Encoding
+from fpsboost.io.video.fitting import Fitting
+from fpsboost.io.video.muxing import open_muxer
+from fpsboost.io.video.other_streams import OtherStreams
+from fpsboost.io.video.source import VideoSource
+
+
+class Assembly:
+    """The file that an output becomes: its header is written at once, its packets when all chunks are there.
+
+    So what a container cannot hold is known before any work is done.
+
+    Parameters
+    ----------
+    path : Path
+        Where it is written; it gets its final name elsewhere.
+    template : av.VideoStream
+        A stream with an open encoder like the one that makes the chunks.
+    time_base : Fraction
+        Seconds per tick of the chunks' times.
+    display_matrix : tuple of 9 int or None
+    source : VideoSource or None
+        What to carry everything but the pictures over from.
+    encoding : Encoding
+    container, name : str
+        FFmpeg's name of the container, and what messages call the output.
+    fitting : Fitting
+        How the other streams come into the container.
+    window : Window, optional
+        Which part of the source is written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        template: av.VideoStream,
+        time_base: Fraction,
+        display_matrix: tuple[int, ...] | None,
+        source: VideoSource | None,
+        *,
+        encoding: Encoding,
+        container: str,
+        name: str,
+        fitting: Fitting,
+        window: Window | None = None,
+    ) -> None:
+        self._path, self._time_base, self._container, self._name = path, time_base, container, name
+        self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
+        self._others: OtherStreams | None = None
+        try:
+            self._stream = self._add_video(self._output, template, display_matrix)
+            if source is not None:
+                self._others = OtherStreams(
+                    source,
+                    self._output,
+                    self._stream,
+                    encoding=encoding,
+                    container=container,
+                    name=name,
+                    fitting=fitting,
+                    window=window,
+                )
+                if container in EXACT_CLOCKS:
+                    self._output.container_options["movie_timescale"] = str(self._others.clock)
+                    if self._others.tags.free_keys:
+                        self._output.container_options["movflags"] = "+faststart+use_metadata_tags"
+            self._output.start_encoding()
+            if self._others is not None:
+                self._others.copy_cover()
+        except BaseException:
+            self.discard()
+            raise
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about what the file could not hold."""
+        return self._others.remarks if self._others else []
+
+    def finish(self, chunks: Sequence[Chunk]) -> None:
+        """Write everything and close the file.
+
+        Raises
+        ------
+        OutputError
+            A chunk was made by an encoder that was set up differently.
+        OSError, av.error.FFmpegError
+            The file cannot be written.
+        """
+        assert self._output is not None
+        extradata = bytes(self._stream.codec_context.extradata or b"")
+        for chunk in chunks:
+            if chunk.extradata != extradata:
+                raise OutputError(
+                    f"{self._name} was begun by an encoder that works differently; leave --resume out to start anew."
+                )
+        self._mux(chunks)
+        if self._others is not None:
+            self._others.copy_until(None)
+            self._others.close()
+        output, self._output = self._output, None
+        output.close()
+        sync(self._path)
+        if self._others is not None:
+            self._others.check_labels(self._path)
+
+    def discard(self) -> None:
+        """Let go of everything; the file goes first, lest FFmpeg rewrites it for fast starting."""
+        if self._others is not None:
+            self._others.close()
+        if self._output is None:
+            return
+        with contextlib.suppress(OSError):  # Windows does not remove an open file; its folder goes later
+            self._path.unlink(missing_ok=True)
+        output, self._output = self._output, None
+        with contextlib.suppress(av.error.FFmpegError, OSError, ValueError):
+            output.close()
+
+    def _add_video(
+        self, output: av.container.OutputContainer, template: av.VideoStream, display_matrix: tuple[int, ...] | None
+    ) -> av.VideoStream:
+        stream = output.add_stream_from_template(template)
+        stream.time_base = self._time_base
+        stream.codec_context.codec_tag = template.codec_context.codec_tag
+        if display_matrix is not None:
+            stream.set_display_matrix(display_matrix)
+        return stream
+
+    def _mux(self, chunks: Sequence[Chunk]) -> None:
+        """Write the pictures' packets, one behind, since the last one's duration is known only at the end."""
+        held: av.Packet[Any] | None = None
+        first_pts = first_dts = end_pts = 0
+        decoding_times = decoding_times_of(chunks)
+        for packet in (packet for chunk in chunks for packet in chunk.packets()):
+            packet.dts, packet.time_base, packet.stream = next(decoding_times), self._time_base, self._stream
+            assert packet.pts is not None
+            if held is None:
+                first_pts, first_dts = packet.pts, packet.dts or 0
+            else:
+                self._mux_one(held)
+            end_pts = max(end_pts, packet.pts + (packet.duration or 0))
+            held = packet
+        if held is None:
+            raise OutputError(f"{self._name} was not written because its encoder made nothing; try another --codec.")
+        if self._container in EXACT_CLOCKS and held.dts is not None:
+            # The length of an mp4 track is a sum over decoding times, of which only the last summand is free.
+            left = (end_pts - first_pts) - (held.dts - first_dts)
+            held.duration = left if left > 0 else held.duration
+        self._mux_one(held)
+
+    def _mux_one(self, packet: av.Packet[Any]) -> None:
+        assert self._output is not None
+        if self._others is not None and packet.dts is not None:
+            self._others.copy_until(packet.dts * self._time_base)
+        self._output.mux(packet)
+
+
+def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
+    """When each packet is decoded, in ticks.
+
+    An encoder that changes the order begins to decode before it shows, so every chunk's decoding times reach back into
+    the chunk before. Over the seams they go on as if one encoder had made everything: each packet is decoded when the
+    picture is shown that lies a fixed number of places before it in the order of showing. The encoder's own
+    times are not taken: of fewer pictures than x265 holds back, they are ages before those of showing.
+    """
+    delay = max(_delay_of(chunk) for chunk in chunks)
+    shown: deque[int] = deque()
+    for number, chunk in enumerate(chunks):
+        in_order = sorted(times.pts for times in chunk.times())
+        if number == 0:
+            shift = in_order[min(delay, len(in_order) - 1)] - in_order[0]
+            shown.extend(pts - shift for pts in in_order[:delay])
+        for pts in in_order:
+            shown.append(pts)
+            yield shown.popleft()
+
+
+def _delay_of(chunk: Chunk) -> int:
+    """How many packets are decoded before the first one is shown."""
+    times = list(chunk.times())
+    in_order = sorted(each.pts for each in times)
+    places = {pts: place for place, pts in enumerate(in_order)}
+    needed = max((index - places[each.pts] for index, each in enumerate(times)), default=0)
+    return max(needed, sum(each.dts is not None and each.dts < in_order[0] for each in times))

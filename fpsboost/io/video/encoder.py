@@ -1,0 +1,260 @@
+"""Pictures in, packets out: one encoder set up for a clip, and opened anew for every chunk of it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from fractions import Fraction
+from io import BytesIO
+from typing import Any
+
+import av
+import av.container
+import av.error
+import numpy as np
+from av.video.frame import PictureType
+from av.video.reformatter import VideoReformatter
+
+from fpsboost.errors import OutputError
+from fpsboost.frame import ClipInfo, Frame, Pixels
+from fpsboost.io.video.encoding import EXACT_CLOCKS, Encoding, needs_hardware
+from fpsboost.io.video.hdr import with_hdr
+from fpsboost.io.video.pixel_choice import choose_pixel_format
+from fpsboost.io.video.planes import as_picture
+from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha
+from fpsboost.timing.schedule import OutputTiming
+
+MIN_CUTREE = 64
+"""Pixels; in narrower pictures x265's "cutree" writes past its memory (seen up to 48)."""
+
+
+class VideoEncoder:
+    """Encodes a clip in pieces that can each be decoded by themselves.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the output.
+    encoder, options : str, dict
+        FFmpeg's encoder, and its options.
+    container : str
+        FFmpeg's name of the container that the packets go into.
+    info : ClipInfo
+        Size of the frames.
+    timing : OutputTiming
+        Rate and clock.
+    encoding : Encoding
+        What was asked for.
+    traits : VideoTraits
+        What the source's pictures mean.
+    keeps_original : bool
+        Take the decoder's own picture of a frame where there is one.
+
+    Raises
+    ------
+    OptionError, OutputError
+        The encoder cannot encode such frames.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        encoder: str,
+        options: dict[str, str],
+        container: str,
+        info: ClipInfo,
+        timing: OutputTiming,
+        encoding: Encoding,
+        traits: VideoTraits,
+        *,
+        keeps_original: bool,
+    ) -> None:
+        self.remarks: list[str] = []
+        self._name, self._encoder, self._format = name, encoder, container
+        self._info, self._timing, self._encoding, self._traits = info, timing, encoding, traits
+        self._keeps_original = keeps_original
+        self._reformatter = VideoReformatter()
+        self._full_range = traits.full_range
+        self._options = dict(options)
+        is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # need not be said
+        if traits.tagged_chroma_location and not is_default:
+            self._options["chroma_sample_location"] = traits.chroma_location
+        self.pixel_format, lost = choose_pixel_format(
+            encoder, encoding, container, traits.pixel_format, info, name, of_images=not keeps_original
+        )
+        self.remarks += lost
+        if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
+            self._options["auto-alt-ref"] = "0"  # libvpx cannot hide frames of a picture and of its alpha alike
+        if encoder == "libx265" and info.width < MIN_CUTREE:
+            given = [self._options["x265-params"]] if self._options.get("x265-params") else []
+            self._options["x265-params"] = ":".join([*given, "cutree=0"])
+        if traits.sample_aspect_ratio not in (None, 1) and not self._keeps_pixel_shape():
+            self.remarks.append(
+                f"{name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which {encoder} cannot say "
+                "in this container; write an .mp4 or .mov to keep it."
+            )
+        self._tell_hdr(traits)
+        self._nowhere: av.container.OutputContainer | None = None
+        self._stream: av.VideoStream | None = None
+
+    @property
+    def details(self) -> str:
+        """Encoder, pixel format and options."""
+        options = " ".join(f"{name}={value}" for name, value in self._options.items())
+        return f"{self._encoder}, {self.pixel_format}, {options}"
+
+    @property
+    def stream(self) -> av.VideoStream:
+        """A stream of a container that leads nowhere, whose encoder is open."""
+        if self._stream is None:
+            self._stream = self._open()
+        return self._stream
+
+    def encode(self, frame: Frame, pts: int, duration: int) -> list[av.Packet[Any]]:
+        """Packets that are ready when one more frame has come; times in ticks.
+
+        Raises
+        ------
+        OutputError, av.error.FFmpegError
+            The encoder fails.
+        """
+        stream = self.stream
+        time_base = self._timing.time_base
+        picture = as_picture(
+            frame,
+            self.pixel_format,
+            self._traits.color_space,
+            self._full_range,
+            chroma_location=self._traits.chroma_location,
+            reformatter=self._reformatter,
+            keeps_original=self._keeps_original,
+        )
+        if picture is not frame.original:  # ProRes looks here and not at the encoder's context
+            context = stream.codec_context
+            picture.colorspace, picture.color_range = context.colorspace, context.color_range
+            picture.color_primaries, picture.color_trc = context.color_primaries, context.color_trc
+        # The same decoded picture may be written again at another time, so it gets its own labels back. The encoder
+        # holds a reference of its own, with the labels of this moment.
+        before = picture.pts, picture.duration, picture.time_base or time_base, picture.pict_type
+        picture.pts, picture.duration, picture.time_base = pts, duration, time_base
+        picture.pict_type = PictureType.NONE  # else x264 repeats the source's choice of key frames
+        try:
+            return stream.encode(picture)
+        finally:
+            picture.pts, picture.duration, picture.time_base, picture.pict_type = before
+
+    def finish(self) -> list[av.Packet[Any]]:
+        """The packets that are left; the next frame begins a new piece."""
+        packets = self.stream.encode(None)
+        self.close()
+        return packets
+
+    def close(self) -> None:
+        """Let go of the encoder, and of what it has not handed out."""
+        self._stream = None
+        if self._nowhere is not None:
+            nowhere, self._nowhere = self._nowhere, None
+            with contextlib.suppress(av.error.FFmpegError):
+                nowhere.close()
+
+    def _open(self) -> av.VideoStream:
+        self._nowhere = av.open(BytesIO(), "w", format=self._format)
+        stream: av.VideoStream = self._nowhere.add_stream(  # type: ignore[assignment]
+            self._encoder, rate=_bounded(self._timing.rate), width=self._info.width, height=self._info.height
+        )
+        context = stream.codec_context
+        stream.time_base = context.time_base = self._timing.time_base
+        context.pix_fmt = self.pixel_format
+        self._tag_colours(context, self._traits)
+        if self._traits.sample_aspect_ratio is not None:
+            context.sample_aspect_ratio = self._traits.sample_aspect_ratio
+        if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._format in EXACT_CLOCKS:
+            context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players take
+        context.options = dict(self._options)
+        self._open_encoder(context)
+        self._nowhere.start_encoding()  # only now does the stream say what its encoder is like
+        return stream
+
+    def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
+        """Say what the numbers mean: as the source does, or as the pixel format demands."""
+        context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
+        context.color_range = traits.color_range
+        context.colorspace = traits.tagged_color_space
+        if _is_rgb(traits.pixel_format) and not _is_rgb(self.pixel_format):
+            # RGB has neither matrix nor range, and gets what its size suggests.
+            self._full_range = False
+            context.colorspace, context.color_range = traits.color_space, LIMITED_RANGE
+        elif _is_rgb(self.pixel_format):
+            context.colorspace, context.color_range = RGB, FULL_RANGE
+        elif self.pixel_format.startswith("gray") and not self._keeps_original:
+            context.color_range = FULL_RANGE
+        elif self.pixel_format.startswith("yuvj"):
+            self._full_range = True
+            context.color_range = FULL_RANGE
+
+    def _tell_hdr(self, traits: VideoTraits) -> None:
+        """Say which display the clip was graded on, and how bright it gets."""
+        self._options, told_all = with_hdr(self._options, self._encoder, traits.mastering_display, traits.light_level)
+        lost = ["HDR mastering data"] * (not told_all) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
+        if lost:
+            self.remarks.append(f"{self._name} lost the {' and the '.join(lost)} of its source; colour tags were kept.")
+
+    def _keeps_pixel_shape(self) -> bool:
+        """PyAV does not reach the container's own entry in Matroska, so there the coded stream must hold it."""
+        return self._format in EXACT_CLOCKS or self._encoder in ("libx264", "libx265")
+
+    def _open_encoder(self, context: av.VideoCodecContext) -> None:
+        try:
+            with _quiet_encoder():
+                context.open()
+        except av.error.FFmpegError:
+            given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
+            check = f"check --encoder-option {given}, or " if given else ""
+            missing = ", and its device or driver may be missing here" if needs_hardware(self._encoder) else ""
+            raise OutputError(
+                f"{self._name} cannot be encoded by {self._encoder} at {self._info.width}x{self._info.height}, "
+                f"{float(self._timing.rate):g} frames per second, {self.pixel_format}{missing}; {check}choose another "
+                "--codec."
+            ) from None
+
+
+def traits_of_image(image: Pixels | None) -> VideoTraits:
+    """What to write for images, which carry no tags: BT.709, limited range, and their own channels and depth."""
+    channels = 3 if image is None else image.shape[2]
+    deep = image is not None and image.dtype != np.uint8
+    return VideoTraits(
+        pixel_format={1: "gray", 3: "gbrp"}.get(channels, "gbrap") + ("16le" if deep else ""),
+        color_space=BT709,
+        tagged_color_space=BT709,
+        color_range=LIMITED_RANGE,
+        color_primaries=BT709,
+        color_transfer=BT709,
+        full_range=False,
+        chroma_location="left",
+        tagged_chroma_location=True,
+        sample_aspect_ratio=None,
+        display_matrix=None,
+    )
+
+
+def _is_rgb(pixel_format: str) -> bool:
+    return av.VideoFormat(pixel_format).is_rgb
+
+
+def _bounded(rate: Fraction) -> Fraction:
+    """FFmpeg keeps a rate in two 32-bit numbers; it is only a label here, since times are exact."""
+    return rate if rate.numerator < 2**31 else rate.limit_denominator(1000)
+
+
+@contextlib.contextmanager
+def _quiet_encoder() -> Iterator[None]:
+    """SVT-AV1 prints on its own, past FFmpeg's log, unless this variable is set while it starts."""
+    before = os.environ.get("SVT_LOG")
+    os.environ["SVT_LOG"] = before or "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["SVT_LOG"]

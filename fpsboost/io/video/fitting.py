@@ -1,0 +1,209 @@
+"""Which of a file's streams another container takes, and what becomes of the others, settled before any work."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from fractions import Fraction
+from io import BytesIO
+from itertools import islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import av
+import av.container
+import av.error
+
+from fpsboost.errors import OptionError, OutputError
+from fpsboost.io.trim import Window
+from fpsboost.io.video.encoded_sound import can_encode
+from fpsboost.io.video.encoding import Encoding, containers, holds
+from fpsboost.io.video.muxing import WITH_SHORT_LISTS, open_muxer
+from fpsboost.io.video.sound_encoders import choose_sound_encoder, defaults, friendly_name
+from fpsboost.io.video.source import VideoSource, open_video
+from fpsboost.io.video.subtitles import is_text
+
+SOON = 200
+"""Packets among which each stream's first is looked for."""
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How the streams of a source come into a container.
+
+    Attributes
+    ----------
+    encoders : mapping of int to str
+        Streams of sound that are encoded anew, by their numbers, and FFmpeg's encoder for each.
+    any_codec : bool
+        Some stream is copied that the container's list of codecs leaves out; see `fpsboost.io.video.muxing`.
+    """
+
+    encoders: Mapping[int, str] = field(default_factory=dict)
+    any_codec: bool = False
+
+
+def fit_streams(
+    source: VideoSource, encoding: Encoding, encoder: str, container: str, name: str, window: Window | None = None
+) -> Fitting:
+    """Settle how sound and subtitles of a source come into a container.
+
+    Raises
+    ------
+    OutputError
+        The container cannot hold them.
+    OptionError
+        The sound is to be encoded in a way that is unknown, or that the container does not hold.
+    """
+    asked = choose_sound_encoder(encoding, container, name)
+    stretch = Fraction(1) if window is None else window.stretch
+    if stretch != 1 and asked is None and encoding.audio_codec is not None and encoding.audio:
+        raise OptionError(
+            f"--slow-motion-sound stretch and --audio-codec {encoding.audio_codec} contradict each other; give one of "
+            "them."
+        )
+    encoders: dict[int, str] = {}
+    any_codec = False
+    with open_video(source.path, source.info.name) as file:
+        streams = [stream for stream in file.streams if is_wanted(stream, encoding)]
+        strict = [stream for stream in streams if not is_text(stream)]
+        samples = first_packets(file, strict)
+        for stream in strict:
+            sample = samples.get(stream.index)
+            if stream.type == "audio" and (stretch != 1 or (asked is not None and not is_of(stream, asked))):
+                encoders[stream.index] = asked or defaults[container]
+                _check_encodes(stream, encoders[stream.index], stretch, source.info.name)
+            elif not fits(container, stream, sample):
+                instead = [
+                    suffix
+                    for suffix, other in containers.items()
+                    if other != container
+                    and (not encoding.codec or holds(other, encoder))
+                    and all(fits(other, each, samples.get(each.index)) for each in strict)
+                ]
+                raise OutputError(_refusal(stream, container, instead, name, source.info.name))
+            else:
+                any_codec |= not _listed(container, stream)
+    return Fitting(encoders, any_codec)
+
+
+def is_of(stream: av.stream.Stream, encoder: str) -> bool:
+    """Whether a stream is in the format that an encoder makes."""
+    return av.Codec(encoder, "w").canonical_name == codec_of(stream)
+
+
+def _check_encodes(stream: av.stream.Stream, encoder: str, stretch: Fraction, source: str) -> None:
+    if can_encode(stream, encoder, stretch):
+        return
+    done, option = ("stretched", "--slow-motion-sound drop") if stretch != 1 else ("encoded anew", "--no-audio")
+    raise OutputError(f"The {codec_of(stream)} sound of {source} cannot be {done} here; leave it out with {option}.")
+
+
+def _refusal(stream: av.stream.Stream, container: str, others: Sequence[str], name: str, source: str) -> str:
+    """What to say of a stream that the container cannot hold: which options, and which other containers, help."""
+    what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
+    ways = []
+    if stream.type == "audio" and can_encode(stream, defaults[container]):
+        ways.append(f"encode it anew with --audio-codec {friendly_name(defaults[container])}")
+    if others:
+        ways.append(f"write {' or '.join(others)}")
+    ways.append(f"leave the {what} out with {option}")
+    listed = ", or ".join([", ".join(ways[:-1]), ways[-1]]) if len(ways) > 1 else ways[0]
+    return f"{name} cannot hold the {codec_of(stream)} {what} of {source}; {listed}."
+
+
+def is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
+    """Whether a stream is sound or subtitles that are to be kept."""
+    return (stream.type == "audio" and encoding.audio) or (stream.type == "subtitle" and encoding.subtitles)
+
+
+def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream.Stream]) -> dict[int, bytes]:
+    """A packet of each stream by its number, where one comes soon; subtitles may come late."""
+    found: dict[int, bytes] = {}
+    if not streams:
+        return found
+    with suppress(av.error.FFmpegError):
+        for packet in islice(file.demux(streams), SOON):
+            if packet.size:
+                found.setdefault(packet.stream.index, bytes(packet))
+            if len(found) == len(streams):
+                break
+    return found
+
+
+def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
+    """Whether a container holds a stream as it is: asked of its muxer.
+
+    Tried with a packet of the stream, since a muxer may have to rewrite it: sound in MPEG transport streams, say.
+    """
+    context: Any = stream.codec_context
+    if context is None:
+        return False
+    if _listed(container, stream):
+        try:
+            with av.open(BytesIO(), "w", format=container) as probe:
+                _mux_one(probe, stream, sample or bytes(64))
+        except (av.error.FFmpegError, ValueError):
+            return False
+        return True
+    return container in WITH_SHORT_LISTS and stream.type == "audio" and _is_known_again(container, stream, sample)
+
+
+def codec_of(stream: av.stream.Stream) -> str:
+    """FFmpeg's name of a stream's format."""
+    context: Any = stream.codec_context
+    return str(context.codec.canonical_name) if context is not None else "unknown"
+
+
+def kind_of(stream: av.stream.Stream) -> str:
+    """Say what a stream is that has no codec: ``data, klv``, ``attachment, font.ttf``."""
+    tags = {key.lower(): value for key, value in stream.metadata.items()}
+    name = tags.get("filename") if stream.type == "attachment" else getattr(stream, "name", None)
+    more = name or tags.get("handler_name")
+    return f"{stream.type}, {more}" if more else stream.type
+
+
+def keeps_data(container: str, stream: av.stream.Stream) -> bool:
+    """Whether a container holds a data stream so that it is known again: tried, since lists of formats say too much."""
+    kind = getattr(stream, "name", None)
+    if kind is None:
+        return False
+    file = BytesIO()
+    try:
+        with av.open(file, "w", format=container) as probe:
+            _mux_one(probe, stream, bytes(64))
+        file.seek(0)
+        with av.open(file, "r") as again:
+            return [each.name for each in again.streams.data] == [kind]
+    except (av.error.FFmpegError, ValueError):
+        return False
+
+
+def _listed(container: str, stream: av.stream.Stream) -> bool:
+    """Whether a container's list of codecs names a stream's."""
+    context: Any = stream.codec_context
+    return context is not None and holds(container, context.codec.name)
+
+
+def _is_known_again(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
+    """Whether a muxer takes what its list leaves out, so that it is known again; only a real file can tell."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "probe"
+        try:
+            with open_muxer(path, container, any_codec=True) as probe:
+                _mux_one(probe, stream, sample or bytes(64))
+            with av.open(str(path)) as again:
+                return [codec_of(each) for each in again.streams] == [codec_of(stream)]
+        except (av.error.FFmpegError, ValueError):
+            return False
+
+
+def _mux_one(probe: av.container.OutputContainer, stream: av.stream.Stream, sample: bytes) -> None:
+    target = probe.add_stream_from_template(stream)
+    probe.start_encoding()
+    packet: av.Packet[Any] = av.Packet(sample)
+    packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
+    packet.time_base = target.time_base or Fraction(1)
+    probe.mux(packet)

@@ -1,0 +1,78 @@
+"""What the streams of a file are, for someone who asks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import av
+
+from fpsboost.io.video.fitting import first_packets, fits, keeps_data
+from fpsboost.io.video.source import VideoSource, open_video
+from fpsboost.io.video.stream_choice import is_cover_art
+from fpsboost.io.video.subtitles import is_text
+from fpsboost.io.video.timecode import find_timecode
+
+
+@dataclass(frozen=True)
+class StreamFacts:
+    """What a stream of a file is.
+
+    Attributes
+    ----------
+    index : int
+        Its number in the file.
+    kind : str
+        ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``.
+    codec : str or None
+        FFmpeg's name of the format.
+    language, title : str or None
+        As tagged.
+    details : str
+        Size, or sampling rate and channels.
+    carries_over : bool
+        Whether an .mp4 made of the first video stream holds it.
+    """
+
+    index: int
+    kind: str
+    codec: str | None
+    language: str | None
+    title: str | None
+    details: str
+    carries_over: bool
+
+
+def list_streams(source: VideoSource) -> list[StreamFacts]:
+    """Everything that the file of a source holds."""
+    with open_video(source.path, source.info.name) as file:
+        streams = list(file.streams)
+        samples = first_packets(file, [each for each in streams if each.type in ("audio", "subtitle")])
+        return [_facts_of(each, source.stream_index, samples.get(each.index)) for each in streams]
+
+
+def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) -> StreamFacts:
+    context: Any = stream.codec_context
+    kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
+    details = ""
+    if stream.type == "video" and context:
+        details = f"{context.width}x{context.height}"
+    elif stream.type == "audio" and context:
+        details = f"{context.sample_rate} Hz, {context.layout.name}"
+    if kind in ("audio", "subtitle"):
+        carries_over = fits("mp4", stream, sample) or is_text(stream)
+    elif kind == "cover":
+        carries_over = stream.name in ("png", "mjpeg")
+    elif kind == "data":
+        carries_over = bool(find_timecode(stream.metadata)) or keeps_data("mp4", stream)
+    else:
+        carries_over = stream.index == converted
+    return StreamFacts(
+        stream.index,
+        kind,
+        context.codec.canonical_name if context else None,
+        stream.metadata.get("language"),
+        stream.metadata.get("title", stream.metadata.get("name")),
+        details,
+        carries_over,
+    )

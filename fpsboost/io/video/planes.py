@@ -1,0 +1,96 @@
+"""Pictures of video as images in their own planes, and frames as pictures for an encoder."""
+
+from __future__ import annotations
+
+import av
+import numpy as np
+from av.video.reformatter import VideoReformatter
+
+from fpsboost.frame import Frame, Image
+from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.ycc import (
+    FULL_RANGE,
+    LIMITED_RANGE,
+    from_bgr,
+    is_full_range,
+    plane_arrays,
+    reformatted,
+    to_bgr,
+    with_chroma_location,
+)
+from fpsboost.ycbcr import Coding, YCbCrImage
+
+PLANAR_FORMATS = frozenset(
+    [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]
+    + [f"yuvj{chroma}p" for chroma in (420, 422, 444)]
+)
+"""Pixel formats whose pictures can stay in their planes."""
+
+
+def coding_of(traits: VideoTraits) -> Coding | None:
+    """What the pictures of a video mean in their own planes; None where they have to become BGR."""
+    if traits.pixel_format not in PLANAR_FORMATS:
+        return None
+    bits = av.VideoFormat(traits.pixel_format).components[0].bits
+    return Coding(bits, traits.color_space, traits.full_range, traits.chroma_location, traits.pixel_format)
+
+
+def in_planes(picture: av.VideoFrame, coding: Coding) -> YCbCrImage:
+    """A decoded picture's own samples, which are not copied where its rows follow each other."""
+    y, cb, cr = (np.ascontiguousarray(plane) for plane in plane_arrays(picture))
+    return YCbCrImage((y, cb, cr), coding)
+
+
+def picture_of(image: YCbCrImage) -> av.VideoFrame:
+    """An image as a picture for an encoder; `in_planes` is the inverse."""
+    height, width, _ = image.shape
+    coding = image.coding
+    picture = av.VideoFrame(width, height, coding.pixel_format)
+    for plane, values in zip(plane_arrays(picture), image.planes, strict=True):
+        plane[:] = values
+    picture.colorspace = coding.color_space
+    picture.color_range = FULL_RANGE if coding.full_range else LIMITED_RANGE
+    return picture
+
+
+def bgr_of(image: YCbCrImage) -> Image:
+    """An image as BGR; see `fpsboost.io.video.ycc.to_bgr`."""
+    return to_bgr(with_chroma_location(picture_of(image), image.coding.chroma_location))
+
+
+def as_picture(
+    frame: Frame,
+    pixel_format: str,
+    color_space: int,
+    full_range: bool,
+    *,
+    chroma_location: str,
+    reformatter: VideoReformatter,
+    keeps_original: bool,
+) -> av.VideoFrame:
+    """Return a frame as a picture of a pixel format, from the decoder's own picture where there is one.
+
+    Parameters
+    ----------
+    frame : Frame
+    pixel_format, color_space, full_range, chroma_location, reformatter
+        See `from_bgr`.
+    keeps_original : bool
+        Whether the target says of its pictures what the source says of them.
+    """
+    image, original = frame.image, frame.original
+    if original is None and isinstance(image, YCbCrImage):
+        original = picture_of(image)
+        if image.coding.pixel_format != pixel_format:
+            original = with_chroma_location(original, image.coding.chroma_location)
+    height, width = image.shape[:2]
+    if keeps_original and isinstance(original, av.VideoFrame) and (original.width, original.height) == (width, height):
+        if original.format.name == pixel_format:
+            return original
+        has_rgb = original.format.is_rgb or av.VideoFormat(pixel_format).is_rgb
+        if not has_rgb and is_full_range(original) == full_range:
+            return reformatted(original, reformatter, pixel_format, full_range)
+    image = bgr_of(image) if isinstance(image, YCbCrImage) else image
+    return from_bgr(
+        image, pixel_format, color_space, full_range, chroma_location=chroma_location, reformatter=reformatter
+    )

@@ -1,0 +1,125 @@
+"""What a video's pictures mean beyond their numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import av
+import numpy as np
+from av.video.reformatter import VideoReformatter
+
+from fpsboost.errors import InputError
+from fpsboost.io.video.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display
+from fpsboost.io.video.nominal_rate import as_fraction
+from fpsboost.io.video.ycc import chroma_location_of, color_space_of, is_full_range
+
+DYNAMIC_HDR = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
+
+
+@dataclass(frozen=True)
+class VideoTraits:
+    """What a video's pictures mean beyond their numbers; a sink keeps it.
+
+    Attributes
+    ----------
+    pixel_format : str
+        FFmpeg's name, ``yuv420p``.
+    color_space : int
+        AVColorSpace that the pictures are converted with: as tagged, otherwise BT.709 from 720 lines, BT.601 below.
+    tagged_color_space, color_range, color_primaries, color_transfer : int
+        The tags themselves, FFmpeg's numbers, 2 (range: 0) for unspecified.
+    full_range : bool
+        Black is 0 rather than 16 (in 8 bits).
+    chroma_location : str
+        Where a subsampled chroma sample sits: ``left``, ``center``, ``topleft``...
+    tagged_chroma_location : bool
+        False where that is only FFmpeg's guess.
+    sample_aspect_ratio : Fraction or None
+        Width of a pixel over its height.
+    display_matrix : tuple of 9 int or None
+        Rotation and flip for display, 16.16 and 2.30 fixed point.
+    mastering_display : MasteringDisplay or None
+    light_level : LightLevel or None
+    has_dynamic_hdr : bool
+        Dolby Vision, HDR10+ and their like, which change from frame to frame.
+    codec : str
+        FFmpeg's name of the format that the pictures were coded in; empty where they were not. Says nothing about what
+        they mean, and does not count where traits are compared.
+    """
+
+    pixel_format: str
+    color_space: int
+    tagged_color_space: int
+    color_range: int
+    color_primaries: int
+    color_transfer: int
+    full_range: bool
+    chroma_location: str
+    tagged_chroma_location: bool
+    sample_aspect_ratio: Fraction | None
+    display_matrix: tuple[int, ...] | None
+    mastering_display: MasteringDisplay | None = None
+    light_level: LightLevel | None = None
+    has_dynamic_hdr: bool = False
+    codec: str = field(default="", compare=False)
+
+    @property
+    def has_hdr_data(self) -> bool:
+        """Whether there is more to the brightness of the pictures than their colour tags say."""
+        return (self.mastering_display, self.light_level) != (None, None) or self.has_dynamic_hdr
+
+
+def read_traits(
+    picture: av.VideoFrame, stream: av.VideoStream, reformatter: VideoReformatter, name: str
+) -> VideoTraits:
+    """What the pictures of a stream mean, by the first of them.
+
+    Parameters
+    ----------
+    picture : av.VideoFrame
+    stream : av.VideoStream
+    reformatter : VideoReformatter
+    name : str
+        What messages call the clip.
+
+    Raises
+    ------
+    InputError
+        The colour matrix is one that is not supported.
+    """
+    sides = {side.type.name: bytes(side) for side in _side_data(picture)}
+    matrix = sides.get("DISPLAYMATRIX")
+    try:
+        color_space = color_space_of(picture)
+    except ValueError:
+        raise InputError(
+            f"{name} uses the colour matrix number {picture.colorspace}, which is not supported; convert it to BT.709 "
+            "or BT.2020 first."
+        ) from None
+    location = chroma_location_of(picture, reformatter)
+    codec = stream.codec_context.codec.canonical_name
+    return VideoTraits(
+        pixel_format=picture.format.name,
+        color_space=color_space,
+        tagged_color_space=picture.colorspace,
+        color_range=picture.color_range,
+        color_primaries=picture.color_primaries,
+        color_transfer=picture.color_trc,
+        full_range=is_full_range(picture),
+        chroma_location=location,
+        # FFmpeg takes an unsaid place for the centre; only these two formats always say.
+        tagged_chroma_location=location != "center" or codec in ("h264", "hevc"),
+        sample_aspect_ratio=as_fraction(stream.sample_aspect_ratio),
+        display_matrix=tuple(np.frombuffer(matrix, np.int32).tolist()) if matrix else None,
+        mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),
+        light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL")),
+        has_dynamic_hdr=not DYNAMIC_HDR.isdisjoint(sides),
+        codec=codec,
+    )
+
+
+def _side_data(picture: av.VideoFrame) -> list[Any]:
+    held: Any = picture.side_data
+    return [held[index] for index in range(len(held))]

@@ -1,0 +1,420 @@
+"""The loop: source frames to pairs, pairs through the interpolator, output frames in order.
+
+Everything is a stream over a few frames, so memory does not grow with length. Source frames that fall on an output time
+go to the sink as they are, decoder's picture and all; but those that only show again what was there before give way to
+frames that are made.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import partial
+from itertools import chain, pairwise
+from typing import Literal, NamedTuple, Protocol, get_args
+
+from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
+from fpsboost.errors import InputError, OptionError, check_choice
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.interpolator import Interpolator, Pair, with_neighbours
+from fpsboost.io import Cancellable, FrameSink, FrameSource
+from fpsboost.io.opening import (
+    beginning,
+)
+from fpsboost.io.prefetch import available_cores, nothing, read_ahead, run_in_parallel, write_behind
+from fpsboost.timing.rate import FrameIntervals, stretched
+from fpsboost.timing.schedule import Schedule, Step, rising_time
+
+FRAMES_PER_TASK = 4
+"""Output frames that are made in one go, at most."""
+
+READ_AHEAD = 4
+WRITE_BEHIND = 4
+
+Duplicates = Literal["interpolate", "keep"]
+
+
+@dataclass
+class Summary:
+    """What a conversion did.
+
+    Attributes
+    ----------
+    frames_in, frames_out : int
+        Frames read and written.
+    frames_made : int
+        Frames written that are none of the source's: interpolated, or repeated across a cut.
+    scene_cuts : int
+        Pairs in which a scene ends; they were not interpolated across.
+    duplicates : int
+        Frames that showed the same as the one before, and were interpolated across.
+    completed_frames : int
+        Frames of `frames_out` that an earlier run had finished.
+    seconds : float
+        Wall time of the loop, without compiling.
+    remarks : list of str
+        Sentences about everything that was lost or guessed.
+    details : str
+        How the target was written, for someone who wants to know; empty where there was no choice.
+    frame_intervals : FrameIntervals
+        How far apart the frames of the source are.
+    search_radii : set of int
+        Search radii that were chosen for pairs of frames, pixels; empty where the method has none.
+    """
+
+    frames_in: int = 0
+    frames_out: int = 0
+    frames_made: int = 0
+    scene_cuts: int = 0
+    duplicates: int = 0
+    completed_frames: int = 0
+    seconds: float = 0.0
+    remarks: list[str] = field(default_factory=list)
+    details: str = ""
+    frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
+    search_radii: set[int] = field(default_factory=set)
+
+
+class Observer(Protocol):
+    """Contract: told how a conversion goes."""
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """Source and target are open; `expected_frames` will be written if the source's header is right."""
+        ...
+
+    def ready(self) -> None:
+        """The kernels are compiled, or loaded from the cache; the first frame comes next."""
+        ...
+
+    def wrote(self, summary: Summary) -> None:
+        """Another frame is on its way to the target."""
+        ...
+
+
+class SilentObserver:
+    """An `Observer` that keeps quiet."""
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """See `Observer.opened`."""
+
+    def ready(self) -> None:
+        """See `Observer.ready`."""
+
+    def wrote(self, summary: Summary) -> None:
+        """See `Observer.wrote`."""
+
+
+def run_conversion(
+    source: FrameSource,
+    interpolator: Interpolator,
+    sink: FrameSink,
+    schedule: Schedule,
+    observer: Observer | None = None,
+    *,
+    duplicates: Duplicates = "interpolate",
+    stretch: Fraction = Fraction(1),
+    skip: int = 0,
+    threads: int | None = None,
+) -> Summary:
+    """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
+
+    Parameters
+    ----------
+    source : FrameSource
+    interpolator : Interpolator
+    sink : FrameSink
+        Entered already.
+    schedule : Schedule
+        Which output times there are.
+    observer : Observer, optional
+        Told how it goes.
+    duplicates : {'interpolate', 'keep'}
+        See `convert`.
+    skip : int
+        Output frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are counted and
+        handed over in their turn, but where an image would have to be made, one of the source stands in for it.
+    stretch : Fraction
+        How many times as long the output lasts; the schedule does not know of it.
+    threads : int, optional
+        Pairs of frames that are worked on side by side; as many as there are cores without it. Frames are the same
+        with any number.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    OptionError
+        There is no such way to treat duplicates, or `threads` is below 1.
+    InputError
+        Fewer than two frames, and whatever source and sink raise.
+    """
+    summary = Summary(completed_frames=skip)
+    observer = observer or SilentObserver()
+    with (
+        making_frames(
+            source,
+            interpolator,
+            schedule,
+            summary,
+            duplicates=duplicates,
+            stretch=stretch,
+            skip=skip,
+            threads=threads,
+            holds_last_frame=sink.holds_last_frame,
+        ) as frames,
+        write_behind(sink.write, WRITE_BEHIND, _cancel_of(sink)) as write,
+    ):
+        observer.ready()
+        begin = time.perf_counter()
+        for frame in frames:
+            write(frame)
+            summary.frames_out += 1
+            summary.seconds = time.perf_counter() - begin
+            observer.wrote(summary)
+    summary.remarks += [*source.remarks, *sink.remarks]
+    summary.details = getattr(sink, "details", "")
+    return summary
+
+
+@contextmanager
+def making_frames(
+    source: FrameSource,
+    interpolator: Interpolator,
+    schedule: Schedule,
+    summary: Summary,
+    *,
+    holds_last_frame: bool,
+    duplicates: Duplicates = "interpolate",
+    stretch: Fraction = Fraction(1),
+    skip: int = 0,
+    threads: int | None = None,
+) -> Generator[Iterator[Frame]]:
+    """Read ahead and make frames, for as long as the block lasts.
+
+    Parameters
+    ----------
+    source, interpolator, schedule, duplicates, stretch, skip, threads
+        See `run_conversion`.
+    summary : Summary
+        What is read and made is counted in it.
+    holds_last_frame : bool
+        See `fpsboost.io.FrameSink`.
+
+    Yields
+    ------
+    iterator of Frame
+        The output frames in order, each as soon as it is made. Kernels are compiled already.
+    """
+    check_choice("--duplicates", duplicates, get_args(Duplicates))
+    if threads is not None and threads < 1:
+        raise OptionError(f"--threads must be at least 1, not {threads}.")
+    detector = DuplicateDetector() if duplicates == "interpolate" and not interpolator.needs_every_frame else None
+    with (
+        read_ahead(source, READ_AHEAD, _cancel_of(source)) as arriving,
+        run_in_parallel(threads or available_cores(), _cancel_of(source)) as in_order,
+    ):
+        first = next(arriving, None)
+        if first is not None:
+            interpolator.compile_for(first.image)
+        frames = arriving if first is None else chain([first], arriving)
+        clip = _Clip(source.info, schedule, interpolator, summary, beginning(source), skip)
+        yield stretched(_with_durations(_output_frames(frames, clip, detector, holds_last_frame, in_order)), stretch)
+
+
+def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:
+    """How to stop a source or sink that waits for another program."""
+    return end.cancel if isinstance(end, Cancellable) else nothing
+
+
+class _Interval(NamedTuple):
+    """From a held picture, nearly always one frame, to the next: the frames, and what falls into each one's time."""
+
+    held: FrameGroup
+    steps: list[list[Step]]
+    end: Fraction
+    pair: Pair
+
+
+class _Made(NamedTuple):
+    """Output frames of a part of an interval."""
+
+    interval: _Interval
+    frames: list[Frame]
+    new: int
+    """How many of them are none of the source's."""
+    scene_cut: bool
+    duplicates: int
+    """Frames of the interval that are interpolated across."""
+    begins: bool
+    """It is the first part of the interval."""
+    ends: bool
+    """It is the last one."""
+
+
+@dataclass
+class _Clip:
+    """What stays the same throughout the loop, and where it is."""
+
+    info: ClipInfo
+    schedule: Schedule
+    interpolator: Interpolator
+    summary: Summary
+    beginning: SourcePosition
+    skip: int = 0
+    """Output frames still to come that nobody looks at."""
+    start: Fraction = Fraction(0)
+    index: int = 0
+    """Number of the next frame to become part of an interval."""
+    last: FrameGroup | None = None
+    """What was shown last."""
+
+    def shown(self, frames: Iterator[Frame]) -> Iterator[SourceFrame]:
+        """The source's frames with their places, counted, at the times that the schedule takes them to have."""
+        last: Fraction | None = None
+        for frame in frames:
+            if last is None:
+                self.start = frame.time
+            self.summary.frame_intervals.note(frame.time)
+            number = self.summary.frames_in
+            self.summary.frames_in += 1
+            moment = rising_time(self.schedule, self.start, frame.time, last)
+            if moment is None:
+                continue
+            last = moment
+            place = self.schedule.output_position(number, self.start, moment)
+            shown = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
+            yield SourceFrame(replace(frame, time=moment), FrameCache(frame.image, place, shown))
+
+    def intervals(self, moments: Iterable[FrameGroup]) -> Iterator[_Interval]:
+        """From each held picture to the next."""
+        for held in moments:
+            if self.last is not None:
+                yield self.interval(self.last, held)
+            self.last = held
+
+    def skipped(self, frames: int) -> int:
+        """How many of the next frames nobody looks at; asked for in order."""
+        count = min(self.skip, frames)
+        self.skip -= count
+        return count
+
+    def interval(self, held: FrameGroup, following: FrameGroup) -> _Interval:
+        """From one held picture to the next; asked for in order."""
+        frames = [*(shown.frame for shown in held), following[0].frame]
+        steps = []
+        for frame, after in pairwise(frames):
+            steps.append(list(self.schedule.steps(self.index, self.start, frame.time, after.time)))
+            self.index += 1
+        end = frames[-1].time
+        return _Interval(
+            held, steps, end, self.interpolator.pair(held[0].image, following[0].image, end - frames[0].time)
+        )
+
+
+def _output_frames(
+    frames: Iterator[Frame],
+    clip: _Clip,
+    detector: DuplicateDetector | None,
+    holds_last_frame: bool,
+    in_order: Callable[[Iterable[Callable[[], _Made]]], Iterator[_Made]],
+) -> Generator[Frame, None, Fraction]:
+    """Yield the output frames without durations; return when the clip ends."""
+    shown, summary = clip.shown(frames), clip.summary
+    moments = group_singly(shown) if detector is None else group_duplicates(shown, detector)
+    for made in in_order(_jobs(clip, moments)):
+        summary.frames_made += made.new
+        if made.begins:
+            summary.duplicates += made.duplicates
+            summary.scene_cuts += made.scene_cut
+        yield from made.frames
+        if made.ends:
+            if made.interval.pair.search_radius is not None:
+                summary.search_radii.add(made.interval.pair.search_radius)
+            made.interval.pair.release_caches()
+    if clip.last is None or clip.summary.frames_in < 2:
+        count = "one frame" if clip.summary.frames_in else "no frame"
+        raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
+    last = clip.last[-1].frame
+    end = last.time + (last.duration or 1 / clip.info.rate)
+    meant = clip.schedule.presentation_time(clip.start, end)
+    end = meant if meant > last.time else end
+    for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
+        if step.t == 0 or holds_last_frame:
+            clip.summary.frames_made += step.time != last.time
+            yield replace(last, time=step.time)
+    return end
+
+
+def _jobs(clip: _Clip, moments: Iterable[FrameGroup]) -> Iterator[Callable[[], _Made]]:
+    """What there is to be made, in order: a part of an interval each, so that many frames between two take no memory.
+
+    Runs one pair behind the source: how a pair's motion goes on is seen in the next.
+    """
+    for before, interval, after in with_neighbours(clip.intervals(moments)):
+        count = sum(map(len, interval.steps))
+        skipped = clip.skipped(count)
+        neighbours = before and before.pair, after and after.pair
+        for begin in range(0, max(count, 1), FRAMES_PER_TASK):
+            part = range(begin, min(begin + FRAMES_PER_TASK, count))
+            yield partial(_make, interval, neighbours, clip.interpolator, part, skipped)
+
+
+def _make(
+    interval: _Interval,
+    neighbours: tuple[Pair | None, Pair | None],
+    interpolator: Interpolator,
+    part: range,
+    skipped: int,
+) -> _Made:
+    """The output frames of a part of an interval; in place of the first `skipped`, any image."""
+    is_discontinuous = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
+    if is_discontinuous:
+        # nothing leads on from it, so it stays held until the last of its frames ends in the cut
+        shown = [(each, step) for each, steps in zip(interval.held, interval.steps, strict=True) for step in steps]
+        first_to_move = len(shown) - len(interval.steps[-1])
+    else:
+        shown, first_to_move = [(interval.held[0], step) for step in _in_one(interval)], 0
+    moves = [index >= first_to_move and step.t > 0 for index, (_, step) in enumerate(shown)]
+    inner = [shown[index][1].t for index in part if moves[index] and index >= skipped]
+    images, scene_cut = interpolator.between(interval.pair, inner, *neighbours) if any(moves) else (iter(()), False)
+    frames = []
+    for index in part:
+        each, step = shown[index]
+        if moves[index]:
+            frames.append(Frame(each.frame.image if index < skipped else next(images), step.time))
+        else:
+            frames.append(replace(each.frame, time=step.time))
+    new = sum(shown[index][1].time != shown[index][0].frame.time for index in part)
+    duplicates = 0 if is_discontinuous else len(interval.held) - 1
+    return _Made(interval, frames, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown))
+
+
+def _in_one(interval: _Interval) -> list[Step]:
+    """The steps of all frames of a held picture, each at its place on the way to the next."""
+    if len(interval.held) == 1:
+        return interval.steps[0]
+    begin = interval.held[0].frame.time
+    lasts = interval.end - begin
+    return [Step(step.time, (step.time - begin) / lasts) for steps in interval.steps for step in steps]
+
+
+def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]:
+    """Every frame lasts until the next one, and the last one until the clip ends."""
+    held: Frame | None = None
+    while True:
+        try:
+            frame = next(frames)
+        except StopIteration as stop:
+            end = stop.value
+            break
+        if held is not None:
+            yield replace(held, duration=frame.time - held.time)
+        held = frame
+    if held is not None:
+        yield replace(held, duration=end - held.time)

@@ -1,0 +1,327 @@
+"""The default: every pixel a mean over the motions that may hold there, weighed by patch similarity at time t.
+
+What a point of either frame says of the motion around a node is a vote, and what few say fades out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import OptionError
+from fpsboost.frame import Image, Pixels, as_array, has_alpha
+from fpsboost.kernels.candidates import CELL, MOTION, SUMS, collect_candidates, list_candidates
+from fpsboost.kernels.memory import aligned_empty
+from fpsboost.kernels.multi_hypothesis import SPARE, Samples, blend_hypotheses, patch_shares, window_shape
+from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
+from fpsboost.motion.colour import normalised
+from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
+from fpsboost.motion.trajectory import ONE_SIDED, TWO_SIDED, accelerations_at_points
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
+from fpsboost.ycbcr import YCbCrImage
+
+CAPACITY = 48
+"""Motions that are told apart around one node, at most."""
+
+ZERO_MOTION_PRIOR = np.float32(0.25)
+"""Votes of no motion at all."""
+
+ACCELERATION_TOLERANCE = np.float32(20)
+"""Standard deviation of a candidate's accelerations at which their mean counts half, pixels."""
+
+MIN_SHARE = np.float32(0.01)
+"""Added to a candidate's share of the votes, so that one with hardly any is not out of the question."""
+
+CONSISTENCY_TOLERANCE = 16
+"""A motion whose way there and back ends so far from where it began has half a vote, pixels."""
+
+
+class InterpolatedImage(NamedTuple):
+    """An in-between frame and how far it can be trusted."""
+
+    image: Image
+    """(H, W, C)."""
+    confidence: NDArray[Any]
+    """(H, W) float32 in [0, 1]."""
+
+
+class Votes(NamedTuple):
+    """What the points of a frame vote for; see `fpsboost.kernels.candidates.collect_candidates`."""
+
+    vectors: NDArray[Any]
+    """(rows, columns, 2) float32."""
+    gradients: NDArray[Any]
+    """(rows, columns, 2, 2) float32."""
+    accelerations: NDArray[Any]
+    """(rows, columns, 3) float32."""
+    trust: NDArray[Any]
+    """(rows, columns) float32."""
+
+
+class SampledImage(NamedTuple):
+    """An image as `blend_hypotheses` reads it."""
+
+    full: Samples
+    """The planes that have all pixels."""
+    chroma: Samples
+    """Those of half the width, if any."""
+
+
+class Candidates(NamedTuple):
+    """The motions that may hold around each node; see `fpsboost.kernels.candidates.list_candidates`."""
+
+    listed: NDArray[Any]
+    """(rows, columns) int32, how many."""
+    motions: NDArray[Any]
+    """(rows, columns, room, MOTION) float32."""
+    weights: NDArray[Any]
+    """(rows, columns, room) float32."""
+
+
+@dataclass(frozen=True)
+class MultiHypothesis:
+    """Collect the motions of both frames that lead past each node at time t, and weigh what they bring together.
+
+    Parameters
+    ----------
+    step : int
+        One pixel in so many of each frame, along x and y, has its motion tried.
+    support : float
+        A motion is tried this far around the place where it leads to, and counts the less the farther, pixels.
+    tolerance : float
+        Motions that differ by less are tried once, pixels.
+    most : int
+        Motions that are tried around one node.
+    least : float
+        Weight in that of the best candidate below which a motion is not tried.
+    width : float
+        v of the similarity at time t, for colours in [0, 1].
+    sharpness : float
+        How clearly the most similar motion wins: its weight is ``exp(sharpness * similarity)``.
+    enough : float
+        Similarity at which a node needs no further candidates.
+    negligible : float
+        A candidate is left out once its votes are below this share of the weight that every pixel has by then.
+    """
+
+    takes_planes: ClassVar[bool] = True
+
+    step: int = 8
+    support: float = 24
+    tolerance: float = 0.5
+    most: int = 12
+    least: float = 0.04
+    width: float = 0.3
+    sharpness: float = 18
+    enough: float = 0.98
+    negligible: float = 0.2
+
+    def __post_init__(self) -> None:
+        if self.step < 1:
+            raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
+        if not self.support >= CELL:
+            raise OptionError(f"support must be at least {CELL} pixels, or motions are lost, not {self.support}.")
+        if not self.tolerance >= 0:
+            raise OptionError(f"tolerance must be at least 0 pixels, not {self.tolerance}.")
+        if self.most < 1:
+            raise OptionError(f"most must be at least 1, not {self.most}.")
+        if not 0 <= self.least < 1:
+            raise OptionError(f"least must be at least 0 and below 1, not {self.least}.")
+        if not 0 <= self.negligible < 1:
+            raise OptionError(f"negligible must be at least 0 and below 1, not {self.negligible}.")
+        if not self.width > 0:
+            raise OptionError(f"width must be above 0, not {self.width}.")
+
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        nobody_asks = np.empty((0, 0), np.float32)
+        for candidates, t in self._listed(frame_pair, times):
+            yield self._fused(frame_pair, candidates, t, nobody_asks)
+
+    def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
+        """Like `synthesize`, with the confidence of every pixel; for arrays."""
+        for candidates, t in self._listed(frame_pair, times):
+            confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
+            yield InterpolatedImage(as_array(self._fused(frame_pair, candidates, t, confidence)), confidence)
+
+    def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
+        """The candidates at each time."""
+        votes_of_both = self._collect_votes(frame_pair)
+        for t in times:
+            yield self._candidates(votes_of_both, frame_pair.image0.pixels.shape[:2], t), t
+
+    def _fused(self, frame_pair: FramePair, candidates: Candidates, t: float, confidence: NDArray[Any]) -> Pixels:
+        image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
+        sampled0, sampled1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
+        made, pixels, chroma = _blank(image0)
+        straight_alpha = has_alpha(image0) and image0.dtype != np.float32
+        blend_hypotheses(
+            sampled0.full,
+            sampled1.full,
+            sampled0.chroma,
+            sampled1.chroma,
+            image0.subsampling[0] if isinstance(image0, YCbCrImage) else 1,
+            np.float32(t),
+            *candidates,
+            np.float32(0.5 / self.width**2 * _colours_for_one(image0)),
+            np.float32(self.sharpness),
+            np.float32(self.enough),
+            np.float32(self.negligible),
+            window_shape(),
+            patch_shares(),
+            _white(image0),
+            rounding_offset(image0),
+            *_value_range(frame_pair),
+            straight_alpha,
+            pixels,
+            chroma,
+            confidence,
+        )
+        if straight_alpha:
+            colour_unseen(as_array(made), as_array(image0), as_array(image1), t)
+        return made
+
+    def _candidates(self, votes_of_both: tuple[Votes, Votes], size: tuple[int, int], t: float) -> Candidates:
+        """What may hold around each node."""
+        height, width = size
+        nodes = -(-height // CELL), -(-width // CELL)
+        count = np.zeros(nodes, np.int32)
+        votes, sums = np.zeros((*nodes, CAPACITY), np.float32), np.zeros((*nodes, CAPACITY, SUMS), np.float32)
+        for each, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
+            collect_candidates(
+                *each,
+                np.float32(sign),
+                np.float32(time),
+                self.step,
+                np.float32(self.support),
+                np.float32(self.tolerance),
+                height,
+                width,
+                count,
+                votes,
+                sums,
+            )
+        room = self.most + 1  # and no motion
+        motions, weights = np.zeros((*nodes, room, MOTION), np.float32), np.empty((*nodes, room), np.float32)
+        list_candidates(
+            count,
+            votes,
+            sums,
+            ZERO_MOTION_PRIOR,
+            ACCELERATION_TOLERANCE,
+            MIN_SHARE,
+            np.float32(self.least),
+            motions,
+            weights,
+        )
+        return Candidates(count, motions, weights)
+
+    def _collect_votes(self, frame_pair: FramePair) -> tuple[Votes, Votes]:
+        """What the points of each frame vote for: motion towards the other, and how it changes there."""
+        field01, field10 = frame_pair.field01, frame_pair.field10
+        before, after = frame_pair.before, frame_pair.after
+        share = np.float32(TWO_SIDED if before and after else ONE_SIDED)
+        away0 = (before.field10, before.field01) if before else None
+        away1 = (after.field01, after.field10) if after else None
+        changes0 = accelerations_at_points((field01, field10), away0, before.ratio if before else 1, self.step)
+        changes1 = accelerations_at_points((field10, field01), away1, after.ratio if after else 1, self.step)
+        for changes in (changes0, changes1):
+            changes[..., 1:] *= share
+        return self._votes(field01, field10, changes0), self._votes(field10, field01, changes1)
+
+    def _votes(self, field: MotionField, other: MotionField, changes: NDArray[Any]) -> Votes:
+        """A frame's motion with what the vote of each of its points counts.
+
+        As much as its patches are alike, where that is known, and the less the farther from its beginning the way there
+        and back ends: what is hidden in the other frame is found again by chance only, and somewhere else.
+        """
+        vectors, similarities = field.at_points(self.step)
+        inconsistency = forward_backward_error(vectors, *point_places(field.shape, self.step), other) / np.float32(
+            CONSISTENCY_TOLERANCE
+        )
+        trust = similarities / (1 + inconsistency * inconsistency)
+        return Votes(vectors, motion_gradients(vectors, self.step), changes, trust)
+
+
+def _samples(image: Pixels) -> SampledImage:
+    if isinstance(image, YCbCrImage):
+        full = 3 if image.has_full_chroma else 1
+        return SampledImage(*(_planar_samples(image, planes) for planes in (image.planes[:full], image.planes[full:])))
+    nothing = np.empty((0, 1, 1), image.dtype)
+    return SampledImage(_array_samples(image), Samples(nothing, nothing.astype(np.float32), np.float32(1)))
+
+
+def _planar_samples(image: YCbCrImage, planes: Sequence[NDArray[Any]]) -> Samples:
+    height, width = planes[0].shape if planes else (0, 0)
+    unit = np.float32(1 / _white(image))  # of chroma, too: it counts about as much as in a sum over B, G and R
+    padded = aligned_empty((len(planes), height + 2 * MARGIN, width + 2 * MARGIN + SPARE), image.dtype)
+    beyond = padded.shape[2] - MARGIN - width
+    for plane, target in zip(planes, padded, strict=True):
+        cv2.copyMakeBorder(plane, MARGIN, MARGIN, MARGIN, beyond, cv2.BORDER_REPLICATE, dst=target)
+    return _with_coefficients(padded, unit, image.coding.bits)
+
+
+def _array_samples(image: Image) -> Samples:
+    """Planes of an image's own type, and their spline; colours with straight alpha are multiplied by it."""
+    height, width, channels = image.shape
+    is_float = image.dtype == np.float32
+    premultiply = has_alpha(image) and not is_float
+    if is_float:  # what is no number would spread to its surroundings
+        image = normalised(image)
+    one, to_one = np.float32(1), np.float32(1 if is_float else 1 / np.iinfo(image.dtype).max)
+    scale, unit = (to_one, one) if premultiply else (one, to_one)
+    size = channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE
+    planes = aligned_empty(size, np.float32 if premultiply else image.dtype)
+    fill_planes(image, scale, premultiply, planes)
+    return _with_coefficients(planes, unit, 8 if image.dtype == np.uint8 else 16)
+
+
+def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
+    coefficients = aligned_empty(planes.shape, np.float32)
+    find_coefficients(planes, unit, filter_response(2.0 ** -(bits + 3)), coefficients)
+    return Samples(planes, coefficients, unit)
+
+
+def _blank(image: Pixels) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
+    """An image like this one to be written to: whole, its full planes as (C, H, W), and those of half the width."""
+    if not isinstance(image, YCbCrImage):
+        made = np.empty_like(image)
+        return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), image.dtype)
+    (height, width, _), (rows, columns) = image.shape, image.planes[1].shape
+    full = 3 if image.has_full_chroma else 1
+    whole, halves = np.empty((full, height, width), image.dtype), np.empty((3 - full, rows, columns), image.dtype)
+    return replace(image, planes=(*whole, *halves)), whole, halves
+
+
+def _white(image: Pixels) -> np.float32:
+    """Levels from black to white."""
+    if isinstance(image, YCbCrImage):
+        return np.float32(image.coding.levels.luma_span)
+    return np.float32(1) if image.dtype == np.float32 else value_range(image)[1]
+
+
+def _colours_for_one(image: Pixels) -> float:
+    """What differences of a gray count for, that all have one scale: three times where they are counted once."""
+    return 3.0 if isinstance(image, YCbCrImage) else max(1, 3 / image.shape[2])
+
+
+def _extremes(image: Image) -> tuple[np.float32, np.float32]:
+    """The lowest and the highest number of a float image."""
+    numbers = normalised(image)
+    return numbers.min(), numbers.max()
+
+
+def _value_range(frame_pair: FramePair) -> tuple[np.float32, np.float32]:
+    """What a made frame may hold: sharp samples overshoot, but nothing may be darker or brighter than all there is."""
+    if frame_pair.image0.pixels.dtype != np.float32:
+        return value_range(frame_pair.image0.pixels)
+    (lowest0, highest0), (lowest1, highest1) = (
+        image.cached(_extremes) for image in (frame_pair.image0, frame_pair.image1)
+    )
+    return min(lowest0, lowest1), max(highest0, highest1)

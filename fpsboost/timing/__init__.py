@@ -1,0 +1,1 @@
+"""When frames are shown: output rates, positions, exact schedules."""

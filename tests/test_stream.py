@@ -1,0 +1,132 @@
+"""Frames as arrays: from captures of OpenCV, from arrays, from paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from video_truth import write_clip
+
+from fpsboost import InputError, OptionError, convert, stream
+from fpsboost.errors import FpsboostError
+
+
+def gray_frames(*levels: int) -> list[np.ndarray]:
+    return [np.full((32, 48, 3), level, np.uint8) for level in levels]
+
+
+def test_arrays_come_out_with_what_lies_between_them():
+    """Twice as many, the last one repeated, as a video of them would hold."""
+    made = stream(gray_frames(0, 40, 80), method="blend", duplicates="keep")
+    assert [int(image.mean()) for image in made] == [0, 20, 40, 60, 80, 80]
+
+
+def test_gray_arrays_need_no_axis_for_channels():
+    """As OpenCV reads them."""
+    made = list(stream([image[..., 0] for image in gray_frames(0, 40)], method="blend", duplicates="keep"))
+    assert [image.shape for image in made] == [(32, 48, 1)] * 4
+
+
+@pytest.mark.parametrize("factor", [2, 3])
+def test_a_capture_gives_what_the_arrays_do_that_it_reads(tmp_path, factor):
+    """And it stays open: it belongs to the caller."""
+    path = str(write_clip(tmp_path / "in.mp4", times=range(5)))
+    capture = cv2.VideoCapture(path)
+    read = [image for is_there, image in iter(capture.read, (False, None)) if is_there]
+    capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+    made = list(stream(capture, factor=factor, method="blend"))
+    assert capture.isOpened()
+    expected = list(stream(read, factor=factor, method="blend"))
+    assert len(made) == len(expected) == 5 * factor
+    np.testing.assert_array_equal(made, expected)
+
+
+def test_a_rate_is_that_of_the_capture(tmp_path):
+    """25 frames a second become 60: 5 frames become 12."""
+    capture = cv2.VideoCapture(str(write_clip(tmp_path / "in.mp4", times=range(5))))
+    assert capture.get(cv2.CAP_PROP_FPS) == 25
+    assert len(list(stream(capture, fps=60, method="blend"))) == 12
+
+
+def test_a_path_gives_as_many_frames_as_its_conversion(tmp_path):
+    """And of the same size."""
+    path = str(write_clip(tmp_path / "in.mp4", times=range(5)))
+    made = list(stream(path, method="blend"))
+    assert len(made) == convert(path, str(tmp_path / "out.mp4"), method="blend").frames_out
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_no_more_is_read_than_it_says(threads):
+    """Of a source without an end; and reading stops when the caller does."""
+    read: list[int] = []
+
+    def endless() -> Iterator[np.ndarray]:
+        for number in count():
+            read.append(number)
+            yield np.full((32, 48, 3), number % 7 * 30, np.uint8)
+
+    frames = stream(endless(), method="blend", duplicates="keep", threads=threads)
+    for _ in range(20):
+        next(frames)
+    assert len(read) <= 10 + 8 + 2 * threads
+    frames.close()
+    stopped = len(read)
+    assert next(iter(endless())) is not None
+    assert len(read) == stopped + 1
+
+
+@pytest.mark.parametrize(
+    ("images", "options", "error"),
+    [
+        ([], {}, InputError),
+        (gray_frames(0), {}, InputError),
+        ([*gray_frames(0), np.zeros((16, 16, 3), np.uint8)], {}, InputError),
+        (gray_frames(0, 40), {"fps": 60}, OptionError),
+        (gray_frames(0, 40), {"factor": 2, "fps": 60, "input_fps": 24}, OptionError),
+        (gray_frames(0, 40), {"threads": 0}, OptionError),
+    ],
+)
+def test_what_cannot_be_streamed_is_refused(images, options, error):
+    """In a sentence."""
+    with pytest.raises(error) as caught:
+        list(stream(images, method="blend", **options))
+    assert str(caught.value).endswith(".")
+
+
+def test_a_closed_capture_is_refused(tmp_path):
+    """It gives no frame."""
+    with pytest.raises(FpsboostError, match="gives no frame"):
+        list(stream(cv2.VideoCapture(str(tmp_path / "missing.mp4"))))
+
+
+def test_the_decoder_can_be_opencv(fpsboost_, tmp_path):
+    """All frames come through; what is lost is said."""
+    write_clip(tmp_path / "in.mp4", times=range(5), sound="aac")
+    done = fpsboost_("in.mp4", "out.mp4", "--decoder", "opencv", "-m", "blend")
+    assert done.code == 0
+    assert "5 -> 10 frames" in done.err
+    assert "without sound" in done.err
+    capture = cv2.VideoCapture(str(tmp_path / "out.mp4"))
+    assert capture.get(cv2.CAP_PROP_FRAME_COUNT) == 10
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("in.mp4", "--stream", "0"), "--stream and --decoder do not go together"),
+        (("missing.mp4",), "cannot be opened by OpenCV"),
+        (("folder",), "--decoder is for video files"),
+    ],
+)
+def test_what_opencv_cannot_read_is_refused(fpsboost_, tmp_path, save_images, arguments, sentence):
+    """Before anything is written."""
+    write_clip(tmp_path / "in.mp4", times=range(3))
+    save_images(tmp_path / "folder")
+    done = fpsboost_(*arguments, "out.mp4", "--decoder", "opencv")
+    assert done.code != 0
+    assert sentence in done.err
+    assert not Path(tmp_path / "out.mp4").exists()
