@@ -1,13 +1,17 @@
 """The default search: patch similarity, coarse to fine.
 
-A small copy of the frames is searched in full, by the report's similarity; each finer level searches only around what
-the coarser one found in the neighbourhood of a tile, by a linear form of it (`fpsboost.kernels.levels`). The components
-are chosen to see low contrast. In flat areas and repeated patterns many offsets are equally similar. So every point
-keeps several, and semi-global matching chooses among them, at every level from the coarsest on: what has gone wrong
-there is lost below. What the coarser level expects is always one of them, on the coarsest no motion, or noise would
-agree on nothing. A patch that is larger than a thing goes with the background, so what is explained in neither frame
-gets a second look with small patches. What is found so, and is found from the other frame, too, holds on less to its
-surroundings from then on.
+Search a small copy of the frames in full by the report's similarity, and each finer level around what the coarser one
+found in the neighbourhood of a tile, by a linear form of the similarity (`fpsboost.kernels.levels`). The components are
+chosen to see low contrast.
+
+In flat areas and repeated patterns many offsets are equally similar. Every point therefore keeps several, and
+semi-global matching chooses among them at every level from the coarsest on, because the levels below cannot mend a
+wrong choice. One of the offsets is the one that the coarser level expects, where the tile has compared it; on the
+coarsest level it is no motion, so that noise agrees on something.
+
+A patch that is larger than an object follows the background. What neither frame explains is therefore searched again
+with small patches (residual search). A motion found this way that leads there and back is held less firmly to its
+neighbours on the next level.
 """
 
 from __future__ import annotations
@@ -52,7 +56,7 @@ COARSE_STEP = 4
 """The same on all other levels but the finest."""
 
 DENSE_STEP = 2
-"""The same where a second look is taken first: small things need points that lie well inside of them, pixels."""
+"""The same on the level that is re-searched first: small objects need points well inside of them, pixels."""
 
 DAMPING = 0.1
 """Of the least-squares step, in squared widths v: holds it back where there is hardly any gradient."""
@@ -73,16 +77,16 @@ SMALL_RADIUS = 2
 """r of the patch that looks for small things."""
 
 MIN_SIMILARITY = np.float32(0.75), np.float32(0.7)
-"""Similarity of a small patch that explains what is seen, for each level that gets a second look, coarsest first."""
+"""Minimum small-patch similarity at which a vector is accepted, per re-searched level, coarsest first."""
 
 MIN_GAIN = np.float32(0.2)
-"""What another motion must add to it."""
+"""Minimum increase of that similarity by another vector."""
 
 CONSISTENCY_TOLERANCE = 1
-"""How near to where it began the way there and back of such a motion must end, pixels, to be believed."""
+"""Maximum forward-backward error of a vector of the residual search that is believed, pixels."""
 
 WEAK_SMOOTHNESS = np.float32(0.25)
-"""Share of the smoothness that holds a believed one to its neighbours: an island of few points pays for its shore."""
+"""Share of the smoothness that a believed vector pays towards its neighbours, so that small islands survive."""
 
 
 @dataclass(frozen=True)

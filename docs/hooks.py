@@ -1,0 +1,97 @@
+"""What the site takes from elsewhere when it is built: options of the command line, parts of the repository, formulas.
+
+A line ``<!-- include FILE -->`` in a page stands for a file of the repository, ``<!-- include FILE NAME -->`` for the
+part of it between ``<!-- NAME -->`` and ``<!-- /NAME -->``, and ``<!-- options -->`` for the options of the command
+line. Formulas become MathML, which browsers show without a program. What does not fit together stops the build.
+"""
+
+from __future__ import annotations
+
+import html
+import posixpath
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+from latex2mathml.converter import convert
+from mkdocs.exceptions import PluginError
+
+import fpsboost
+from fpsboost.cli.app import app
+
+ROOT = Path(__file__).parents[1]
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Put in what is taken from elsewhere, and check what is shown."""
+    markdown = re.sub(r"<!-- include (\S+)(?: (\w+))? -->", lambda found: included(*found.groups()), markdown)
+    for line in re.findall(r"^fpsboost [^\n=].*$", markdown, re.MULTILINE):
+        check_command(line, page.file.src_path)
+    if page.file.src_path == "python.md":
+        check_names(markdown)
+    return markdown.replace("<!-- options -->", options())
+
+
+def on_page_content(content: str, page: Any, config: Any, files: Any) -> str:
+    """Turn formulas into MathML."""
+    content = re.sub(
+        r'<div class="arithmatex">\\\[(.*?)\\\]</div>',
+        lambda found: f'<div class="formula">{convert(html.unescape(found[1]).strip(), display="block")}</div>',
+        content,
+        flags=re.DOTALL,
+    )
+    return re.sub(
+        r'<span class="arithmatex">\\\((.*?)\\\)</span>',
+        lambda found: convert(html.unescape(found[1])),
+        content,
+        flags=re.DOTALL,
+    )
+
+
+def included(path: str, part: str | None) -> str:
+    """A file of the repository or a part of it, with links that lead somewhere on the site."""
+    text = (ROOT / path).read_text("utf-8")
+    if part is not None:
+        found = re.search(rf"<!-- {part} -->\n(.*?)<!-- /{part} -->", text, re.DOTALL)
+        if found is None:
+            raise PluginError(f"{path} has no part {part}.")
+        text = found[1]
+
+    def relinked(link: re.Match[str]) -> str:
+        title, target = link.groups()
+        if re.match(r"\w+:|#", target):
+            return link[0]
+        place = posixpath.normpath(posixpath.join(posixpath.dirname(path), target))
+        if place.startswith("docs/"):
+            return f"[{title}]({place.removeprefix('docs/')})"
+        return f"`{place}`"
+
+    return re.sub(r"\[([^\]\n]*)\]\(([^)\s]+)\)", relinked, text).strip()
+
+
+def options() -> str:
+    """Every option of every command, as the command line itself describes it."""
+    text = app.generate_docs(output_format="markdown", recursive=True, heading_level=2)
+    _, text = text.split("**Arguments**", 1)  # its own title and contents
+    text = re.sub(r"\*\*Commands\*\*:\n\n(?:\* .*\n)+", "", text)
+    return f"## fpsboost\n\n**Arguments**{text}".replace("docs/comparison.md", "[this page](comparison.md)")
+
+
+def check_command(line: str, page: str) -> None:
+    """Stop unless a command that a page shows can be typed."""
+    tokens = shlex.split(re.split(r"\s#\s|\s{2,}", line)[0])[1:]
+    if tokens == ["--help"]:
+        return
+    try:
+        app.parse_args(tokens, exit_on_error=False, print_error=False)
+    except Exception as error:
+        raise PluginError(f"{page} shows a command that does not work: {line} ({error})") from error
+
+
+def check_names(markdown: str) -> None:
+    """Stop unless a page describes all public names, and nothing besides."""
+    described = set(re.findall(r"^::: fpsboost\.(\w+)$", markdown, re.MULTILINE))
+    public = set(fpsboost.__all__) - {"__version__"}
+    if described != public:
+        raise PluginError(f"python.md and fpsboost.__all__ differ in {', '.join(sorted(described ^ public))}.")

@@ -1,0 +1,387 @@
+"""Draw the figures of the documentation: ``python docs/make_figures.py``, into ``docs/figures/``.
+
+Everything is computed by the package from this project's own samples (``samples/``). Needs an installed fpsboost; takes
+about half a minute after compiling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest import mock
+
+import av
+import cv2
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+from fpsboost import CutDetector, Interpolator, methods
+from fpsboost.evaluation.pictures import as_heat, draw_wheel, in_colour
+from fpsboost.frame_cache import FrameCache
+from fpsboost.interpolator import Pair
+from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.kernels.candidates import CELL
+from fpsboost.motion import nlm
+from fpsboost.motion.colour import colour_components, contrast_components
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.multi_hypothesis import Candidates, MultiHypothesis
+
+Picture = NDArray[Any]
+"""(H, W) or (H, W, 3) uint8, BGR."""
+
+ROOT = Path(__file__).parents[1]
+SAMPLES, FIGURES = ROOT / "samples", ROOT / "docs" / "figures"
+
+GAP, LINE, TEXT = 12, 20, 12
+"""Between panels, of a line of text, and its size, pixels."""
+
+
+class Panel(NamedTuple):
+    """A picture and what stands above it."""
+
+    title: str
+    picture: Picture
+
+
+def main() -> None:
+    """Draw all of them."""
+    FIGURES.mkdir(exist_ok=True)
+    for draw in (
+        draw_before_and_after, draw_motion, draw_similarity, draw_choice, draw_residual_search, draw_candidates,
+        draw_confidence, draw_cut,
+    ):  # fmt: skip
+        path = draw()
+        print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
+
+
+# ------------------------------------------------------------------------------------------------------------- material
+
+
+def clip() -> list[Picture]:
+    """The frames of the sample clip."""
+    with av.open(str(SAMPLES / "orbit.mp4")) as container:
+        return [frame.to_ndarray(format="bgr24") for frame in container.decode(video=0)]
+
+
+def scene(name: str, *numbers: int) -> list[Picture]:
+    """Frames of a rendered scene."""
+    frames = [cv2.imread(str(SAMPLES / "scenes" / name / f"{number:04d}.png")) for number in numbers]
+    assert all(frame is not None for frame in frames)
+    return frames
+
+
+def prepared(frames: Sequence[Picture]) -> list[FrameCache]:
+    """Frames as estimators take them."""
+    return [FrameCache(frame) for frame in frames]
+
+
+def middle_pair(method: Interpolator, frames: Sequence[Picture]) -> tuple[Pair, Pair, Pair]:
+    """Of four frames the pair in the middle, with the one before and the one after."""
+    images = prepared(frames)
+    before, pair, after = (method.pair(*images[k : k + 2]) for k in range(3))
+    return before, pair, after
+
+
+def made_between(frames: Sequence[Picture]) -> Picture:
+    """What the default method makes half-way between the second and the third of four frames."""
+    method = methods["nlm"]
+    before, pair, after = middle_pair(method, frames)
+    (image,) = method.between(pair, [0.5], before, after).images
+    return np.asarray(image)
+
+
+# -------------------------------------------------------------------------------------------------------------- figures
+
+
+def draw_before_and_after() -> Path:
+    """Half-way between two frames of the clip: both laid over each other, and what is made of them."""
+    shown = clip()[32:36]
+    overlaid = cv2.addWeighted(shown[1], 0.5, shown[2], 0.5, 0)
+    made = made_between(shown)
+    part = np.s_[75:335, 105:505]
+    return save(
+        "before-after",
+        [
+            [
+                Panel("Before: two frames that follow each other, overlaid", overlaid[part]),
+                Panel("After: the frame between them, made by fpsboost", made[part]),
+            ]
+        ],
+    )
+
+
+def draw_motion() -> Path:
+    """A pair of frames and its motion."""
+    frames = clip()[27:29]
+    field01, _ = methods["nlm"].pair(*prepared(frames)).fields
+    edge = 20.0
+    coloured = cv2.resize(in_colour(field01.flow, edge), (400, 225), interpolation=cv2.INTER_NEAREST)
+    add_wheel(coloured)
+    alike = cv2.resize(field01.similarity, (400, 225), interpolation=cv2.INTER_NEAREST)
+    return save(
+        "motion",
+        [
+            [Panel("Frame 0", smaller(frames[0], 400)), Panel("Frame 1", smaller(frames[1], 400))],
+            [
+                Panel(f"Motion from 0 to 1 (rim of the wheel: {edge:.0f} pixels)", coloured),
+                Panel("Similarity of the patches at both ends, 0 black to 1 bright", as_heat(alike)),
+            ],
+        ],
+    )
+
+
+def draw_similarity() -> Path:
+    """The similarity of every offset at one point: where there is much contrast, and where there is little."""
+    radius, reach, scale = 5, 24, 4
+    rows = []
+    for name, numbers, (y, x) in (("glass", (8, 10), (52, 58)), ("reflective", (8, 10), (62, 188))):
+        first, second = scene(name, *numbers)
+        colours, contrasts = ([of(each) for each in (first, second)] for of in (colour_components, contrast_components))
+        report = similarity_map(*colours, y, x, radius, reach, exp_of(0.25))
+        default = similarity_map(*contrasts, y, x, radius, reach, linear_of(0.09))
+        around = np.s_[y - reach : y + reach + 1, x - reach : x + reach + 1]
+        here, there = (larger(each[around], scale) for each in (first, second))
+        middle = reach * scale
+        corner, opposite = ((middle - radius * scale,) * 2, (middle + (radius + 1) * scale - 1,) * 2)
+        cv2.rectangle(here, corner, opposite, (255, 255, 255), 2)
+        titles = (
+            ("Frame 0, a patch", "Frame 1, all offsets", "The report, v = 0.25", "Default, v = 0.09")
+            if not rows
+            else ("", "", "", "")
+        )
+        maps = [mark_maximum(larger(as_heat(each), scale), each, scale) for each in (report, default)]
+        rows.append([Panel(title, picture) for title, picture in zip(titles, (here, there, *maps), strict=True)])
+    return save("similarity", rows)
+
+
+def draw_choice() -> Path:
+    """What semi-global matching adds in repeated patterns, beside a renderer's vectors."""
+    number = 7
+    first, second = scene("texture", number, number + 1)
+    images = prepared([first, second])
+    alone = replace(nlm.CoarseToFine(), smoothness=0).estimate(*images)[0].flow
+    chosen = nlm.CoarseToFine().estimate(*prepared([first, second]))[0].flow
+    true = VectorFolder(str(SAMPLES / "scenes" / "texture" / "vectors")).for_image(number, first).forward
+    edge = 10.0
+    fields = [in_colour(flow, edge) for flow in (alone, chosen, true)]
+    add_wheel(fields[2])
+    return save(
+        "choice",
+        [
+            [Panel("Frame 0", first), Panel("Every point takes its most similar offset", fields[0])],
+            [
+                Panel("Semi-global matching chooses", fields[1]),
+                Panel(f"The renderer's vectors (rim of the wheel: {edge:.0f} pixels)", fields[2]),
+            ],
+        ],
+    )
+
+
+def draw_residual_search() -> Path:
+    """A small fast ball, without and with the search for small things."""
+    frames = clip()[63:65]
+    with mock.patch.object(nlm, "MIN_SIMILARITY", ()):
+        without = nlm.CoarseToFine().estimate(*prepared(frames))[0].flow
+    found = nlm.CoarseToFine().estimate(*prepared(frames))[0].flow
+    part, edge = np.s_[190:350, 130:330], 30.0
+    pictures = [each[part] for each in (*frames, in_colour(without, edge), in_colour(found, edge))]
+    pictures[3] = np.ascontiguousarray(pictures[3])
+    add_wheel(pictures[3])
+    titles = "Frame 0", "Frame 1", "Motion without it", f"and with it (rim: {edge:.0f} pixels)"
+    return save("residual-search", [[Panel(*each) for each in zip(titles, pictures, strict=True)]])
+
+
+def draw_candidates() -> Path:
+    """The candidate motions of one node: what each brings together, and its weight."""
+    frames = clip()[27:29]
+    pair, fuse = methods["nlm"].pair(*prepared(frames)), MultiHypothesis()
+    frame_pair = FramePair(pair.image0, pair.image1, *pair.fields)
+    ((listed, t),) = fuse._listed(frame_pair, [0.5])
+    row, column, scale = 8, 15, 4
+    top, left = row * CELL - CELL // 2, column * CELL - CELL // 2
+    window, side = np.s_[top : top + 2 * CELL, left : left + 2 * CELL], 2 * CELL
+    rows, weights = [], []
+    for k in range(int(listed.listed[row, column])):
+        motion, prior = listed.motions[row, column, k], listed.weights[row, column, k]
+        if prior == 0:
+            continue
+        mixed, alike = alone_everywhere(fuse, frame_pair, motion, listed, t)
+        weight = prior * np.exp(-fuse.sharpness * (1 - alike[window]))
+        weights.append(weight)
+        centre = left + side / 2 - 0.5, top + side / 2 - 0.5
+        samples = [
+            cv2.getRectSubPix(image.array, (side, side), (centre[0] + share * motion[0], centre[1] + share * motion[1]))
+            for image, share in ((pair.image0, -t), (pair.image1, 1 - t))
+        ]
+        rows.append((motion, prior, samples, mixed[window], alike[window]))
+    total, panels = np.sum(weights, axis=0), []
+    shown: list[Picture] = []
+    for (motion, prior, samples, mixed, alike), weight in zip(rows, weights, strict=True):
+        if any(np.abs(motion[:2] - other[:2]).max() < 3 for other in shown):
+            continue  # nearly the same motion as one with more votes
+        shown.append(motion)
+        name = f"({round(motion[0])}, {round(motion[1])})"
+        titles = f"{name}: frame 0", "frame 1", "their mean", "similarity", f"share (votes {prior:.2f})"
+        pictures = *samples, mixed, as_heat(((alike - 0.5) * 2).clip(0, 1)), as_heat(weight / total)
+        panels.append([Panel(title, larger(each, scale)) for title, each in zip(titles, pictures, strict=True)])
+    (made,) = fuse.synthesize(frame_pair, [t])
+    panels.append([Panel("the frame made", larger(np.asarray(made)[window], scale))])
+    return save("candidates", panels)
+
+
+def draw_confidence() -> Path:
+    """Where the result can be trusted, and where it is wrong."""
+    frames = scene("glass", 12, 13, 14)
+    pair = methods["nlm"].pair(*prepared([frames[0], frames[2]]))
+    (fused,) = MultiHypothesis().fuse(FramePair(pair.image0, pair.image1, *pair.fields), [0.5])
+    error = np.abs(fused.image.astype(np.float32) - frames[1]).mean(axis=2)
+    largest = 64
+    return save(
+        "confidence",
+        [
+            [Panel("The frame that was made", fused.image), Panel("The frame that was hidden", frames[1])],
+            [
+                Panel("Confidence, 0 black to 1 bright", as_heat(fused.confidence)),
+                Panel(f"Error, 0 black to {largest} levels and more bright", as_heat((error / largest).clip(0, 1))),
+            ],
+        ],
+    )
+
+
+def draw_cut() -> Path:
+    """The likeness of all pairs of the sample clip, as an SVG."""
+    detector, images = CutDetector(), prepared(clip())
+    match_score = [detector.match_score(first, second) for first, second in pairwise(images)]
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "fpsboost", "font.family": "sans-serif"}):
+        figure = Figure(figsize=(8, 2.6), layout="constrained")
+        axes = figure.add_subplot()
+        axes.plot(match_score, color="#2f6f9f", marker="o", markersize=3, linewidth=1)
+        axes.axhline(detector.threshold, color="#b5532a", linewidth=1, linestyle="--")
+        axes.text(0, detector.threshold + 0.02, f"threshold {detector.threshold}", color="#b5532a", va="bottom")
+        for number in np.flatnonzero(detector.find_cuts(match_score)):
+            axes.annotate(
+                "cut", (number, match_score[number]), (8, 0), textcoords="offset points", va="center", color="#222222"
+            )
+        axes.set(ylim=(0, 1), xlabel="pair of frames", ylabel="likeness", xlim=(-1, len(match_score)))
+        axes.spines[["top", "right"]].set_visible(False)
+        path = FIGURES / "cut.svg"
+        figure.savefig(path, metadata={"Date": None, "Creator": None})
+    return path
+
+
+# ------------------------------------------------------------------------------------------------- similarity in numpy
+
+
+def exp_of(v: float) -> Any:
+    """The report's similarity of pixels."""
+    return lambda apart: np.exp(-np.square(apart).sum(axis=-1) / (2 * v * v))
+
+
+def linear_of(v: float) -> Any:
+    """The linear form of it."""
+    return lambda apart: (1 - np.abs(apart).sum(axis=-1) / (4 * v)).clip(0)
+
+
+def similarity_map(first: Picture, second: Picture, y: int, x: int, radius: int, reach: int, measure: Any) -> Picture:
+    """Mean similarity of the patch around a point and those around all places within reach in the other frame."""
+    patch = first[y - radius : y + radius + 1, x - radius : x + radius + 1]
+    size, found = 2 * radius + 1, np.empty((2 * reach + 1,) * 2, np.float32)
+    padding = radius + reach
+    padded = cv2.copyMakeBorder(second, *(padding,) * 4, cv2.BORDER_REPLICATE)
+    for dy, dx in np.ndindex(found.shape):
+        top, left = y + dy, x + dx  # the padding is reach plus radius
+        found[dy, dx] = measure(padded[top : top + size, left : left + size] - patch).mean()
+    return found
+
+
+def alone_everywhere(
+    fuse: MultiHypothesis, frame_pair: FramePair, motion: Picture, listed: Candidates, t: float
+) -> tuple[Picture, Picture]:
+    """The in-between frame of one motion, and the similarity of every pixel along it."""
+    motions, weights = np.zeros_like(listed.motions), np.zeros_like(listed.weights)
+    motions[..., 0, :2], weights[..., 0] = motion[:2], 1
+    confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
+    image = fuse._fused(frame_pair, Candidates(np.ones_like(listed.listed), motions, weights), t, confidence)
+    return np.asarray(image), confidence ** (1 / 8)
+
+
+# -------------------------------------------------------------------------------------------------------------- drawing
+
+
+def smaller(picture: Picture, width: int) -> Picture:
+    """A picture reduced to a width."""
+    height = round(picture.shape[0] * width / picture.shape[1])
+    return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+
+
+def larger(picture: Picture, scale: int) -> Picture:
+    """A picture whose pixels can be seen."""
+    return picture.repeat(scale, axis=0).repeat(scale, axis=1)
+
+
+def mark_maximum(picture: Picture, values: Picture, scale: int) -> Picture:
+    """A ring around the largest value."""
+    row, column = np.unravel_index(values.argmax(), values.shape)
+    centre = int(column * scale + scale // 2), int(row * scale + scale // 2)
+    picture = np.ascontiguousarray(picture)
+    cv2.circle(picture, centre, 3 * scale, (255, 255, 255), 2, cv2.LINE_AA)
+    return picture
+
+
+def add_wheel(picture: Picture, side: int = 48) -> None:
+    """The legend of colours for motion, in the lower right corner."""
+    wheel = draw_wheel(side)
+    corner, alpha = picture[-side - 6 : -6, -side - 6 : -6], wheel[..., 3:] / 255
+    corner[:] = np.rint(corner * (1 - alpha) + wheel[..., :3] * alpha)
+
+
+def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
+    """Panels in rows as a PNG of 256 colours."""
+    widths = [max(row[k].picture.shape[1] for row in rows if k < len(row)) for k in range(len(rows[0]))]
+    tops, height = [], GAP // 2
+    for row in rows:
+        height += LINE if any(panel.title for panel in row) else 0
+        tops.append(height)
+        height += max(panel.picture.shape[0] for panel in row) + GAP
+    width = sum(widths) + GAP * (len(widths) + 1)
+    figure = Figure(figsize=(width / 100, height / 100), dpi=100, facecolor="white")
+    canvas = FigureCanvasAgg(figure)
+    left = GAP
+    for k, column in enumerate(widths):
+        for row, top in zip(rows, tops, strict=True):
+            if k >= len(row):
+                continue
+            title, picture = row[k]
+            figure.figimage(picture[..., ::-1], left, height - top - picture.shape[0], origin="upper")
+            figure.text(left / width, 1 - (top - 6) / height, title, fontsize=TEXT * 0.72, color="#222222")
+        left += column + GAP
+    canvas.draw()
+    drawn = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(choose_colours(drawn).ravel().tolist())
+    path = FIGURES / f"{name}.png"
+    Image.fromarray(drawn).quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
+    return path
+
+
+def choose_colours(picture: Picture, count: int = 256) -> Picture:
+    """The colours that suit a picture best, (count, 3) uint8; rare ones count more than their pixels alone would."""
+    colours, pixels = np.unique(picture.reshape(-1, 3) >> 3, axis=0, return_counts=True)
+    random, share = np.random.default_rng(1), np.sqrt(pixels)
+    points = colours[random.choice(len(colours), 20000, p=share / share.sum())].astype(np.float32) * 8 + 4
+    cv2.setRNGSeed(1)
+    stop = (cv2.TERM_CRITERIA_MAX_ITER, 20, 0)
+    _, _, centres = cv2.kmeans(points, count - 2, None, stop, 1, cv2.KMEANS_PP_CENTERS)
+    ends = np.array([[0, 0, 0], [255, 255, 255]], np.float32)
+    return np.rint(np.vstack([ends, centres])).astype(np.uint8)
+
+
+if __name__ == "__main__":
+    main()
