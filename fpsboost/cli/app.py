@@ -60,7 +60,7 @@ app = App(
     help_format="rich",
     suppress_keyboard_interrupt=False,
     version=f"fpsboost {__version__}",
-    group_commands=Group("Commands", sort_key=8),
+    group_commands=Group("Commands", sort_key=9),
     default_parameter=Parameter(
         negative=(), show_default=lambda value: value if value is not False else None, show_choices=False
     ),

@@ -29,21 +29,21 @@ class InputOptions:
     Parameters
     ----------
     start
-        Where to begin: 90, 1:30.5, or frame 120f.
+        Start position: 90, 1:30.5, or frame 120f.
     end
-        Where to stop, the same; without that frame.
+        End position (exclusive); same syntax as --start.
     input_fps
         Frames per second of input images.
     stream
-        Video stream by its number in probe; else the largest.
+        Video stream, numbered as in probe; else the largest.
     deinterlace
-        Make a frame of each field first: 50 a second of 25i.
+        Make one frame per field: 50 per second from 25i.
     size_change
-        Where the size changes: stop or scale.
+        At a change of size: stop or scale.
     decoder
         Read videos by ffmpeg or opencv.
     fill_gaps
-        Make just the images that are missing, by their numbers.
+        Make only the images missing from the numbering.
     """
 
     start: Annotated[str | None, Parameter(metavar="TIME")] = None
@@ -78,7 +78,7 @@ class InputOptions:
         return None if self.input_fps is None else parse_rate(self.input_fps, "--input-fps")
 
 
-@Parameter(name="*", group=Group("How many frames", sort_key=2))
+@Parameter(name="*", group=Group("Rate", sort_key=2))
 @dataclass(frozen=True)
 class RateOptions:
     """How fast the output plays.
@@ -88,13 +88,13 @@ class RateOptions:
     factor
         Output frames per input frame: 3, 5/2; else 2.
     fps
-        Frames per second instead: 60, 59.94, 60000/1001.
+        Output frames per second: 60, 59.94, 60000/1001.
     keep_timing
-        Multiply each interval; else the rate is constant.
+        Multiply each interval, for a variable rate.
     slow_motion
-        Keep the rate and last --factor times as long.
+        Keep the rate and play --factor times as long.
     slow_motion_sound
-        Then drop the sound, or stretch it; else drop.
+        Audio of slow motion: drop or stretch; else drop.
     """
 
     factor: Annotated[str | None, Parameter(name=["--factor", "-f"], metavar="N")] = None
@@ -116,7 +116,7 @@ class RateOptions:
         return None if self.fps is None else parse_rate(self.fps, "--fps")
 
 
-@Parameter(name="*", group=Group("Options of single methods", sort_key=7))
+@Parameter(name="*", group=Group("Method options", sort_key=8))
 @dataclass(frozen=True)
 class TuningOptions:
     """What some methods can be told.
@@ -124,25 +124,25 @@ class TuningOptions:
     Parameters
     ----------
     patch_radius
-        nlm*: size of compared patches, pixels each way.
+        nlm*: patch radius, pixels.
     v
-        nlm*: width of the similarity, colours from 0 to 1.
+        nlm*: similarity bandwidth, for colours from 0 to 1.
     search_radius
-        nlm-exhaustive: largest motion, pixels; else found.
+        nlm-exhaustive: largest motion, pixels; else auto.
     window
-        nlm-exhaustive: weigh patches by box or gaussian.
+        nlm-exhaustive: patch window, box or gaussian.
     implementation
-        nlm-exhaustive: fused kernel, or OpenCV passes.
+        nlm-exhaustive: fused kernel or OpenCV passes.
     search
         reproject-image too: iterative or brute-force.
     iterations
-        The same: limit of the iterative search; else 10.
+        The same: iteration limit; else 10.
     block_size
-        block: side of the blocks, pixels.
+        block: block size, pixels.
     search_range
-        block: largest motion, pixels each way.
+        block: largest motion, pixels.
     pattern
-        block: full, three-step or diamond.
+        block: search pattern, full, three-step or diamond.
     """
 
     patch_radius: Annotated[int | None, Parameter(metavar="N")] = None
@@ -162,7 +162,7 @@ class TuningOptions:
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
-@Parameter(name="*", group=Group("How they are made", sort_key=3))
+@Parameter(name="*", group=Group("Method", sort_key=3))
 @dataclass(frozen=True)
 class MotionOptions:
     """How frames are made.
@@ -177,11 +177,11 @@ class MotionOptions:
         to compare: dis, farneback, tvl1, dis-warp, tvl1-warp,
         farneback-warp, block, codec.
     duplicates
-        Repeats: interpolate or keep them.
+        Repeats: interpolate or keep.
     vectors
-        Folder of a renderer's vectors, for every output frame.
+        Folder of rendered vectors, one file per output frame.
     depth
-        Folder of its depth, for reproject-scene.
+        Folder of rendered depth, for reproject-scene.
     """
 
     method: Annotated[str, Parameter(name=["--method", "-m"], metavar="NAME")] = "nlm"
@@ -208,7 +208,7 @@ class MotionOptions:
         return configure(find_method(self.method, folder), self.method, tuning.given)
 
 
-@Parameter(name="*", group=Group("Scene cuts", sort_key=4))
+@Parameter(name="*", group=Group("Scenes", sort_key=4))
 @dataclass(frozen=True)
 class CutOptions:
     """Where scenes end, and what is shown there.
@@ -216,13 +216,13 @@ class CutOptions:
     Parameters
     ----------
     at_cuts
-        repeat a frame, blend or extrapolate.
+        At a cut: repeat, blend or extrapolate.
     cut_threshold
-        Likeness below which a pair is a cut, 0 to 1; else 0.5.
+        Largest match score of a cut, 0 to 1; else 0.5.
     no_cuts
-        Take everything for one scene.
+        Treat the clip as one scene.
     cuts
-        List of cuts: a time or frame a line, or PySceneDetect's.
+        Cut list: a time or frame per line, or PySceneDetect's.
     """
 
     at_cuts: Annotated[Literal["repeat", "blend", "extrapolate"], Parameter(metavar="HOW")] = "repeat"
@@ -267,7 +267,10 @@ class CutOptions:
         return replace(interpolator, cuts=policy, at_cuts=self.at_cuts)
 
 
-@Parameter(name="*", group=Group("Video output", sort_key=5))
+STREAMS = Group("Streams", sort_key=6)
+
+
+@Parameter(name="*", group=Group("Encoding", sort_key=5))
 @dataclass(frozen=True)
 class VideoOptions:
     """How video is encoded, and what comes along.
@@ -275,25 +278,25 @@ class VideoOptions:
     Parameters
     ----------
     codec
-        h264, hevc, vp9, av1 or any encoder of FFmpeg.
+        h264, hevc, vp9, av1 or any FFmpeg encoder.
     crf
-        Quality, lower is better.
+        Constant rate factor; lower is better.
     preset
-        Encoder speed, such as slow or veryfast.
+        Encoder speed, for example slow or veryfast.
     bitrate
-        Bits per second instead of a quality: 8M, 800k.
+        Bits per second instead of --crf: 8M, 800k.
     lossless
-        Decoding gives back exactly what was encoded.
+        Encode without loss.
     pix_fmt
-        FFmpeg's name, yuv420p10le; else the input's.
+        Pixel format: yuv420p10le...; else the input's.
     encoder_option
-        FFmpeg's own option; may be given repeatedly.
+        Option of the encoder itself; repeatable.
     audio_codec
-        Sound as aac, opus, flac...; else copied.
+        Audio encoder: aac, opus, flac...; else copy.
     no_audio
-        Leave the sound out.
+        Drop the audio.
     no_subtitles
-        Leave the subtitles out.
+        Drop the subtitles.
     """
 
     codec: Annotated[str | None, Parameter(metavar="NAME")] = None
@@ -303,9 +306,9 @@ class VideoOptions:
     lossless: bool = False
     pix_fmt: Annotated[str | None, Parameter(metavar="NAME")] = None
     encoder_option: Annotated[tuple[str, ...] | None, Parameter(metavar="KEY=VALUE")] = None
-    audio_codec: Annotated[str | None, Parameter(metavar="NAME")] = None
-    no_audio: bool = False
-    no_subtitles: bool = False
+    audio_codec: Annotated[str | None, Parameter(metavar="NAME", group=STREAMS)] = None
+    no_audio: Annotated[bool, Parameter(group=STREAMS)] = False
+    no_subtitles: Annotated[bool, Parameter(group=STREAMS)] = False
 
     def encoding(self) -> Encoding:
         """How to encode."""
@@ -325,7 +328,7 @@ class VideoOptions:
         )
 
 
-@Parameter(name="*", group=Group("Files and messages", sort_key=6))
+@Parameter(name="*", group=Group("Run", sort_key=7))
 @dataclass(frozen=True)
 class RunOptions:
     """What may be replaced and taken, and what is said.
@@ -335,17 +338,17 @@ class RunOptions:
     overwrite
         Replace an existing output.
     in_place
-        No OUT: frames go beside the input's images.
+        Write beside the input images; leave OUT out.
     resume
-        Go on where the same run was stopped, if it was.
+        Continue the same job where it was interrupted.
     max_memory
-        Refuse what needs more: 8G; else what is available.
+        Refuse jobs that need more: 8G; else what is free.
     threads
-        Pairs of frames worked on side by side; else one a core.
+        Pairs of frames made in parallel; else one per core.
     verbose
-        Say what is used; show a traceback if something fails.
+        Print details, and a traceback on errors.
     quiet
-        Say nothing but errors.
+        Print errors only.
     """
 
     overwrite: Annotated[bool, Parameter(name=["--overwrite", "-y"])] = False
