@@ -15,8 +15,9 @@ from video_truth import pictures_of, scene
 
 import fpsboost
 from fpsboost.io.images import png_chunks
-from fpsboost.io.images.exr import encode_exr, read_exr_attributes
-from fpsboost.io.images.metadata import read_metadata, upright, with_metadata
+from fpsboost.io.images.exr import encode_exr, parse_exr_header
+from fpsboost.io.images.files import encode_image
+from fpsboost.io.images.metadata import ImageMetadata, metadata_of, upright
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 XMP = b"<x:xmpmeta xmlns:x='adobe:ns:meta/'/>"
@@ -28,6 +29,10 @@ def exif(orientation: int = 1) -> bytes:
     data = Image.Exif()
     data[ORIENTATION], data[DESCRIPTION] = orientation, "made for a test"
     return data.tobytes()
+
+
+def read_metadata(path: Path) -> ImageMetadata:
+    return metadata_of(path, path.read_bytes())
 
 
 def write(folder: Path, suffix: str, count: int = 3, mode: str = "RGB", **options: Any) -> list[Path]:
@@ -94,11 +99,8 @@ def test_large_profiles_in_jpeg(tmp_path):
 @pytest.mark.parametrize("suffix", KINDS)
 def test_xmp_is_kept(tmp_path, suffix):
     """XMP is read again where it was written."""
-    image = scene(0)
-    metadata = fpsboost.io.images.metadata.ImageMetadata(xmp=XMP)
-    options = [cv2.IMWRITE_WEBP_QUALITY, 101] if suffix == ".webp" else []
     path = tmp_path / f"one{suffix}"
-    path.write_bytes(with_metadata(suffix, cv2.imencode(suffix, image, options)[1].tobytes(), metadata, 3))
+    path.write_bytes(encode_image(path, scene(0), metadata=ImageMetadata(xmp=XMP)))
     assert read_metadata(path).xmp == XMP
     with Image.open(path) as file:
         assert (file.tag_v2[700] if suffix == ".tif" else file.info["xmp"]) in (XMP, XMP.decode())
@@ -200,7 +202,7 @@ def test_attributes_of_exr(tmp_path):
     (tmp_path / "out").mkdir()
     outputs, _ = double(tmp_path / "in", tmp_path / "out" / "new_####.exr")
     for path in outputs:
-        assert said.items() <= read_exr_attributes(path).items()
+        assert said.items() <= parse_exr_header(path, path.read_bytes()).attributes.items()
     assert outputs[2].read_bytes() == (tmp_path / "in" / "shot_1.exr").read_bytes()
     _, remarks = double(tmp_path / "in", tmp_path / "out" / "new_####.tif")
     assert any("cannot hold the OpenEXR attributes" in remark for remark in remarks)

@@ -1,34 +1,42 @@
 """One image file, read and encoded: PNG, TIFF, JPEG, WebP, BMP and OpenEXR, and what each of them can hold.
 
 Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha. What describes
-them is read in `image_metadata`; an EXIF orientation is not applied, that of a TIFF is. A palette becomes
+them is read in `metadata`; an EXIF orientation is not applied, that of a TIFF is. A palette becomes
 colour, gray with alpha BGRA. Alpha in OpenEXR is associated (colours are multiplied by it), which is how the package
 takes all float images; values beyond black and white stay.
 
 Encoding was chosen by measuring 1080p frames: OpenCV's own PNG setting takes 60 to 130 ms, compression 3 two to four
 times as long for files between 30 % smaller (smooth) and 7 % larger (grain); LZW with a predictor takes a third off an
-8-bit TIFF in 60 ms; float TIFF stays uncompressed, because OpenCV 4 would choose a lossy compression by itself.
+8-bit TIFF in 60 ms; float TIFF stays uncompressed, because OpenCV 4 would choose a lossy compression by itself. Pillow
+writes JPEG and WebP with what they say beside their pixels: a JPEG byte for byte as OpenCV does, which leaves XMP out
+of JPEG and PNG, and refuses profiles that are odd or longer than a segment.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from fpsboost.errors import InputError, OutputError, explained
 from fpsboost.frame import ClipInfo, Image, describe, type_names
-from fpsboost.io.images.exr import encode_exr, find_layer, read_exr, read_exr_header
+from fpsboost.io.images.exr import decode_exr, encode_exr, find_layer, parse_exr_header
+from fpsboost.io.images.jpeg_segments import START_OF_SCAN, segments_in
 from fpsboost.io.images.kinds import as_stored
+from fpsboost.io.images.metadata import ImageMetadata, pillow_options, with_metadata
 from fpsboost.io.images.sizes import declared_size
 from fpsboost.io.memory_limit import MemoryLimit
 
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp", ".exr")
 
-JPEG_QUALITY = 95
+_jpeg = ("JPEG", {"quality": 95})
+_webp = ("WEBP", {"lossless": True, "exact": True, "quality": 70})  # of the search for a small file
+_pillow_types: dict[str, tuple[str, dict[str, Any]]] = {".jpg": _jpeg, ".jpeg": _jpeg, ".webp": _webp}
 
 # What each format keeps exactly (JPEG: as far as a lossy format does).
 _types_kept = {
@@ -43,7 +51,6 @@ _types_kept = {
 }
 _types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr")
 _largest_side = {".jpg": 65500, ".jpeg": 65500, ".webp": 16383}
-_webp_keeps_hidden_colour = hasattr(cv2, "IMWRITE_WEBP_LOSSLESS_MODE")  # OpenCV 4.12 and later
 
 
 def extension_of(name: str) -> str:
@@ -69,10 +76,19 @@ def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
     InputError
         It cannot be read, is damaged or too large, or has another type of pixels.
     """
+    return decode_image(path, content_of(path), limit)
+
+
+def content_of(path: Path, advice: str = "check that it exists and that you may read it") -> bytes:
+    """All bytes of an input, or `InputError` with advice."""
+    with explained(InputError, "read", path, advice):
+        return path.read_bytes()  # not cv2.imread, which knows no Unicode names on Windows and gives no reasons
+
+
+def decode_image(path: Path, data: bytes, limit: MemoryLimit | None = None) -> Image:
+    """Make an image of the content of a file; see `read_image`."""
     if extension_of(path.name) == ".exr":
-        return _read_exr_image(path, limit)
-    with explained(InputError, "read", path, "check that it exists and that you may read it"):
-        data = path.read_bytes()  # not cv2.imread, which knows no Unicode names on Windows and gives no reasons
+        return _decode_exr_image(path, data, limit)
     size = declared_size(data)
     if size is not None:
         (limit or MemoryLimit()).check(path, *size)
@@ -93,7 +109,7 @@ def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
     return image
 
 
-def _read_exr_image(path: Path, limit: MemoryLimit | None) -> Image:
+def _decode_exr_image(path: Path, data: bytes, limit: MemoryLimit | None) -> Image:
     def choose(names: Collection[str]) -> list[str]:
         chosen = _choose_colours(names)
         if not chosen:
@@ -102,7 +118,7 @@ def _read_exr_image(path: Path, limit: MemoryLimit | None) -> Image:
             )
         return chosen
 
-    planes = list(read_exr(path, choose, limit).values())
+    planes = list(decode_exr(path, data, choose, limit).values())
     if len(planes) == 2:  # gray and alpha
         planes = [planes[0]] * 3 + planes[1:]
     return np.stack(planes, axis=-1)
@@ -117,39 +133,35 @@ def _choose_colours(names: Collection[str]) -> list[str]:
     return list(names) if len(names) == 1 else []
 
 
-def needs_float(path: Path, image: Image) -> bool:
+def needs_float(path: Path, data: bytes, image: Image) -> bool:
     """Whether the 16 bits of OpenEXR's half would lose some of an image's precision.
 
     Parameters
     ----------
     path : Path
         Where the image was read from.
+    data : bytes
+        The content of the file.
     image : (H, W, C)
     """
     if extension_of(path.name) != ".exr":
         return image.dtype == np.float32
-    channels = read_exr_header(path).channels
+    channels = parse_exr_header(path, data).channels
     return any(channels[name] != "half" for name in _choose_colours(list(channels)))
 
 
-def unread_channels(path: Path) -> list[str]:
+def unread_channels(path: Path, data: bytes) -> list[str]:
     """The channels of a file that `read_image` leaves out: other layers, depth, motion."""
     if extension_of(path.name) != ".exr":
         return []
-    names = list(read_exr_header(path).channels)
+    names = list(parse_exr_header(path, data).channels)
     chosen = _choose_colours(names)
     return [name for name in names if name not in chosen]
 
 
 def _ends_early(data: bytes) -> bool:
     """Look for the end of a JPEG behind the start of its scan: OpenCV 4 fills up what is missing with gray."""
-    if data[:2] != b"\xff\xd8":
-        return False
-    place = 2
-    while data[place : place + 1] == b"\xff" and data[place + 1 : place + 2] not in (b"\xda", b""):
-        is_filler = data[place + 1] == 0xFF
-        place += 1 if is_filler else 2 + int.from_bytes(data[place + 2 : place + 4])
-    return data[place : place + 2] == b"\xff\xda" and data.find(b"\xff\xd9", place) < 0
+    return any(mark == START_OF_SCAN and data.find(b"\xff\xd9", place) < 0 for mark, place, _ in segments_in(data))
 
 
 def check_size(target: str, extension: str, info: ClipInfo) -> None:
@@ -200,18 +212,12 @@ def losses(path: Path, image: Image) -> list[str]:
     list of str
         Sentences for the user.
     """
-    if path.suffix.lower() != ".webp":
-        return []
-    if image.shape[2] == 1:
+    if path.suffix.lower() == ".webp" and image.shape[2] == 1:
         return ["WebP has no gray: gray images were written as colour with three equal channels."]
-    if image.shape[2] == 4 and not _webp_keeps_hidden_colour and np.any(image[image[:, :, 3] == 0]):
-        return ["This version of OpenCV drops the colour of fully transparent pixels from WebP."]
     return []
 
 
-def encode_image(
-    path: Path, image: Image, *, half: bool = True, attributes: Collection[tuple[str, tuple[float, ...]]] = ()
-) -> bytes:
+def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:
     """Turn an image into the content of a file.
 
     Parameters
@@ -222,39 +228,49 @@ def encode_image(
         Of a type that `check_format` lets pass.
     half : bool
         Write OpenEXR with 16 bits a number instead of 32.
-    attributes : collection of (str, tuple of float)
-        What else an OpenEXR file is to say; see `fpsboost.io.images.exr.encode_exr`.
+    metadata : ImageMetadata, optional
+        What else the file is to say, as far as its type can.
 
     Raises
     ------
     OutputError
-        OpenCV refuses.
+        OpenCV or Pillow refuses.
     """
-    extension = path.suffix.lower()
+    extension, metadata = path.suffix.lower(), metadata or ImageMetadata()
     if extension == ".exr":
         names = {1: "Y", 2: "YA", 3: "BGR", 4: "BGRA"}[image.shape[2]]
-        return encode_exr({name: image[..., i] for i, name in enumerate(names)}, half=half, attributes=attributes)
+        return encode_exr(
+            {name: image[..., i] for i, name in enumerate(names)}, half=half, attributes=metadata.attributes
+        )
     try:
+        if extension in _pillow_types:
+            return _encode_by_pillow(extension, image, metadata)
         done, data = cv2.imencode(extension, image, _options(extension, image))
-    except cv2.error:
+    except (cv2.error, LookupError, OSError, ValueError):
         done = False
     if not done:
         raise OutputError(f"{path} cannot be encoded ({describe(image)}); try .png or .tif.")
-    return data.tobytes()
+    return with_metadata(extension, data.tobytes(), metadata, image.shape[2])
+
+
+def _encode_by_pillow(extension: str, image: Image, metadata: ImageMetadata) -> bytes:
+    """A JPEG or a WebP with its metadata."""
+    from PIL import Image as Pictures  # noqa: PLC0415  # only who writes such files waits for it
+
+    height, width, channels = image.shape
+    mode, stored = {1: ("L", "L"), 3: ("RGB", "BGR"), 4: ("RGBA", "BGRA")}[channels]
+    picture = Pictures.frombuffer(mode, (width, height), np.ascontiguousarray(image), "raw", stored, 0, 1)
+    kind, options = _pillow_types[extension]
+    file = BytesIO()
+    picture.save(file, kind, **options, **pillow_options(extension, metadata, channels))
+    return file.getvalue()
 
 
 def _options(extension: str, image: Image) -> list[int]:
     """Options of OpenCV for one image; see the module's text for why."""
-    if extension in (".jpg", ".jpeg"):
-        return [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     if extension in (".tif", ".tiff"):
         if image.dtype == np.float32:
             return [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_NONE]
         lzw, horizontal = cv2.IMWRITE_TIFF_COMPRESSION_LZW, cv2.IMWRITE_TIFF_PREDICTOR_HORIZONTAL
         return [cv2.IMWRITE_TIFF_COMPRESSION, lzw, cv2.IMWRITE_TIFF_PREDICTOR, horizontal]
-    if extension == ".webp":
-        lossless = [cv2.IMWRITE_WEBP_QUALITY, 101]  # above 100 means lossless
-        if image.shape[2] == 4 and _webp_keeps_hidden_colour:
-            lossless += [cv2.IMWRITE_WEBP_LOSSLESS_MODE, cv2.IMWRITE_WEBP_LOSSLESS_PRESERVE_COLOR]
-        return lossless
     return []

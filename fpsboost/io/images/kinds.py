@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from io import BytesIO
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from fpsboost.io.images import png_chunks, tiff_tags, webp_chunks
 from fpsboost.io.images.exact import DamagedError
+from fpsboost.io.images.jpeg_segments import components_of
 
 GRAY_PNG, RGB_PNG, PALETTE_PNG, GRAY_AND_ALPHA_PNG = 0, 2, 3, 4
 """Colour types of PNG."""
@@ -36,7 +38,7 @@ _tiff_colours = {
 """By TIFF's number of its colours; gray (1) and RGB (2) are read as they are."""
 
 
-def stored_otherwise(data: bytes, channels: int, components: int | None) -> str:
+def stored_otherwise(data: bytes, channels: int) -> str:
     """Say how a file stores its pixels, where that is not how they are read.
 
     Parameters
@@ -45,8 +47,6 @@ def stored_otherwise(data: bytes, channels: int, components: int | None) -> str:
         A whole file that could be read.
     channels : int
         That were read from it.
-    components : int or None
-        Of a JPEG, how many there are.
 
     Returns
     -------
@@ -57,9 +57,9 @@ def stored_otherwise(data: bytes, channels: int, components: int | None) -> str:
         return _of_png(data)
     if data.startswith(b"BM"):
         return _of_bmp(data, channels)
-    if components == 4:
+    if components_of(data) == 4:
         return "as CMYK"
-    return _of_tiff(data)
+    return _of_tiff(tiff_tags.read_tags(data))
 
 
 def holds_more_pictures(data: bytes) -> bool:
@@ -71,7 +71,7 @@ def holds_more_pictures(data: bytes) -> bool:
             return any(name == b"ANIM" for name, _ in webp_chunks.chunks_in(BytesIO(data)))
     except DamagedError:
         return False
-    return tiff_tags.has_more_pages(data)
+    return bool(tiff_tags.read_tags(data).get(tiff_tags.MORE_PAGES))
 
 
 def as_stored(data: bytes, image: NDArray[Any]) -> NDArray[Any]:
@@ -90,15 +90,15 @@ def as_stored(data: bytes, image: NDArray[Any]) -> NDArray[Any]:
     -------
     (H, W, C)
     """
-    order, tags = tiff_tags.read_tags(data)
-    colours = _number(order, tags, tiff_tags.PHOTOMETRIC)
+    tags = tiff_tags.read_tags(data)
+    colours = tiff_tags.number_of(tags, tiff_tags.PHOTOMETRIC)
     if colours == WHITE_IS_0 and image.dtype == np.uint16:
         return np.uint16(0xFFFF) - image
     if image.dtype != np.uint8 or image.shape[2] != 4:
         return image
     if colours == CMYK:
         return np.ascontiguousarray(image[..., :3])
-    if _number(order, tags, tiff_tags.EXTRA_SAMPLES) == UNASSOCIATED:
+    if tiff_tags.number_of(tags, tiff_tags.EXTRA_SAMPLES) == UNASSOCIATED:
         alpha = image[..., 3:].astype(np.uint32)
         apart = (image[..., :3] * np.uint32(255) + alpha // 2) // np.maximum(alpha, 1)
         return np.concatenate([apart.clip(0, 255).astype(np.uint8), image[..., 3:]], axis=-1)
@@ -130,10 +130,10 @@ def _of_bmp(data: bytes, channels: int) -> str:
     return f"with {depth} bits a pixel" if depth == 16 else ""
 
 
-def _of_tiff(data: bytes) -> str:
-    order, tags = tiff_tags.read_tags(data)
-    colours = _number(order, tags, tiff_tags.PHOTOMETRIC)
-    depth, samples = (_number(order, tags, tag) for tag in (tiff_tags.BITS, tiff_tags.SAMPLES))
+def _of_tiff(tags: Mapping[int, Any]) -> str:
+    colours, depth, samples = (
+        tiff_tags.number_of(tags, tag) for tag in (tiff_tags.PHOTOMETRIC, tiff_tags.BITS, tiff_tags.SAMPLES)
+    )
     if tags and depth is None:
         depth = 1  # as the format has it
     if colours in _tiff_colours:
@@ -143,8 +143,3 @@ def _of_tiff(data: bytes) -> str:
     if depth is not None and depth < 8:
         return f"with {depth} bit{'s' if depth > 1 else ''} a pixel"
     return ""
-
-
-def _number(order: str, tags: dict[int, tiff_tags.Tag], tag: int) -> int | None:
-    found = tiff_tags.numbers_of(order, tags.get(tag))
-    return found[0] if found else None

@@ -26,24 +26,16 @@ from fpsboost.io.images.files import (
     IMAGE_SUFFIXES,
     check_format,
     check_size,
+    content_of,
+    decode_image,
     encode_image,
     extension_of,
     losses,
     needs_float,
-    read_image,
     unread_channels,
 )
-from fpsboost.io.images.kinds import holds_more_pictures
-from fpsboost.io.images.metadata import (
-    ImageMetadata,
-    can_pass,
-    content_of,
-    how_stored,
-    lost_metadata,
-    read_metadata,
-    upright,
-    with_metadata,
-)
+from fpsboost.io.images.kinds import holds_more_pictures, stored_otherwise
+from fpsboost.io.images.metadata import ImageMetadata, can_pass, lost_metadata, metadata_of, upright
 from fpsboost.io.images.numbering import find_images, is_pattern
 from fpsboost.io.images.sequence import FileSequence, Numbering
 from fpsboost.io.memory_limit import MemoryLimit
@@ -148,10 +140,11 @@ class ImageSource(Closing):
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
         self.first_number = self.numbers[0] if self.numbers else 1
         self._upright, self._limit = upright, limit or MemoryLimit()
-        first = self._read(self.files[0])
-        self.needs_float = needs_float(self.files[0], first)
-        self._unread = unread_channels(self.files[0])
-        self._holds_more = holds_more_pictures(content_of(self.files[0]))
+        data = content_of(self.files[0])
+        first = self._decoded(self.files[0], data)
+        self.needs_float = needs_float(self.files[0], data, first)
+        self._unread = unread_channels(self.files[0], data)
+        self._holds_more = holds_more_pictures(data)
         height, width, _ = first.shape
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(self.files), self._duration(rate))
 
@@ -207,7 +200,7 @@ class ImageSource(Closing):
     def __iter__(self) -> Iterator[Frame]:
         first = None
         for place, path in zip(self._places, self.files, strict=True):
-            image = self._read(path)
+            image = self._decoded(path, content_of(path))
             if first is None:
                 first = image
             if image.shape != first.shape or image.dtype != first.dtype:
@@ -218,9 +211,9 @@ class ImageSource(Closing):
             original = None if self._upright else ImageFile(path)
             yield Frame(image, (place - self._places[0]) / self.info.rate, 1 / self.info.rate, original)
 
-    def _read(self, path: Path) -> Image:
-        image = read_image(path, self._limit)
-        return upright(image, read_metadata(path).orientation) if self._upright else image
+    def _decoded(self, path: Path, data: bytes) -> Image:
+        image = decode_image(path, data, self._limit)
+        return upright(image, metadata_of(path, data).orientation) if self._upright else image
 
     def keep(self, first: int, last: int | None) -> None:
         """Read only the files from one place to before another; places count numbers where gaps are filled.
@@ -312,7 +305,7 @@ class ImageSink:
         kept = None if source is None or factor is None else source.numbers_for(factor)
         self._next, self._step = kept or (1 if source is None else source.first_number, 1)
         self._originals = {file.name for file in source.files} if source is not None and in_place else set[str]()
-        self._metadata = None if source is None else read_metadata(source.files[0])
+        self._metadata = ImageMetadata() if source is None else metadata_of(*_read_again(source.files[0]))
         self._names: list[str] = []
         self._frames = 0
         self._frames_there = 0
@@ -492,8 +485,9 @@ class ImageSink:
         self._next += self._step
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
-            self._metadata = read_metadata(path)
-            self._remark_on_kind(path, frame.array, passes=True)
+            _, data = _read_again(path)
+            self._metadata = metadata_of(path, data)
+            self._remark_on_kind(path, data, frame.array, passes=True)
             return
         check_format(path, frame.array)
         self._remarks += [remark for remark in losses(path, frame.array) if remark not in self._remarks]
@@ -506,23 +500,21 @@ class ImageSink:
     def _content(self, path: Path, frame: Frame) -> bytes:
         """A frame that passes into a file of its own type as that file, to the byte; others with what it says."""
         if isinstance(frame.original, ImageFile):
-            source = frame.original.path
-            self._metadata = read_metadata(source)
+            source, data = _read_again(frame.original.path)
+            self._metadata = metadata_of(source, data)
             is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
-            passes = is_same and can_pass(source) and not unread_channels(source)
-            self._remark_on_kind(source, frame.array, passes=passes)
+            passes = is_same and can_pass(data) and not unread_channels(source, data)
+            self._remark_on_kind(source, data, frame.array, passes=passes)
             if passes:
-                return content_of(source)
-        metadata, extension = self._metadata or ImageMetadata(), extension_of(path.name)
-        for lost in lost_metadata(extension, metadata, frame.array.shape[2]):
+                return data
+        for lost in lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2]):
             remark = f"{self._path} cannot hold the {lost} of its source; left out."
             self._remarks += [remark] * (remark not in self._remarks)
-        data = encode_image(path, frame.array, half=self._half, attributes=metadata.attributes)
-        return with_metadata(extension, data, metadata, frame.array.shape[2])
+        return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
 
-    def _remark_on_kind(self, source: Path, image: Image, *, passes: bool) -> None:
+    def _remark_on_kind(self, source: Path, data: bytes, image: Image, *, passes: bool) -> None:
         """Say once of each kind of originals that frames are written otherwise."""
-        how = how_stored(content_of(source), image.shape[2])
+        how = stored_otherwise(data, image.shape[2])
         if not how or how in self._kinds:
             return
         self._kinds.add(how)
@@ -574,6 +566,11 @@ class ImageSink:
             self._replaced.rmdir()  # fails where it is not empty
         count = self._frames if self._moving.exists() else max(self._frames_there, self._frames if self._names else 0)
         self._unfinished.leave(error, count, self._frame_count, stays=self._replaced.exists())
+
+
+def _read_again(path: Path) -> tuple[Path, bytes]:
+    """An input that could be read before, and its content."""
+    return path, content_of(path, "leave the input as it is until all is done")
 
 
 def _one_name(extension: str) -> str:

@@ -1,76 +1,65 @@
-"""The tags of a TIFF file, which EXIF data consist of too: read, and added to what OpenCV has written."""
+"""The tags of a TIFF file, which EXIF data consist of too: read by tifffile, and added to what OpenCV has written."""
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections.abc import Mapping
-from typing import NamedTuple
+from io import BytesIO
+from typing import Any, NamedTuple
 
-ORIENTATION, PROFILE, XMP, PHOTOMETRIC = 274, 34675, 700, 262
+WIDTH, HEIGHT, ORIENTATION, PROFILE, XMP, PHOTOMETRIC = 256, 257, 274, 34675, 700, 262
 BITS, SAMPLES, EXTRA_SAMPLES = 258, 277, 338
 ACROSS, DOWN, RESOLUTION_UNIT = 282, 283, 296
 BYTE, SHORT, RATIONAL, UNDEFINED = 1, 3, 5, 7
 INCH, CENTIMETRE = 2, 3
+MORE_PAGES = -1
+"""No number of a tag: whether there is an image behind the first."""
 
-_sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
-_layouts = {SHORT: "H", 4: "I", RATIONAL: "II"}
+_read = (*range(WIDTH, EXTRA_SAMPLES + 1), XMP, PROFILE)
+
+logging.getLogger("tifffile").addHandler(logging.NullHandler())  # its words on damaged tags, which are passed over
 
 
 class Tag(NamedTuple):
-    """The type of its values, how many there are, and their bytes in the file's order."""
+    """The type of its values, how many there are, and their bytes, little-endian."""
 
     kind: int
     length: int
     data: bytes
 
 
-def read_tags(data: bytes) -> tuple[str, dict[int, Tag]]:
-    """Read the tags of the first image.
+def read_tags(data: bytes) -> dict[int, Any]:
+    """Read tags of the first image by number, and `MORE_PAGES`; none where it is no TIFF, or damaged."""
+    if not data.startswith((b"II", b"MM")):
+        return {}
+    from tifffile import TiffFile  # noqa: PLC0415  # only who has such files waits for it
 
-    Returns
-    -------
-    str, dict of int to Tag
-        The order of bytes as `struct` calls it, and the tags by number; none where it is no TIFF.
-    """
-    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
-    if order is None:
-        return "<", {}
-    tags = {}
     try:
-        (place,) = struct.unpack_from(order + "I", data, 4)
-        (count,) = struct.unpack_from(order + "H", data, place)
-        for index in range(count):
-            at = place + 2 + 12 * index
-            number, kind, length = struct.unpack_from(order + "HHI", data, at)
-            size = _sizes.get(kind, 0) * length
-            begin = at + 8 if size <= 4 else struct.unpack_from(order + "I", data, at + 8)[0]
-            if begin + size <= len(data):
-                tags[number] = Tag(kind, length, data[begin : begin + size])
-    except struct.error:
-        pass
-    return order, tags
+        pages = TiffFile(BytesIO(data)).pages
+        return {number: pages.first.tags.valueof(number) for number in _read} | {MORE_PAGES: len(pages) > 1}
+    except (ArithmeticError, LookupError, TypeError, ValueError, struct.error):
+        return {}
 
 
-def has_more_pages(data: bytes) -> bool:
-    """Whether there is an image behind the first."""
-    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
-    if order is None:
-        return False
-    try:
-        (place,) = struct.unpack_from(order + "I", data, 4)
-        (count,) = struct.unpack_from(order + "H", data, place)
-        (following,) = struct.unpack_from(order + "I", data, place + 2 + 12 * count)
-    except struct.error:
-        return False
-    return bool(following)
+def number_of(tags: Mapping[int, Any], number: int) -> int | None:
+    """The first value of a tag, if it is a whole number."""
+    value = tags.get(number)
+    first = value[0] if isinstance(value, tuple) and value else value
+    return int(first) if isinstance(first, int) else None
 
 
-def numbers_of(order: str, tag: Tag | None) -> tuple[int, ...]:
-    """The first value of a tag as whole numbers, two for a fraction; none where there is none."""
-    layout = _layouts.get(tag.kind) if tag is not None else None
-    if tag is None or layout is None or len(tag.data) < struct.calcsize(order + layout):
-        return ()
-    return struct.unpack_from(order + layout, tag.data)
+def bytes_of(tags: Mapping[int, Any], number: int) -> bytes:
+    """What a tag holds that is no number; b"" where there is nothing of the kind."""
+    value = tags.get(number)
+    return value.encode() if isinstance(value, str) else value if isinstance(value, bytes) else b""
+
+
+def size_of(data: bytes) -> tuple[int, int] | None:
+    """Width and height of the first image; None where it does not say so."""
+    tags = read_tags(data)
+    width, height = number_of(tags, WIDTH), number_of(tags, HEIGHT)
+    return None if width is None or height is None else (width, height)
 
 
 def with_tags(data: bytes, added: Mapping[int, Tag]) -> bytes:
