@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import pytest
-from truth import noise
+from truth import SCENES, needs_scenes, noise
 
 from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.errors import OptionError
@@ -152,9 +150,10 @@ def test_the_command_compares_one_method_with_several_options(fpsboost_, folder)
         assert word in result.out
 
 
+@needs_scenes
 def test_vectors_go_to_all_that_take_them():
     """The report's search chooses its radius by them, as in a conversion; the default method never sees them."""
-    folder = VectorFolder(Path(__file__).parents[1] / "samples" / "scenes" / "glass" / "vectors")
+    folder = VectorFolder(SCENES / "glass" / "vectors")
     makers, skipped = choose(["nlm-exhaustive:v=0.1,nlm,reproject-image"], folder)
     assert skipped == {}
     searching, default, reprojecting = (maker.interpolator.estimator for maker in makers.values())

@@ -187,12 +187,12 @@ def test_damage_in_the_range_is_told_though_the_rest_is_not_read(tmp_path):
 # --------------------------------------------------------------------------------------------------- sound and the rest
 
 
-def clicks_and_flashes(path: Path, seconds: int = 6, codec: str = "pcm_s16le") -> Path:
+def clicks_and_flashes(path: Path, seconds: int = 6) -> Path:
     """A clip whose picture flashes and whose sound clicks at each whole second."""
     with av.open(str(path), "w") as output:
         video = output.add_stream("libx264", rate=25, width=64, height=48, options={**GROUPS, "bf": "0"})
         video.pix_fmt = "yuv420p"
-        audio: Any = output.add_stream(codec, rate=48000, layout="mono")
+        audio: Any = output.add_stream("pcm_s16le", rate=48000, layout="mono")
         second = Fraction(1, 1000)
         chapters: Any = [
             {"id": k, "start": 2000 * k, "end": 2000 * (k + 1), "time_base": second, "metadata": {"title": f"part {k}"}}
@@ -213,6 +213,12 @@ def clicks_and_flashes(path: Path, seconds: int = 6, codec: str = "pcm_s16le") -
         output.mux(video.encode(None))
         output.mux(audio.encode(None))
     return path
+
+
+@pytest.fixture(scope="module")
+def flashing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six seconds of clicks and flashes."""
+    return clicks_and_flashes(tmp_path_factory.mktemp("clip") / "in.mkv")
 
 
 def flashes(path: Path) -> list[Fraction]:
@@ -237,10 +243,9 @@ def clicks(path: Path) -> list[float]:
 @pytest.mark.parametrize(
     ("start", "end"), [("1.5", "4.5"), ("37f", "113f"), ("0.01", "3.99"), (None, "3"), ("2.04", None)]
 )
-def test_sound_stays_in_step(tmp_path, name, start, end):
+def test_sound_stays_in_step(tmp_path, flashing, name, start, end):
     """Every click of the part comes with its flash, to a sample or the container's millisecond, and no other one."""
-    clip = clicks_and_flashes(tmp_path / "in.mkv")
-    convert(str(clip), str(tmp_path / name), trim=trim(start, end), method="nearest", encoding=FAST)
+    convert(str(flashing), str(tmp_path / name), trim=trim(start, end), method="nearest", encoding=FAST)
     seen, heard = flashes(tmp_path / name), clicks(tmp_path / name)
     assert len(seen) == len(heard) >= 2
     assert all(abs(float(flash) - click) < 0.0015 for flash, click in zip(seen, heard, strict=True))
@@ -259,10 +264,9 @@ def test_packets_of_sound_are_those_that_overlap(tmp_path):
         assert (video.duration or 0) * Fraction(video.time_base or 1) == 2
 
 
-def test_chapters_of_the_part(tmp_path):
+def test_chapters_of_the_part(tmp_path, flashing):
     """Those that overlap it, cut to it."""
-    clip = clicks_and_flashes(tmp_path / "in.mkv")
-    convert(str(clip), str(tmp_path / "out.mkv"), trim=trim("1.4", "3.2"), method="nearest", encoding=FAST)
+    convert(str(flashing), str(tmp_path / "out.mkv"), trim=trim("1.4", "3.2"), method="nearest", encoding=FAST)
     with av.open(str(tmp_path / "out.mkv")) as file:
         found = [
             (each["metadata"]["title"], each["start"] * each["time_base"], each["end"] * each["time_base"])

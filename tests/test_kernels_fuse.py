@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from truth import noise, waves
-from twins import fading, fused, spline_coefficients, spline_window, uncompiled
+from twins import fading, finished, fused, spline_coefficients, spline_window, uncompiled
 
 from fpsboost.kernels.candidates import CELL, MOTION
 from fpsboost.kernels.multi_hypothesis import (
@@ -27,6 +27,8 @@ from fpsboost.kernels.multi_hypothesis import (
     decay,
     fetch_rigid,
     fetch_window,
+    finish_confidence,
+    finish_rows,
     mark_inside,
     mix_fetched,
     patch_shares,
@@ -404,3 +406,37 @@ def test_windows_add_up_to_one():
     overlapping = sum(shape[y : y + apart, x : x + apart] for y in (0, apart) for x in (0, apart))
     np.testing.assert_allclose(overlapping, 1, atol=1e-6)
     assert shape.min() > 0
+
+
+@pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint8, 219), (np.uint16, 65535), (np.float32, 1)])
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_finished_rows_equal_their_slow_twin(dtype, white, channels):
+    """Sums become values of the image's type, the nearest ones, straight alpha too; other rows are left alone."""
+    random, first, last, top = np.random.default_rng(channels), 2, 7, 11
+    band = random.uniform(-0.2, 1.2, (channels + 2, 9, 13)).astype(np.float32)
+    band[channels] = random.uniform(0.1, 3, band.shape[1:])
+    band[channels - 1, 3, :5] = 0  # which is no alpha at all
+    straight_alpha = channels in (2, 4) and dtype != np.float32
+    lowest, highest = (-0.5, 5) if dtype == np.float32 else (0, np.iinfo(dtype).max)
+    expected = finished(band[:channels, first:last], band[channels, first:last], white, lowest, highest, straight_alpha)
+    image = np.full((24, 13, channels), 77, dtype)
+    half = 0 if dtype == np.float32 else 0.5
+    bounds = (np.float32(value) for value in (white, half, lowest, highest))
+    finish_rows(band, first, last, top, *bounds, straight_alpha, image.transpose(2, 0, 1))
+    found = image[top + first : top + last].astype(float).transpose(2, 0, 1)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=half + 1e-5)
+    assert (np.delete(image, range(top + first, top + last), axis=0) == 77).all()
+
+
+def test_finished_confidence_is_the_eighth_power_of_the_mean_similarity():
+    """Never above 1; other rows are left alone."""
+    random = np.random.default_rng(4)
+    weights = random.uniform(0.5, 2, (6, 9)).astype(np.float32)
+    similarities = weights * random.uniform(0, 1.1, weights.shape).astype(np.float32)
+    confidence = np.full((10, 9), 7, np.float32)
+    finish_confidence(weights, similarities, 1, 5, 3, confidence)
+    for y in range(1, 5):
+        for x in range(9):
+            mean = min(float(similarities[y, x]) / float(weights[y, x]), 1)
+            assert confidence[3 + y, x] == pytest.approx(mean**8, rel=1e-5)
+    assert (np.delete(confidence, range(4, 8), axis=0) == 7).all()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -175,7 +174,6 @@ def test_leaving_by_an_error_closes_the_file(clip, tmp_path):
 def open_files_below(folder: Path) -> list[str]:
     if not Path("/proc/self/fd").exists():
         pytest.skip("only Linux tells which files are open")
-    gc.collect()
     links = []
     for number in os.listdir("/proc/self/fd"):
         with suppress(OSError):

@@ -6,6 +6,8 @@ import itertools
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
+from queue import Full, Queue
+from typing import Any
 
 import pytest
 
@@ -21,6 +23,23 @@ def _no_thread_is_left() -> Iterator[None]:
     before = set(threading.enumerate())
     yield
     assert set(threading.enumerate()) == before
+
+
+@pytest.fixture
+def refused(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Set when a queue has no room for an item, however long one waits."""
+    event = threading.Event()
+
+    class Telling(Queue):
+        def put(self, *arguments: Any, **options: Any) -> None:
+            try:
+                super().put(*arguments, **options)
+            except Full:
+                event.set()
+                raise
+
+    monkeypatch.setattr("fpsboost.io.prefetch.Queue", Telling)
+    return event
 
 
 def failing_after(count: int) -> Iterator[int]:
@@ -51,21 +70,20 @@ def test_errors_while_reading_surface_after_the_items_before_them(count):
     assert received == list(range(count))
 
 
-def test_read_ahead_stays_within_its_depth():
+def test_read_ahead_stays_within_its_depth(refused):
     """No more than the queue and the one item in hand are read before the caller asks."""
-    taken, full = [], threading.Event()
+    taken = []
 
     def source() -> Iterator[int]:
         for k in itertools.count():
             taken.append(k)
-            if len(taken) == 4:
-                full.set()
             yield k
 
     with read_ahead(source(), 3) as items:
-        assert full.wait(10)
-        threading.Event().wait(0.3)  # as long as it likes: nothing more may be taken
-        assert len(taken) == 4
+        for _ in range(3):  # nothing more may be taken, however often it is tried
+            assert refused.wait(10)
+            refused.clear()
+            assert len(taken) == 4
         assert next(items) == 0
 
 
@@ -185,10 +203,19 @@ def test_nothing_is_written_after_a_failure():
     assert seen == [0]
 
 
-def test_leaving_by_an_exception_drops_what_is_not_written():
+def test_leaving_by_an_exception_drops_what_is_not_written(monkeypatch):
     """The body's own error comes through, the item in hand is finished, the rest is not written."""
     started, release = threading.Event(), threading.Event()
     written: list[int] = []
+
+    class Telling(threading.Event):
+        """Lets the item in hand be finished as soon as the writer has been told to stop."""
+
+        def set(self) -> None:
+            super().set()
+            release.set()
+
+    monkeypatch.setattr("fpsboost.io.prefetch.Event", Telling)
 
     def slow(item: int) -> None:
         started.set()
@@ -200,17 +227,15 @@ def test_leaving_by_an_exception_drops_what_is_not_written():
             for k in range(5):
                 write(k)
             assert started.wait(10)
-            release_later.start()
             raise ZeroDivisionError
 
-    release_later = threading.Timer(0.2, release.set)
     with pytest.raises(ZeroDivisionError):
         write_five()
-    release_later.join()
+    assert release.is_set()
     assert written == [0]
 
 
-def test_write_behind_stays_within_its_depth():
+def test_write_behind_stays_within_its_depth(refused):
     """With the writer held up, the caller gets as far as the queue and the one item in hand."""
     release, sent = threading.Event(), []
     ended = threading.Event()
@@ -224,8 +249,10 @@ def test_write_behind_stays_within_its_depth():
 
     thread = threading.Thread(target=produce)
     thread.start()
-    threading.Event().wait(0.4)
-    assert len(sent) <= 4
+    for _ in range(3):  # nothing more may be sent, however often it is tried
+        assert refused.wait(10)
+        refused.clear()
+        assert len(sent) <= 4
     release.set()
     assert ended.wait(10)
     thread.join()

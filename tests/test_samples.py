@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from truth import SCENES, needs_scenes
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 NAMES = ["reflective", "texture", "glass"]
@@ -35,7 +36,7 @@ def stage(geometry: ModuleType) -> ModuleType:
 def read_exr(name: str, kind: str, number: int) -> dict[str, NDArray[Any]]:
     """The channels of a committed file by their names."""
     exr = pytest.importorskip("OpenEXR")
-    with exr.File(str(SAMPLES / "scenes" / name / kind / f"{number:04d}.exr")) as file:
+    with exr.File(str(SCENES / name / kind / f"{number:04d}.exr")) as file:
         return {key: channel.pixels.astype(np.float64) for key, channel in file.channels().items()}
 
 
@@ -47,7 +48,7 @@ def read_flow(name: str, number: int, x: str, y: str, sign: int) -> NDArray[Any]
 
 def read_colour(name: str, number: int) -> NDArray[Any]:
     """A committed frame as floats from 0 to 1."""
-    image = cv2.imread(str(SAMPLES / "scenes" / name / f"{number:04d}.png"), cv2.IMREAD_UNCHANGED)
+    image = cv2.imread(str(SCENES / name / f"{number:04d}.png"), cv2.IMREAD_UNCHANGED)
     return image.astype(np.float32) / 255
 
 
@@ -72,22 +73,25 @@ def find_seen(there: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
     return inside & (np.linalg.norm(there + sample(back, there), axis=-1) < 0.3)
 
 
+@needs_scenes
 @pytest.mark.parametrize("name", NAMES)
 def test_every_frame_has_colour_depth_and_vectors(name):
     """A scene has 25 frames, numbered from 0000, and as many files of depth and of vectors."""
-    folder = SAMPLES / "scenes" / name
+    folder = SCENES / name
     numbers = [f"{number:04d}" for number in range(FRAMES)]
     for place in (folder.glob("*.png"), folder.glob("depth/*.exr"), folder.glob("vectors/*.exr")):
         assert sorted(path.stem for path in place) == numbers
     assert all(read_colour(name, number).shape == (HEIGHT, WIDTH, 3) for number in (0, FRAMES - 1))
 
 
+@needs_scenes
 def test_the_set_is_small():
     """What is committed of the scenes stays below 15 MB."""
-    files = [path for kind in ("*.png", "depth/*.exr", "vectors/*.exr") for path in SAMPLES.glob(f"scenes/*/{kind}")]
+    files = [path for kind in ("*.png", "depth/*.exr", "vectors/*.exr") for path in SCENES.glob(f"*/{kind}")]
     assert 0 < sum(path.stat().st_size for path in files) < 15e6
 
 
+@needs_scenes
 @pytest.mark.parametrize(("name", "number"), [("reflective", 0), ("texture", MIDDLE), ("glass", FRAMES - 1)])
 def test_files_hold_what_the_formulas_say(geometry, stage, name, number):
     """Depth is a half float, vectors are rounded to 1/64 of a pixel, and both are those of the scene."""
@@ -103,6 +107,7 @@ def test_files_hold_what_the_formulas_say(geometry, stage, name, number):
     np.testing.assert_allclose(np.dstack([channels[key] for key in "XYZW"]), vectors, atol=1 / 128 + 1e-6)
 
 
+@needs_scenes
 def test_vectors_to_the_next_frame_explain_the_matt_scene():
     """The next frame, fetched along (-Z, W), is this frame where its points are still seen; with y down it is not."""
     there, back = read_flow("texture", MIDDLE, "Z", "W", -1), read_flow("texture", MIDDLE + 1, "X", "Y", 1)
@@ -114,6 +119,7 @@ def test_vectors_to_the_next_frame_explain_the_matt_scene():
     assert psnr_where(seen, following, this) < 24
 
 
+@needs_scenes
 def test_vectors_to_the_previous_frame_explain_the_matt_scene():
     """The previous frame, fetched along (X, -Y), is this frame wherever its points were seen."""
     there, back = read_flow("texture", MIDDLE, "X", "Y", 1), read_flow("texture", MIDDLE - 1, "Z", "W", -1)

@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections import Counter
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from scenes_of_cuts import make_clips
-from truth import affine, as_type, frozen, moving_object, noise, prepared, translation, waves
+from truth import (
+    SCENES,
+    affine,
+    as_type,
+    frozen,
+    moving_object,
+    needs_scenes,
+    noise,
+    prepared,
+    translation,
+    waves,
+)
 
 from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
 from fpsboost.analysis.scene_cuts import CutDetector
@@ -181,13 +191,14 @@ def test_a_flash_hides_a_scene_that_goes_on():
     assert not CutDetector(threshold=1).is_flash(0.01, 0.9, 0.9)
 
 
+@needs_scenes
 @pytest.mark.parametrize("scene_name", ["glass", "reflective", "texture"])
 def test_the_rendered_scenes_hold_no_cut(scene_name):
     """Not even with every second frame hidden, and although turning glass shows something else each time.
 
     Neither as a sequence nor as two frames alone.
     """
-    paths = sorted((Path(__file__).parents[1] / "samples" / "scenes" / scene_name).glob("*.png"))
+    paths = sorted((SCENES / scene_name).glob("*.png"))
     images = [FrameCache(cv2.imread(str(path))) for path in paths]
     pairs = [methods["nlm"].pair(*pair) for pair in zip(images[:-2], images[2:], strict=True)]
     assert len(pairs) == 23

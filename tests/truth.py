@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
 
 Array = NDArray[Any]
+
+SCENES = Path(__file__).parents[1] / "samples" / "scenes"
+needs_scenes = pytest.mark.skipif(not SCENES.is_dir(), reason="the source distribution has no rendered scenes")
 
 
 @dataclass(frozen=True)

@@ -646,3 +646,77 @@ def smaller_change(before: float, after: float) -> float:
     if before * after <= 0:
         return 0.0
     return min(before, after, key=abs)
+
+
+def clipped(value: float, most: float = 255) -> float:
+    """A level as near to a value as levels go, not yet rounded."""
+    return min(max(value, 0), most)
+
+
+def luma_and_chroma(pixel: list[float]) -> tuple[float, float]:
+    """Of one pixel with 1 for white: luma by BT.601, and the mean of both differences of colour with 0.5 for gray.
+
+    Gray, gray and alpha, BGR, or BGR and alpha; both are multiplied by alpha, and 0 is the chroma of gray images.
+    """
+    alpha = pixel[-1] if len(pixel) in {2, 4} else 1.0
+    if len(pixel) < 3:
+        return pixel[0] * alpha, 0.0
+    blue, green, red = pixel[:3]
+    luma = 0.299 * red + 0.587 * green + 0.114 * blue
+    return luma * alpha, ((0.713 * (red - luma) + 0.564 * (blue - luma)) / 2) * alpha + 0.5
+
+
+def split_levels(image: Array, white: float, scale: float) -> tuple[Array, Array, Array]:
+    """Luma, and levels of half of it and of chroma, (H, W) each and not rounded; `scale` levels are 1."""
+    height, width = image.shape[:2]
+    luma, first, third = (np.empty((height, width)) for _ in range(3))
+    for y in range(height):
+        for x in range(width):
+            luma[y, x], chroma = luma_and_chroma([float(value) / white for value in image[y, x]])
+            first[y, x], third[y, x] = clipped(luma[y, x] / 2 * scale), clipped(chroma * scale)
+    return luma, first, third
+
+
+def split_codes(planes: list[Array], levels: tuple[float, float, float, float], scale: float) -> list[Array]:
+    """The same of a picture in planes; `levels` are black, white less black, gray's chroma, and the range of chroma.
+
+    A sample of chroma belongs to all pixels that it was taken of.
+    """
+    black, luma_span, neutral, chroma_span = levels
+    height, width = planes[0].shape
+    down, across = (-(-size // length) for size, length in zip((height, width), planes[1].shape, strict=True))
+    luma, first, third = (np.empty((height, width)) for _ in range(3))
+    for y in range(height):
+        for x in range(width):
+            cb, cr = (float(plane[y // down, x // across]) for plane in planes[1:])
+            luma[y, x] = (float(planes[0][y, x]) - black) / luma_span
+            first[y, x] = clipped(luma[y, x] / 2 * scale)
+            third[y, x] = clipped((((cb + cr) / 2 - neutral) / chroma_span + 0.5) * scale)
+    return [luma, first, third]
+
+
+def with_repeated_edges(plane: Array, above: int, left: int, shape: tuple[int, int]) -> Array:
+    """A larger plane in which each place has what the nearest one of the smaller has."""
+    height, width = plane.shape
+    larger = np.empty(shape)
+    for y in range(shape[0]):
+        for x in range(shape[1]):
+            larger[y, x] = plane[min(max(y - above, 0), height - 1), min(max(x - left, 0), width - 1)]
+    return larger
+
+
+def finished(sums: Array, weights: Array, white: float, lowest: float, highest: float, straight_alpha: bool) -> Array:
+    """Weighted sums, (C, rows, width), as the values of an image, not yet rounded.
+
+    Each is divided by its weight, all but the last by the last if alpha was multiplied in, and kept in range.
+    """
+    channels, rows, width = sums.shape
+    values = np.empty(sums.shape)
+    for c in range(channels):
+        for y in range(rows):
+            for x in range(width):
+                value = float(sums[c, y, x]) / float(weights[y, x])
+                if straight_alpha and c < channels - 1:
+                    value /= max(float(sums[channels - 1, y, x]) / float(weights[y, x]), 1e-6)
+                values[c, y, x] = min(max(value * white, lowest), highest)
+    return values

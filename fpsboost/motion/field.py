@@ -1,4 +1,4 @@
-"""A motion field: the vectors of a frame's pixels, and how alike both ends of each are."""
+"""A motion field: the vectors of a frame's pixels, and how alike their ends were found to be."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class MotionField:
     vectors : (rows, columns, 2) float32
         ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``, ``field10``).
     similarities : (rows, columns) float32
-        How alike the patches at both ends are, in [0, 1]; 1 everywhere where an estimator does not know.
+        How alike the patches or blocks at both ends were found to be, in [0, 1], each estimator by its own measure; 1
+        everywhere where it has none. The default's belong to the whole pixels that its vectors were refined from.
     search_radius : int or None
         Largest motion that was searched for, pixels in x and in y, where an estimator chose it for these frames.
     spacing : int
@@ -49,7 +50,7 @@ class MotionField:
 
     @cached_property
     def similarity(self) -> NDArray[Any]:
-        """(H, W) float32, the similarity of every pixel."""
+        """(H, W) float32, for every pixel the similarity of the point whose vector it shares, not of its own patch."""
         return self._at_pixels(self.similarities)
 
     def at_points(self, spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:

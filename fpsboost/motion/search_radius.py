@@ -111,8 +111,9 @@ def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: Vector
     Examples
     --------
     >>> noise = np.random.default_rng(1).integers(0, 256, (96, 128, 3), dtype=np.uint8)
-    >>> choose_search_radius(FrameCache(noise), FrameCache(np.roll(noise, 10, axis=1)))
-    16
+    >>> radius = choose_search_radius(FrameCache(noise), FrameCache(np.roll(noise, 10, axis=1)))
+    >>> 12 <= radius <= 20
+    True
     """
     longer_side: int = max(image0.pixels.shape[:2])
     least = MIN_RADIUS_SHARE * longer_side
