@@ -1,1 +1,1 @@
-"""Video files and streams of pictures: FFmpeg decodes and encodes, through PyAV."""
+"""Reading and writing of video files and video streams with FFmpeg, through PyAV."""

@@ -1,4 +1,4 @@
-"""Chunks of encoded pictures and everything else of the source, put together into one file."""
+"""Mux encoded chunks and the other streams of the source into one output file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fpsboost.errors import OutputError
 from fpsboost.io.staging import sync
 from fpsboost.io.trim import Window
 from fpsboost.io.video.chunks import Chunk
-from fpsboost.io.video.encoding import EXACT_CLOCKS, Encoding
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, Encoding
 from fpsboost.io.video.fitting import Fitting
 from fpsboost.io.video.muxing import open_muxer
 from fpsboost.io.video.other_streams import OtherStreams
@@ -25,28 +25,28 @@ from fpsboost.io.video.source import VideoSource
 
 
 class Assembly:
-    """The file that an output becomes: its header is written at once, its packets when all chunks are there.
+    """Output file whose header is written at once and whose packets are written when all chunks are complete.
 
-    So what a container cannot hold is known before any work is done.
+    What the container cannot hold is therefore known before any frame is encoded.
 
     Parameters
     ----------
     path : Path
-        Where it is written; it gets its final name elsewhere.
+        Path of the staged file; the caller renames it to its final name.
     template : av.VideoStream
-        A stream with an open encoder like the one that makes the chunks.
+        Stream with an open encoder that is set up like the encoder of the chunks.
     time_base : Fraction
-        Seconds per tick of the chunks' times.
+        Time base of the chunks, seconds per tick.
     display_matrix : tuple of 9 int or None
     source : VideoSource or None
-        What to carry everything but the pictures over from.
+        Source of all streams and metadata other than the video.
     encoding : Encoding
     container, name : str
-        FFmpeg's name of the container, and what messages call the output.
+        FFmpeg's name of the container, and the output's name in messages.
     fitting : Fitting
-        How the other streams come into the container.
+        How the other streams are stored in the container.
     window : Window, optional
-        Which part of the source is written.
+        Part of the source that is written.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Assembly:
                     fitting=fitting,
                     window=window,
                 )
-                if container in EXACT_CLOCKS:
+                if container in EXACT_TIME_BASE_CONTAINERS:
                     self._output.container_options["movie_timescale"] = str(self._others.clock)
                     if self._others.tags.free_keys:
                         self._output.container_options["movflags"] = "+faststart+use_metadata_tags"
@@ -92,7 +92,7 @@ class Assembly:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences about what the file could not hold."""
+        """Remarks on what the file could not hold."""
         return self._others.remarks if self._others else []
 
     def finish(self, chunks: Sequence[Chunk]) -> None:
@@ -123,12 +123,12 @@ class Assembly:
             self._others.check_labels(self._path)
 
     def discard(self) -> None:
-        """Let go of everything; the file goes first, lest FFmpeg rewrites it for fast starting."""
+        """Close everything and delete the file, before the muxer closes, so that FFmpeg does no faststart rewrite."""
         if self._others is not None:
             self._others.close()
         if self._output is None:
             return
-        with contextlib.suppress(OSError):  # Windows does not remove an open file; its folder goes later
+        with contextlib.suppress(OSError):  # Windows cannot remove an open file; its folder is removed later
             self._path.unlink(missing_ok=True)
         output, self._output = self._output, None
         with contextlib.suppress(av.error.FFmpegError, OSError, ValueError):
@@ -145,7 +145,7 @@ class Assembly:
         return stream
 
     def _mux(self, chunks: Sequence[Chunk]) -> None:
-        """Write the pictures' packets, one behind, since the last one's duration is known only at the end."""
+        """Mux the video packets, each after the next is read, since the last duration is known only at the end."""
         held: av.Packet[Any] | None = None
         first_pts = first_dts = end_pts = 0
         decoding_times = decoding_times_of(chunks)
@@ -160,8 +160,8 @@ class Assembly:
             held = packet
         if held is None:
             raise OutputError(f"{self._name} was not written because its encoder made nothing; try another --codec.")
-        if self._container in EXACT_CLOCKS and held.dts is not None:
-            # The length of an mp4 track is a sum over decoding times, of which only the last summand is free.
+        if self._container in EXACT_TIME_BASE_CONTAINERS and held.dts is not None:
+            # The duration of an mp4 track is a sum of decoding time differences; only the last one can be chosen.
             left = (end_pts - first_pts) - (held.dts - first_dts)
             held.duration = left if left > 0 else held.duration
         self._mux_one(held)
@@ -174,12 +174,12 @@ class Assembly:
 
 
 def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
-    """When each packet is decoded, in ticks.
+    """Yield the decoding time of each packet, in ticks.
 
-    An encoder that changes the order begins to decode before it shows, so every chunk's decoding times reach back into
-    the chunk before. Over the seams they go on as if one encoder had made everything: each packet is decoded when the
-    picture is shown that lies a fixed number of places before it in the order of showing. The encoder's own
-    times are not taken: of fewer pictures than x265 holds back, they are ages before those of showing.
+    With reordering, decoding starts before presentation, so the decoding times of each chunk reach back into the chunk
+    before. Here they continue across chunks as if one encoder had made all of them: the decoding time of a packet is
+    the presentation time of the picture a fixed number of places before it in presentation order. The encoder's own
+    decoding times are not used: for fewer pictures than x265 buffers, they are far before the presentation times.
     """
     delay = max(_delay_of(chunk) for chunk in chunks)
     shown: deque[int] = deque()
@@ -194,7 +194,7 @@ def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
 
 
 def _delay_of(chunk: Chunk) -> int:
-    """How many packets are decoded before the first one is shown."""
+    """Return the number of packets that are decoded before the first one is presented."""
     times = list(chunk.times())
     in_order = sorted(each.pts for each in times)
     places = {pts: place for place, pts in enumerate(in_order)}

@@ -1,4 +1,4 @@
-"""Videos, cameras and streams read by OpenCV, and arrays that are in memory, as sources."""
+"""Frame sources that read videos, cameras and streams with OpenCV, or arrays in memory."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from fpsboost.io import Closing
 from fpsboost.io.memory_limit import MemoryLimit
 
 MAX_DENOMINATOR = 1001
-"""Of a rate that OpenCV gives as a float: 29.97 is 30000/1001."""
+"""Maximum denominator of a frame rate that OpenCV gives as a float: 29.97 becomes 30000/1001."""
 
 
 class ArraySource(Closing):
-    """Images that come one after the other, at a constant rate.
+    """Source of the images of an iterable, at a constant frame rate.
 
     Parameters
     ----------
     images : iterable of (H, W, C) or (H, W) uint8, uint16 or float32
-        All of one shape and type, not to be written to any more. The first one is taken at once.
+        All of one shape and dtype; they must not be modified afterwards. The first one is read at once.
     rate : Fraction
         Frames per second.
     name : str
-        For messages.
+        Name of the source in messages.
 
     Raises
     ------
     InputError
-        There is none, or the first is no image; while iterating also: another one differs from it.
+        There are no images, or the first is not an image; while iterating, also if an image differs from the first.
     """
 
     def __init__(self, images: Iterable[Image], rate: Fraction, name: str = "The source") -> None:
@@ -56,23 +56,23 @@ class ArraySource(Closing):
             yield Frame(image, number / self.info.rate, 1 / self.info.rate)
 
     def close(self) -> None:
-        """Do nothing: what the images come from belongs to the caller."""
+        """Do nothing: the caller owns the origin of the images."""
 
 
 class CaptureSource(ArraySource):
-    """A file, a camera or a stream, read by OpenCV.
+    """Source of frames that OpenCV reads from a file, a camera or a stream.
 
     Parameters
     ----------
     path : str
-        Whatever `cv2.VideoCapture` takes: a file, an address, a GStreamer pipeline, the number of a camera.
+        Anything that `cv2.VideoCapture` accepts: a file, a URL, a GStreamer pipeline, the number of a camera.
     limit : MemoryLimit, optional
-        What may be taken; what is available without it.
+        Memory that may be used; by default what is available.
 
     Raises
     ------
     InputError
-        OpenCV cannot open it, finds no frame in it, or it is too large.
+        OpenCV cannot open it or finds no frame in it, or the frames are too large.
     """
 
     def __init__(self, path: str, *, limit: MemoryLimit | None = None) -> None:
@@ -102,7 +102,7 @@ class CaptureSource(ArraySource):
 
 
 def captured(capture: cv2.VideoCapture) -> Iterator[Image]:
-    """Yield the frames of a capture until it gives no more."""
+    """Yield the frames of a capture until it ends."""
     while True:
         is_there, image = capture.read()
         if not is_there:
@@ -111,7 +111,7 @@ def captured(capture: cv2.VideoCapture) -> Iterator[Image]:
 
 
 def rate_of(capture: cv2.VideoCapture) -> Fraction | None:
-    """Return the frames per second that a capture says; None where it says nothing that can be."""
+    """Return the frame rate that a capture reports, in frames per second, or None if it is not finite and positive."""
     rate = capture.get(cv2.CAP_PROP_FPS)
     return Fraction(rate).limit_denominator(MAX_DENOMINATOR) if math.isfinite(rate) and rate > 0 else None
 

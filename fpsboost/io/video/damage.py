@@ -1,4 +1,4 @@
-"""What was wrong with a file, counted while it is read and said at its end."""
+"""Counts of the errors in a video file, gathered while it is read, and remarks on them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass
 class Damage:
-    """Counts of what did not come out of a video as it should.
+    """Counts of the errors found while a video is read.
 
     Attributes
     ----------
@@ -16,13 +16,13 @@ class Damage:
     corrupt : int
         Frames that decoded with errors.
     misplaced, displaced : int
-        Frames shown no later than the one before: left out, and put into the gap behind it.
+        Frames whose time is not later than the frame before: left out, and moved into the gap that follows.
     far_ahead : int
-        Frames with a time far behind that of the next one, and put back before it.
+        Frames whose time is far ahead of the next frame's, and which were moved back before it.
     jumps : int
-        Places where the clock jumps back, from which everything goes on.
+        Places where the times of the video stream jump back; the times after each are offset to continue.
     joints : int
-        Places where the clock of the whole file jumps, from which everything goes on.
+        Places where the clock of the whole file jumps; the times after each are offset to continue.
     untimed : int
         Frames without a time.
     """
@@ -38,7 +38,7 @@ class Damage:
     untimed: int = 0
 
     def remarks(self, name: str, frames: int) -> list[str]:
-        """Sentences about a file of which so many frames could be read."""
+        """Return remarks on the errors of a file of which `frames` frames could be read."""
         parts = []
         if self.undecodable:
             parts.append(f"{counted(self.undecodable, 'packet')} could not be decoded")
@@ -77,5 +77,5 @@ class Damage:
 
 
 def counted(count: int, what: str) -> str:
-    """``1 frame``, ``2 frames``."""
+    """Return a count with its noun: ``1 frame``, ``2 frames``."""
     return f"{count} {what}{'' if count == 1 else 's'}"

@@ -1,4 +1,4 @@
-"""How a source is read, as far as its user decides."""
+"""Options of the user for reading a source."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ Decoder = Literal["ffmpeg", "opencv"]
 
 @dataclass(frozen=True)
 class DecodeOptions:
-    """How a source is read.
+    """Options for reading a source.
 
     Parameters
     ----------
     stream : int, optional
-        Number of the video stream in its file, as `fpsboost probe` prints it; by default the one that FFmpeg takes for
+        Number of the video stream in its file, as `fpsboost probe` prints it; by default the one that FFmpeg considers
         the best.
     deinterlace : bool
-        Make a frame of each field before anything else, which doubles the frame rate; also of frames that are not
-        flagged as interlaced.
+        Make a frame of each field before any other step, which doubles the frame rate; this includes frames that are
+        not flagged as interlaced.
     size_change : {'stop', 'scale'}
-        Where pictures change their size or pixel format: stop, or make them all like the first one.
+        If pictures change their size or pixel format: stop, or convert all of them to the first one's.
     decoder : {'ffmpeg', 'opencv'}
-        What reads videos: PyAV's FFmpeg, or the OpenCV that is installed, which may open what that cannot (cameras,
-        GStreamer pipelines) but gives 8-bit pictures alone.
+        Library that reads videos: PyAV's FFmpeg, or the installed OpenCV, which may open what FFmpeg cannot (cameras,
+        GStreamer pipelines) but gives 8-bit pictures only.
 
     Raises
     ------
     OptionError
-        A value can never work.
+        A value is never valid.
     """
 
     stream: int | None = None
@@ -48,7 +48,7 @@ class DecodeOptions:
 
     @property
     def given(self) -> list[str]:
-        """The options that differ from the defaults, as the command line calls them."""
+        """Command-line names of the options that differ from the defaults."""
         values = {
             "--stream": self.stream is not None,
             "--deinterlace": self.deinterlace,

@@ -1,8 +1,8 @@
-"""Sound that is encoded anew, at its own length or stretched to another at its own pitch.
+"""Re-encode audio at its own duration, or time-stretched at its own pitch.
 
-It is decoded, led through FFmpeg's filters, and encoded. Sound without a gap is one run through a filter graph. Where
-it pauses, or where packets are lost, a new run begins at the time that the source says, so that nothing drifts however
-long the clip is. What decoders give beyond the end of the last packet is an encoder's padding, and cut off.
+Audio is decoded, passed through FFmpeg's filters, and encoded. Each run of audio without a gap has its own filter
+graph. After a gap, or where packets are lost, a new run begins at the source's timestamp, so that no drift accumulates
+in long clips. Samples decoded beyond the end of the last packet are encoder padding and are cut off.
 """
 
 from __future__ import annotations
@@ -24,26 +24,29 @@ from numpy.typing import NDArray
 
 from fpsboost.io.trim import Window
 from fpsboost.io.video.damage import counted
-from fpsboost.io.video.sound_encoders import BITRATE, Traits, is_lossless, named_layout, traits_for
+from fpsboost.io.video.sound_encoders import BITRATE_PER_CHANNEL, Traits, is_lossless, named_layout, traits_for
 
-SLACK = Fraction(1, 50)
-"""Seconds by which sound misses its time when it counts as interrupted: more than jitter, as much as a lost packet."""
+MIN_GAP = Fraction(1, 50)
+"""Minimum distance of an audio frame's timestamp from the end of the run that counts as a gap, seconds.
+
+It is more than jitter, and as much as a lost packet.
+"""
 PREROLL = Fraction(1, 2)
-"""Seconds that are decoded before those that are wanted, since decoders need them."""
-TAIL = Fraction(1, 4)
-"""Seconds of silence behind a run, which push out what the filters still hold."""
-DISCARD = struct.Struct("<IIBB")
-"""FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to leave out at the start and at the end, and a reason for each."""
-SKIP_SAMPLES = get_args(PktSideDataT).index("skip_samples")
-EARLIEST = Fraction(-(2**40))
-"""Seconds; before the beginning of any file."""
+"""Duration that is decoded before the start of the window, since decoders need it, seconds."""
+FLUSH_SILENCE = Fraction(1, 4)
+"""Duration of the silence appended to a run to flush the filters, seconds."""
+SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
+"""Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
+SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
+MIN_TIME = Fraction(-(2**40))
+"""Time before the start of any file, seconds."""
 
 sample_types = {"u8": np.uint8, "s16": np.int16, "s32": np.int32, "s64": np.int64, "flt": np.float32, "dbl": np.float64}
-"""Type of a sample by FFmpeg's name of the format."""
+"""Sample dtype by FFmpeg's name of the packed sample format."""
 
 
 def can_encode(stream: av.stream.Stream, encoder: str, stretch: Fraction = Fraction(1)) -> bool:
-    """Whether a stream can be decoded here, and encoded by an encoder so many times as long."""
+    """Return whether a stream can be decoded here and encoded by an encoder at `stretch` times its duration."""
     context: Any = stream.codec_context
     if context is None or context.sample_rate <= 0:
         return False
@@ -56,28 +59,29 @@ def can_encode(stream: av.stream.Stream, encoder: str, stretch: Fraction = Fract
 
 
 class EncodedSound:
-    """A stream of sound on its way into one of another format, or of another length.
+    """Audio stream that is re-encoded in another format, or at another duration.
 
     Parameters
     ----------
     stream : av.stream.Stream
-        Sound for which `can_encode` holds.
+        Audio for which `can_encode` returns True.
     output : av.container.OutputContainer
-        Not started yet; gets a stream that its container holds.
+        Output whose header is not written yet; a stream is added to it.
     encoder : str
-        FFmpeg's name.
+        FFmpeg's name of an encoder whose format the container holds.
     window : Window, optional
-        Which part of the source is wanted, and how many times as long it lasts; looked at when packets come. All of it
-        and as long without one.
+        Part of the source that is wanted, and its stretch factor; read when packets arrive. By default all of the
+        source at its own duration.
 
     Attributes
     ----------
     stream : av.stream.Stream
-        The output's.
+        Stream of the output.
     lost_packets : int
-        How many could not be decoded; their time stays silent.
+        Number of packets that could not be decoded; the output is silent there.
     changes : str
-        What the encoder does not take of the source's sound, as the end of a sentence: ``, its 7.1.4 as stereo``.
+        Properties of the source's audio that the encoder does not support, as the end of a sentence:
+        ``, its 7.1.4 as stereo``.
     """
 
     def __init__(
@@ -97,7 +101,7 @@ class EncodedSound:
         target: Any = output.add_stream(encoder, rate=self._rate, layout=layout)
         target.codec_context.format = format
         if not is_lossless(encoder):
-            target.bit_rate = BITRATE * target.codec_context.layout.nb_channels
+            target.bit_rate = BITRATE_PER_CHANNEL * target.codec_context.layout.nb_channels
         target.time_base = Fraction(1, self._rate)
         self.stream: Any = target
         self._run: _Run | None = None
@@ -107,7 +111,7 @@ class EncodedSound:
         self._tick = Fraction(0)
 
     def converted(self, packet: av.Packet[Any]) -> list[av.Packet[Any]]:
-        """What has become ready after one packet of the source, in order."""
+        """Return the output packets that are ready after one packet of the source, in order."""
         assert packet.dts is not None
         self._tick = tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts
@@ -123,21 +127,22 @@ class EncodedSound:
         return [ready for frame in frames for ready in self._hold(frame, begin)]
 
     def finish(self) -> list[av.Packet[Any]]:
-        """What is left when the source has ended."""
+        """Return the remaining output packets after the end of the source."""
         ready = []
         try:
             for frame in self._source.decode(None):
                 ready += self._hold(frame, None)
         except av.error.FFmpegError:
             self.lost_packets += 1
-        ready += self._let_go(self._packets_end)
+        ready += self._take_held(self._packets_end)
         ready += self._end_run()
-        return ready if self._next_pts is None else [*ready, *self._trimmed(self.stream.encode(None))]
+        return ready if self._next_pts is None else [*ready, *self._with_padding_marked(self.stream.encode(None))]
 
-    def _trimmed(self, packets: list[av.Packet[Any]]) -> list[av.Packet[Any]]:
-        """The encoder's last packets, of which the last one says where the sound ends and its padding begins.
+    def _with_padding_marked(self, packets: list[av.Packet[Any]]) -> list[av.Packet[Any]]:
+        """Return the encoder's last packets with the start of the padding marked in the last one.
 
-        As its length, which mp4 and mov keep, and as samples to discard, which Matroska keeps; not all encoders do.
+        It is marked by the duration, which mp4 and mov keep, and by the number of samples to skip, which Matroska
+        keeps; not all encoders do this themselves.
         """
         last = next((each for each in reversed(packets) if each.size), None)
         if last is None or last.pts is None or self._next_pts is None:
@@ -148,21 +153,21 @@ class EncodedSound:
         if left > 0 and padding > 0:
             last.duration = min(last.duration or left, round(Fraction(left, self._rate) / tick))
             if not any(each.data_type == "skip_samples" for each in last.iter_sidedata()):
-                discarded = PacketSideData(SKIP_SAMPLES, DISCARD.size)  # type: ignore[call-arg]
-                discarded.update(DISCARD.pack(0, padding, 0, 0))
+                discarded = PacketSideData(SKIP_SAMPLES_TYPE, SKIP_SAMPLES_STRUCT.size)  # type: ignore[call-arg]
+                discarded.update(SKIP_SAMPLES_STRUCT.pack(0, padding, 0, 0))
                 last.set_sidedata(discarded)
         return packets
 
     @property
     def _frame_size(self) -> int:
-        """Samples that each packet decodes to; 0 where the last one may be shorter."""
+        """Number of samples per packet; 0 if the last packet may be shorter."""
         context: Any = self.stream.codec_context
         return 0 if is_lossless(context.codec.name) else int(context.frame_size)
 
     @property
     def _begin(self) -> Fraction:
-        """Where what is wanted begins in the source: before anything is, where all of it is wanted."""
-        return EARLIEST if self._window is None else self._window.begin
+        """Start of the window in the source, seconds; before the start of any file without a window."""
+        return MIN_TIME if self._window is None else self._window.begin
 
     @property
     def _end(self) -> Fraction | None:
@@ -172,20 +177,20 @@ class EncodedSound:
     def _stretch(self) -> Fraction:
         return Fraction(1) if self._window is None else self._window.stretch
 
-    def _due(self, time: Fraction) -> Fraction:
-        """When something of the source is heard in the output."""
+    def _output_time(self, time: Fraction) -> Fraction:
+        """Return the output time of a source time, both in seconds."""
         return time if self._window is None else (time - self._window.begin) * self._window.stretch
 
     def _hold(self, frame: av.AudioFrame, begin: Fraction | None) -> list[av.Packet[Any]]:
-        """Take the frame before this one, which thereby is not the last."""
-        ready = self._let_go(None)
+        """Hold a frame back and process the frame held before, which is therefore not the last one."""
+        ready = self._take_held(None)
         self._held = frame, begin
         return ready
 
-    def _let_go(self, end: Fraction | None) -> list[av.Packet[Any]]:
-        """Take what is held, as far as the end of the source's packets; `end` is None for all, 0 where unknown.
+    def _take_held(self, end: Fraction | None) -> list[av.Packet[Any]]:
+        """Process the held frame up to `end`, where the source's packets end; None for all of it, 0 if unknown.
 
-        A packet's time and length may both be rounded to the file's clock, and then say nothing about single samples.
+        A packet's time and duration may both be rounded to the file's time base, and are then not exact to the sample.
         """
         if self._held is None:
             return []
@@ -195,15 +200,18 @@ class EncodedSound:
             padding = math.floor(beyond * frame.sample_rate)
             if beyond > 2 * self._tick and 0 < padding < frame.samples:
                 time, base = frame.pts, frame.time_base
-                frame = _part(frame, 0, frame.samples - padding)
+                frame = _slice_samples(frame, 0, frame.samples - padding)
                 frame.pts, frame.time_base = time, base
         return self._take(frame, begin)
 
     def _take(self, frame: av.AudioFrame, begin: Fraction | None) -> list[av.Packet[Any]]:
-        """Stretch what of a decoded frame lies in the window and behind what has been taken; `begin` is a guess."""
+        """Stretch and encode the new samples of a decoded frame that lie in the window.
+
+        `begin` is the start of its packet, seconds, used if the frame has no timestamp.
+        """
         run = self._run
         time = begin if frame.pts is None else frame.pts * Fraction(frame.time_base or 1)
-        if time is None or (run is not None and abs(time - run.end) < SLACK):
+        if time is None or (run is not None and abs(time - run.end) < MIN_GAP):
             if run is None:
                 return []
             time = run.end
@@ -220,12 +228,12 @@ class EncodedSound:
             ready = self._end_run()
             try:
                 run = self._run = _Run(frame, time, self._stretch, self._target)
-            except (av.error.FFmpegError, ValueError):  # channels that damage has made up
+            except (av.error.FFmpegError, ValueError):  # a channel layout decoded from damaged data
                 self.lost_packets += 1
                 return ready
-            pts = round(self._due(time) * self._rate)
+            pts = round(self._output_time(time) * self._rate)
             self._next_pts = pts if self._next_pts is None else max(pts, self._next_pts)
-        return [*ready, *self._encode(run.stretched(_part(frame, first, last)))]
+        return [*ready, *self._encode(run.stretched(_slice_samples(frame, first, last)))]
 
     def _end_run(self) -> list[av.Packet[Any]]:
         run, self._run = self._run, None
@@ -242,17 +250,18 @@ class EncodedSound:
 
 
 class _Run:
-    """Sound without a gap on its way through a filter graph.
+    """Filter graph for one run of audio without a gap.
 
     Parameters
     ----------
     frame : av.AudioFrame
-        Like those to come.
+        Frame with the format of the run.
     start : Fraction
-        When it begins in the source, seconds.
+        Start of the run in the source, seconds.
     stretch : Fraction
+        Output duration over source duration.
     target : (int, str, str)
-        Traits of what comes out.
+        Traits of the output.
     """
 
     def __init__(self, frame: av.AudioFrame, start: Fraction, stretch: Fraction, target: Traits) -> None:
@@ -264,15 +273,15 @@ class _Run:
 
     @property
     def end(self) -> Fraction:
-        """Where in the source it has got to, seconds."""
+        """End of the samples taken so far, as a time in the source, seconds."""
         return self._start + Fraction(self._taken, self._rate_in)
 
     def fits(self, frame: av.AudioFrame) -> bool:
-        """Whether a frame can go on with it."""
+        """Return whether a frame has the format of this run."""
         return _traits_of(frame) == self._traits
 
     def stretched(self, frame: av.AudioFrame) -> Iterator[av.AudioFrame]:
-        """Take the next frame, and give what is ready."""
+        """Push the next frame and yield the frames that are ready."""
         frame.pts, frame.time_base = self._taken, Fraction(1, self._rate_in)
         self._taken += frame.samples
         self._graph.push(frame)
@@ -281,12 +290,12 @@ class _Run:
             yield ready
 
     def finish(self) -> Iterator[av.AudioFrame]:
-        """Give the rest, so that it lasts exactly as long as it should."""
+        """Yield the remaining frames, cut or padded with silence so that the run has its exact duration."""
         missing = round(self._taken * self._stretch * self._target[0] / self._rate_in) - self._given
         self._graph.push(None)
         for ready in self._ready():
             if missing > 0:
-                yield _part(ready, 0, min(missing, ready.samples))
+                yield _slice_samples(ready, 0, min(missing, ready.samples))
             missing -= ready.samples
         if missing > 0:
             rate, format, layout = self._target
@@ -308,26 +317,28 @@ class _Run:
 
 
 def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph:
-    """Filters that turn sound into other traits and another length, its beginning in place and some silence behind it.
+    """Build a filter graph that converts audio to other traits and another duration.
+
+    The start stays in place; silence is appended.
 
     Raises
     ------
     av.error.FFmpegError
-        The source's layout cannot become the target's.
+        The source's channel layout cannot be converted to the target's.
     """
     rate = source[0]
-    # atempo shows everything early, by half a piece for each further time that the sound lasts: so much silence goes
-    # before it, and is cut off again
-    lead = _piece(rate) // 2 if stretch > 1 else 0
+    # atempo outputs everything too early, by half a window for each multiple of the duration beyond the first:
+    # silence of that length is prepended, and cut off again
+    lead = _atempo_window_size(rate) // 2 if stretch > 1 else 0
     stages = math.ceil(abs(math.log2(stretch)) - 1e-9)
     tempo = min(2.0, max(0.5, float(1 / stretch) ** (1 / max(1, stages))))
     graph = av.filter.Graph()
     nodes = [
         graph.add_abuffer(sample_rate=rate, format=source[1], layout=source[2], time_base=Fraction(1, rate)),
         *([graph.add("adelay", f"delays={lead}S:all=1")] if lead else []),
-        graph.add("apad", f"pad_len={round(TAIL * rate)}"),
+        graph.add("apad", f"pad_len={round(FLUSH_SILENCE * rate)}"),
         *(graph.add("atempo", repr(tempo)) for _ in range(stages)),
-        # mixed to fewer channels, nothing gets louder than it may be
+        # downmixing must not clip
         graph.add("aresample", "osr={}:osf={}:ochl={}:rematrix_maxval=1".format(*target)),
         graph.add("atrim", f"start_sample={round(Fraction(lead * target[0], rate))}"),
         graph.add("abuffersink"),
@@ -336,8 +347,8 @@ def _graph(source: Traits, stretch: Fraction, target: Traits) -> av.filter.Graph
     return graph
 
 
-def _part(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame:
-    """Samples `first` to before `last`."""
+def _slice_samples(frame: av.AudioFrame, first: int, last: int) -> av.AudioFrame:
+    """Return the samples from `first` up to but not including `last`."""
     if (first, last) == (0, frame.samples):
         return frame
     width = 1 if frame.format.is_planar else frame.layout.nb_channels
@@ -352,7 +363,7 @@ def _bits(format: str) -> int:
 
 
 def _traits_of_stream(stream: av.stream.Stream) -> tuple[Traits, int]:
-    """Traits of sound by its file, and how many channels it has; FFmpeg's usual format where that is not known yet."""
+    """Return the traits of an audio stream and its number of channels; the sample format is fltp if not known yet."""
     context: Any = stream.codec_context
     channels = context.layout.nb_channels
     format = context.format.name if context.format is not None else "fltp"
@@ -363,13 +374,13 @@ def _traits_of(frame: av.AudioFrame) -> Traits:
     return frame.sample_rate, frame.format.name, named_layout(frame.layout.name, frame.layout.nb_channels)
 
 
-def _piece(rate: int) -> int:
-    """Samples of the pieces that atempo overlaps: the power of two from a 24th of a second on."""
+def _atempo_window_size(rate: int) -> int:
+    """Return the window size of atempo in samples: the first power of two of at least 1/24 s."""
     return 1 << (max(1, rate // 24) - 1).bit_length()
 
 
 def remark_on(lost_packets: int, stream: int, source: str, name: str) -> str:
-    """What to say of sound that could not be decoded."""
+    """Return the remark on audio packets that could not be decoded."""
     return (
         f"{source} is damaged: {counted(lost_packets, 'packet')} of sound in stream {stream} could not be decoded, "
         f"where {name} is silent; listen to it."

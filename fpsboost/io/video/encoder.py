@@ -1,4 +1,4 @@
-"""Pictures in, packets out: one encoder set up for a clip, and opened anew for every chunk of it."""
+"""Encode frames into packets with an encoder that is configured once per clip and reopened for every chunk."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import ClipInfo, Frame, Pixels
-from fpsboost.io.video.encoding import EXACT_CLOCKS, Encoding, needs_hardware
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, Encoding, needs_hardware
 from fpsboost.io.video.hdr import with_hdr
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.planes import as_picture
@@ -26,36 +26,36 @@ from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha
 from fpsboost.timing.schedule import OutputTiming
 
-MIN_CUTREE = 64
-"""Pixels; in narrower pictures x265's "cutree" writes past its memory (seen up to 48)."""
+MIN_CUTREE_WIDTH = 64
+"""Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
 
 
 class VideoEncoder:
-    """Encodes a clip in pieces that can each be decoded by themselves.
+    """Encoder of a clip in chunks that can be decoded independently of each other.
 
     Parameters
     ----------
     name : str
-        What messages call the output.
+        Name of the output in messages.
     encoder, options : str, dict
-        FFmpeg's encoder, and its options.
+        FFmpeg's name of the encoder, and its options.
     container : str
-        FFmpeg's name of the container that the packets go into.
+        FFmpeg's name of the container of the packets.
     info : ClipInfo
         Size of the frames.
     timing : OutputTiming
-        Rate and clock.
+        Frame rate and time base.
     encoding : Encoding
-        What was asked for.
+        Encoding options of the user.
     traits : VideoTraits
-        What the source's pictures mean.
+        Colour coding, pixel shape and orientation of the source's pictures.
     keeps_original : bool
-        Take the decoder's own picture of a frame where there is one.
+        Use the decoded picture of a frame where there is one.
 
     Raises
     ------
     OptionError, OutputError
-        The encoder cannot encode such frames.
+        The encoder cannot encode frames of this size, rate and pixel format.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class VideoEncoder:
         self._reformatter = VideoReformatter()
         self._full_range = traits.full_range
         self._options = dict(options)
-        is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # need not be said
+        is_default = traits.chroma_location == "left" and encoder in ("libx264", "libx265")  # needs no tag
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
         self.pixel_format, lost = choose_pixel_format(
@@ -86,8 +86,8 @@ class VideoEncoder:
         )
         self.remarks += lost
         if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
-            self._options["auto-alt-ref"] = "0"  # libvpx cannot hide frames of a picture and of its alpha alike
-        if encoder == "libx265" and info.width < MIN_CUTREE:
+            self._options["auto-alt-ref"] = "0"  # libvpx does not support hidden frames with alpha
+        if encoder == "libx265" and info.width < MIN_CUTREE_WIDTH:
             given = [self._options["x265-params"]] if self._options.get("x265-params") else []
             self._options["x265-params"] = ":".join([*given, "cutree=0"])
         if traits.sample_aspect_ratio not in (None, 1) and not self._keeps_pixel_shape():
@@ -95,7 +95,7 @@ class VideoEncoder:
                 f"{name} lost the pixel shape {traits.sample_aspect_ratio} of its source, which {encoder} cannot say "
                 "in this container; write an .mp4 or .mov to keep it."
             )
-        self._tell_hdr(traits)
+        self._add_hdr_options(traits)
         self._nowhere: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
@@ -107,13 +107,13 @@ class VideoEncoder:
 
     @property
     def stream(self) -> av.VideoStream:
-        """A stream of a container that leads nowhere, whose encoder is open."""
+        """Stream with an open encoder, in a container that is discarded."""
         if self._stream is None:
             self._stream = self._open()
         return self._stream
 
     def encode(self, frame: Frame, pts: int, duration: int) -> list[av.Packet[Any]]:
-        """Packets that are ready when one more frame has come; times in ticks.
+        """Encode one frame and return the packets that are ready; times are in ticks.
 
         Raises
         ------
@@ -131,28 +131,28 @@ class VideoEncoder:
             reformatter=self._reformatter,
             keeps_original=self._keeps_original,
         )
-        if picture is not frame.original:  # ProRes looks here and not at the encoder's context
+        if picture is not frame.original:  # the ProRes encoder reads these and not its context
             context = stream.codec_context
             picture.colorspace, picture.color_range = context.colorspace, context.color_range
             picture.color_primaries, picture.color_trc = context.color_primaries, context.color_trc
-        # The same decoded picture may be written again at another time, so it gets its own labels back. The encoder
-        # holds a reference of its own, with the labels of this moment.
+        # The same decoded picture may be written again at another time, so its properties are restored. The encoder
+        # holds a reference of its own, with the properties as set here.
         before = picture.pts, picture.duration, picture.time_base or time_base, picture.pict_type
         picture.pts, picture.duration, picture.time_base = pts, duration, time_base
-        picture.pict_type = PictureType.NONE  # else x264 repeats the source's choice of key frames
+        picture.pict_type = PictureType.NONE  # else x264 repeats the source's choice of keyframes
         try:
             return stream.encode(picture)
         finally:
             picture.pts, picture.duration, picture.time_base, picture.pict_type = before
 
     def finish(self) -> list[av.Packet[Any]]:
-        """The packets that are left; the next frame begins a new piece."""
+        """Flush the encoder and return the remaining packets; the next frame begins a new chunk."""
         packets = self.stream.encode(None)
         self.close()
         return packets
 
     def close(self) -> None:
-        """Let go of the encoder, and of what it has not handed out."""
+        """Close the encoder and discard the packets that it still holds."""
         self._stream = None
         if self._nowhere is not None:
             nowhere, self._nowhere = self._nowhere, None
@@ -170,20 +170,20 @@ class VideoEncoder:
         self._tag_colours(context, self._traits)
         if self._traits.sample_aspect_ratio is not None:
             context.sample_aspect_ratio = self._traits.sample_aspect_ratio
-        if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._format in EXACT_CLOCKS:
-            context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players take
+        if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._format in EXACT_TIME_BASE_CONTAINERS:
+            context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players accept
         context.options = dict(self._options)
         self._open_encoder(context)
-        self._nowhere.start_encoding()  # only now does the stream say what its encoder is like
+        self._nowhere.start_encoding()  # only this copies the encoder's parameters to the stream
         return stream
 
     def _tag_colours(self, context: av.VideoCodecContext, traits: VideoTraits) -> None:
-        """Say what the numbers mean: as the source does, or as the pixel format demands."""
+        """Set the colour tags to those of the source, or to those that the pixel format requires."""
         context.color_primaries, context.color_trc = traits.color_primaries, traits.color_transfer
         context.color_range = traits.color_range
         context.colorspace = traits.tagged_color_space
         if _is_rgb(traits.pixel_format) and not _is_rgb(self.pixel_format):
-            # RGB has neither matrix nor range, and gets what its size suggests.
+            # RGB has neither matrix nor range; the matrix is chosen by the size.
             self._full_range = False
             context.colorspace, context.color_range = traits.color_space, LIMITED_RANGE
         elif _is_rgb(self.pixel_format):
@@ -194,16 +194,19 @@ class VideoEncoder:
             self._full_range = True
             context.color_range = FULL_RANGE
 
-    def _tell_hdr(self, traits: VideoTraits) -> None:
-        """Say which display the clip was graded on, and how bright it gets."""
+    def _add_hdr_options(self, traits: VideoTraits) -> None:
+        """Add the mastering display and the light levels to the encoder's options, and remark on what is lost."""
         self._options, told_all = with_hdr(self._options, self._encoder, traits.mastering_display, traits.light_level)
         lost = ["HDR mastering data"] * (not told_all) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
         if lost:
             self.remarks.append(f"{self._name} lost the {' and the '.join(lost)} of its source; colour tags were kept.")
 
     def _keeps_pixel_shape(self) -> bool:
-        """PyAV does not reach the container's own entry in Matroska, so there the coded stream must hold it."""
-        return self._format in EXACT_CLOCKS or self._encoder in ("libx264", "libx265")
+        """Return whether the output stores the pixel aspect ratio.
+
+        PyAV cannot set the field of Matroska's container, so there the coded stream must hold it.
+        """
+        return self._format in EXACT_TIME_BASE_CONTAINERS or self._encoder in ("libx264", "libx265")
 
     def _open_encoder(self, context: av.VideoCodecContext) -> None:
         try:
@@ -221,7 +224,7 @@ class VideoEncoder:
 
 
 def traits_of_image(image: Pixels | None) -> VideoTraits:
-    """What to write for images, which carry no tags: BT.709, limited range, and their own channels and depth."""
+    """Return the traits to write for images, which have no tags: BT.709, limited range, own channels and depth."""
     channels = 3 if image is None else image.shape[2]
     deep = image is not None and image.dtype != np.uint8
     return VideoTraits(
@@ -244,13 +247,13 @@ def _is_rgb(pixel_format: str) -> bool:
 
 
 def _bounded(rate: Fraction) -> Fraction:
-    """FFmpeg keeps a rate in two 32-bit numbers; it is only a label here, since times are exact."""
+    """Return a rate that fits FFmpeg's two 32-bit numbers; it is only a tag here, since times are exact."""
     return rate if rate.numerator < 2**31 else rate.limit_denominator(1000)
 
 
 @contextlib.contextmanager
 def _quiet_encoder() -> Iterator[None]:
-    """SVT-AV1 prints on its own, past FFmpeg's log, unless this variable is set while it starts."""
+    """Keep SVT-AV1 from printing past FFmpeg's log, by an environment variable that it reads when it starts."""
     before = os.environ.get("SVT_LOG")
     os.environ["SVT_LOG"] = before or "1"
     try:

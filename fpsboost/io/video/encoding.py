@@ -1,4 +1,4 @@
-"""How a video is encoded: the encoders and what their options are called, the containers and what they take."""
+"""Encoding options, the encoders with the names of their options, and the containers with the codecs they hold."""
 
 from __future__ import annotations
 
@@ -22,10 +22,12 @@ containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", "
 VIDEO_SUFFIXES = tuple(containers)
 """Suffixes of the video files that can be written."""
 
-CLOCK_OF_MATROSKA = Fraction(1, 1000)
-LOWEST_BITRATE, MAX_BITRATE = 1000, 2_000_000_000
-EXACT_CLOCKS = ("mp4", "mov")
-"""Containers that count in the ticks asked for; the others count milliseconds."""
+MATROSKA_TICK = Fraction(1, 1000)
+"""Time base of Matroska and WebM, seconds per tick."""
+MIN_BITRATE, MAX_BITRATE = 1000, 2_000_000_000
+"""Range of valid bit rates, bits per second."""
+EXACT_TIME_BASE_CONTAINERS = ("mp4", "mov")
+"""Containers whose time base can be chosen; that of the others is a millisecond."""
 
 
 x26x_presets = (
@@ -36,7 +38,7 @@ x26x_presets = (
 
 @dataclass(frozen=True)
 class Encoder:
-    """What an encoder's quality and speed are called, and which values they take."""
+    """Quality and speed options of an encoder, and the values that they accept."""
 
     name: str
     crf: int
@@ -46,9 +48,9 @@ class Encoder:
     preset_option: str
     fixed_options: tuple[tuple[str, str], ...] = ()
     needs_whole_chroma: bool = False
-    """An odd width or height cannot be halved for chroma."""
+    """Whether subsampled chroma requires an even width or height."""
     lossless: tuple[tuple[str, str], ...] = ()
-    """Options with which decoding gives back what was encoded; none where nothing does so dependably."""
+    """Options for lossless encoding; empty where none is reliably lossless."""
 
 
 encoders = {
@@ -56,7 +58,7 @@ encoders = {
         *("libx264", 18, 51, "medium", x26x_presets, "preset"),
         tuple(("x264-params", each) for each in repeatable_parameters),
         needs_whole_chroma=True,
-        lossless=(("qp", "0"),),  # and not crf 0, which loses a little beyond 8 bits
+        lossless=(("qp", "0"),),  # not crf 0, which is lossy beyond 8 bits
     ),
     # x265 prints on its own, past FFmpeg's log.
     "hevc": Encoder(
@@ -76,43 +78,43 @@ encoders = {
         (("b", "0"), ("row-mt", "1"), ("deadline", "good")),
         lossless=(("lossless", "1"),),
     ),
-    # SVT-AV1 has a lossless mode, but 10 bits come back off by one, and what its fast presets write does not decode.
+    # SVT-AV1 has a lossless mode, but 10-bit values come back off by one, and streams of fast presets do not decode.
     "av1": Encoder("libsvtav1", 30, 63, "8", tuple(map(str, range(14))), "preset"),
 }
-"""Encoders by the name people use for the format."""
+"""Encoders by the common name of their format."""
 
 
 @dataclass(frozen=True)
 class Encoding:
-    """How to encode, and what to carry over.
+    """Options for encoding, and for the streams that are carried over.
 
     Parameters
     ----------
     codec : str, optional
         ``h264``, ``hevc``, ``vp9``, ``av1`` or the exact name of an FFmpeg encoder; by default see `default_codec`.
     crf : int, optional
-        Quality, 0 (best) to 51 or 63; by default one that is hard to tell from the source.
+        Quality, 0 (best) to 51 or 63; by default one that is hard to distinguish from the source.
     preset : str, optional
         Speed: ``ultrafast`` ... ``placebo`` for h264 and hevc, a number for vp9 (0-8) and av1 (0-13, larger is faster).
     audio, subtitles : bool
-        Keep the source's sound and subtitles.
+        Keep the source's audio and subtitles.
     audio_codec : str, optional
-        Format that sound is encoded anew in, where it is in another one: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``,
-        ``flac``, ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, sound is
-        copied packet by packet.
+        Format that audio in another format is re-encoded in: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``, ``flac``,
+        ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, audio is copied packet
+        by packet.
     pixel_format : str, optional
         FFmpeg's name, ``yuv420p10le``; by default the source's, or the encoder's that loses least.
     bitrate : int, optional
-        Bits per second to aim at, instead of a quality.
+        Target bit rate instead of a quality, bits per second.
     lossless : bool
-        Decoding gives back exactly what was encoded.
+        Encode so that decoding gives back exactly the pictures that were encoded.
     encoder_options : tuple of (str, str)
-        FFmpeg's own options of the encoder; they win over everything above.
+        FFmpeg's own options of the encoder; they override everything above.
 
     Raises
     ------
     OptionError
-        Two of them contradict each other, or a value can never work.
+        Two options contradict each other, or a value is never valid.
     """
 
     codec: str | None = None
@@ -134,7 +136,7 @@ class Encoding:
             raise OptionError(f"--lossless and {other} contradict each other; give one of them.")
         if self.audio_codec is not None and not self.audio:
             raise OptionError("--audio-codec and --no-audio contradict each other; give one of them.")
-        if self.bitrate is not None and not LOWEST_BITRATE <= self.bitrate <= MAX_BITRATE:
+        if self.bitrate is not None and not MIN_BITRATE <= self.bitrate <= MAX_BITRATE:
             raise OptionError(f"--bitrate must be 1k to 2000M, not {self.bitrate}.")
         names = [name for name, _ in self.encoder_options]
         for name in names:
@@ -143,7 +145,7 @@ class Encoding:
 
     @property
     def given(self) -> list[str]:
-        """The options on how to encode that were given, as the command line calls them."""
+        """Command-line names of the encoding options that were given."""
         values = {
             "--codec": self.codec,
             "--crf": self.crf,
@@ -158,12 +160,12 @@ class Encoding:
 
 
 def parse_bitrate(text: str) -> int:
-    """Read bits per second as people write them.
+    """Parse a bit rate in bits per second, with an optional suffix k or M.
 
     Raises
     ------
     OptionError
-        Not a number, or another suffix than k and M.
+        The text is not a number, or has another suffix.
 
     Examples
     --------
@@ -182,7 +184,7 @@ def parse_encoder_options(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
     Raises
     ------
     OptionError
-        One has no name or no value.
+        An option has no name or no value.
 
     Examples
     --------
@@ -197,21 +199,21 @@ def parse_encoder_options(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
 
 
 def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: str = "") -> str:
-    """The codec of an output where none is asked for: what most players show at the source's depth.
+    """Return the codec of an output if none is given: the one that most players show at the source's bit depth.
 
-    8 bits become H.264, in .webm VP9. Few players show H.264 beyond 8 bits, and what records or delivers such video is
-    HEVC nearly always, so deeper pictures become HEVC; in .webm AV1, as VP9's encoder has 8 bits only, unless they have
-    alpha, which only VP9 keeps. Deep H.264 stays H.264 and deep 4:2:0 in AV1 stays AV1: what shows the source shows the
-    output.
+    8-bit video becomes H.264, or VP9 in .webm. Few players show H.264 beyond 8 bits, and cameras and services that
+    record or deliver such video nearly always use HEVC, so deeper pictures become HEVC. In .webm they become AV1, since
+    VP9's encoder has 8 bits only, or VP9 if they have alpha, which only VP9 keeps. Deep H.264 stays H.264 and deep
+    4:2:0 AV1 stays AV1, since a player that shows the source shows the output too.
 
     Parameters
     ----------
     container : str
         FFmpeg's name.
     pixel_format : str
-        Of the source, or the one that was asked for.
+        Pixel format of the source, or the one that was asked for.
     source_codec : str
-        FFmpeg's name of the source's format; empty where there is none.
+        FFmpeg's name of the source's format; empty if there is none.
     """
     is_deep = depth_of(pixel_format) > 8
     if container == "webm":
@@ -224,7 +226,7 @@ def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: s
 
 
 def depth_of(pixel_format: str) -> int:
-    """Bits of a sample; 8 for what FFmpeg does not know."""
+    """Return the bits per sample of a pixel format, or 8 if FFmpeg does not know it."""
     try:
         return max((component.bits for component in av.VideoFormat(pixel_format).components), default=8)
     except ValueError:
@@ -234,7 +236,9 @@ def depth_of(pixel_format: str) -> int:
 def choose_encoder(
     encoding: Encoding, container: str, name: str, pixel_format: str = "yuv420p", source_codec: str = ""
 ) -> tuple[str, dict[str, str]]:
-    """Find FFmpeg's encoder and its options for what was asked; see `default_codec` where no codec was.
+    """Return FFmpeg's encoder and its options for the encoding that was asked for.
+
+    If no codec was asked for, `default_codec` chooses it.
 
     Returns
     -------
@@ -244,8 +248,8 @@ def choose_encoder(
     Raises
     ------
     OptionError
-        Unknown codec, not allowed in this container, or a quality, preset, pixel format or option that it
-        does not know.
+        The codec is unknown or not allowed in this container, or it does not know a quality, preset, pixel format or
+        option.
     """
     default = default_codec(container, encoding.pixel_format or pixel_format, source_codec)
     asked = encoding.codec or default
@@ -267,16 +271,16 @@ def choose_encoder(
     _check_pixel_format(codec, encoding.pixel_format)
     options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
     _check_encoder_options(codec, encoding.encoder_options)
-    return encoder, _joined(options, encoding.encoder_options)
+    return encoder, _merged_options(options, encoding.encoder_options)
 
 
 def encodes_alpha(encoding: Encoding, container: str) -> bool:
-    """Whether what is asked for can hold alpha: encoder, pixel format and container.
+    """Return whether the encoder, pixel format and container that were asked for can hold alpha.
 
     Parameters
     ----------
     encoding : Encoding
-        Of a codec that `choose_encoder` accepts; nothing else holds alpha.
+        Encoding with a codec that `choose_encoder` accepts; False for any other.
     container : str
     """
     asked = encoding.codec or default_codec(container, encoding.pixel_format or "yuv420p")
@@ -286,15 +290,15 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
     except UnknownCodecError:
         return False
     if encoder.startswith("libvpx") and container not in ("webm", "matroska"):
-        return False  # there it stands beside the picture, where only these two look
+        return False  # libvpx stores alpha beside the picture, which only these two containers support
     if encoding.pixel_format is not None:
         return encoding.pixel_format in offered and has_alpha(encoding.pixel_format)
-    # of HEVC's second layer few players and not even FFmpeg's containers know
+    # HEVC stores alpha in a second layer, which few players and none of FFmpeg's containers support
     return encoder != "libx265" and any(has_alpha(each) for each in offered)
 
 
 def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[str, str]:
-    """Options for an encoder of the table."""
+    """Return the options for an encoder of the table."""
     crf = known.crf if encoding.crf is None else encoding.crf
     if not 0 <= crf <= known.largest_crf:
         raise OptionError(f"--crf must be 0 to {known.largest_crf} for {asked}, not {crf}.")
@@ -304,16 +308,16 @@ def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[st
     options = {known.preset_option: preset, **dict(known.fixed_options)}
     if encoding.lossless:
         _check_lossless(asked, bool(known.lossless))
-        return _joined(options, known.lossless)
+        return _merged_options(options, known.lossless)
     if encoding.bitrate is not None:
         return {**options, "b": str(encoding.bitrate)}
-    # an encoder that is told a quality does not look at these two
+    # an encoder that is given a quality ignores these two
     says_another_aim = encoding.crf is None and {"b", "qp"} & dict(encoding.encoder_options).keys()
     return options if says_another_aim else {**options, "crf": str(crf)}
 
 
 def _options_of_other(codec: av.Codec, encoding: Encoding) -> dict[str, str]:
-    """Options for an encoder without an entry in the table, if it knows them."""
+    """Return the options for an encoder outside the table; raise `OptionError` if it does not know one."""
     known = private_options(codec)
     options = {}
     for option, value in (("crf", encoding.crf), ("preset", encoding.preset)):
@@ -344,14 +348,14 @@ def _lossless_options_of_other(codec: av.Codec, known: Collection[str]) -> dict[
 
 
 def _check_lossless(asked: str, can: bool) -> None:
-    """Raise `OptionError` for an encoder that cannot be lossless."""
+    """Raise `OptionError` unless the encoder can be lossless."""
     if not can:
         able = [friendly for friendly, each in encoders.items() if each.lossless]
         raise OptionError(f"--lossless is nothing that {asked} can do; use {', '.join(able)} or ffv1.")
 
 
-def _joined(options: dict[str, str], more: Sequence[tuple[str, str]]) -> dict[str, str]:
-    """Options with more of them; a list of parameters (``x265-params``) grows instead of being replaced."""
+def _merged_options(options: dict[str, str], more: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Return options updated with more; parameter lists (``x265-params``) are extended instead of replaced."""
     result = dict(options)
     for name, value in more:
         grows = name.endswith("-params") and name in result
@@ -360,7 +364,7 @@ def _joined(options: dict[str, str], more: Sequence[tuple[str, str]]) -> dict[st
 
 
 def private_options(codec: av.Codec) -> set[str]:
-    """Names of the options that only this encoder has."""
+    """Return the names of the private options of an encoder."""
     return {option.name for option in codec.create("video").supported_options.private}
 
 
@@ -376,7 +380,7 @@ def _check_encoder_options(codec: av.Codec, options: Sequence[tuple[str, str]]) 
 
 
 def pixel_formats(codec: av.Codec) -> list[str]:
-    """Pixel formats that an encoder takes from memory; none where it does not say."""
+    """Return the pixel formats in memory that an encoder accepts, or an empty list if it does not list any."""
     names = [item.name for item in codec.video_formats or () if item.components]  # those of a GPU have no components
     if codec.name.startswith("libvpx"):  # it lists more formats with alpha than it opens
         return [name for name in names if name == "yuva420p" or not has_alpha(name)]
@@ -384,7 +388,7 @@ def pixel_formats(codec: av.Codec) -> list[str]:
 
 
 def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
-    """Raise `OptionError` unless the encoder takes the format."""
+    """Raise `OptionError` unless the encoder accepts the pixel format."""
     if asked is None:
         return
     taken = pixel_formats(codec)
@@ -397,31 +401,31 @@ def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
 
 
 def needs_hardware(encoder: str) -> bool:
-    """Whether an encoder works only where a device and its driver are there."""
+    """Return whether an encoder requires a hardware device and its driver."""
     return bool(av.Codec(encoder, "w").capabilities & (Capabilities.hardware | Capabilities.hybrid))
 
 
 def holds(container: str, codec: str) -> bool:
-    """Whether a container takes a codec.
+    """Return whether a container holds a codec.
 
     Parameters
     ----------
     container : str
         FFmpeg's name, ``matroska``.
     codec : str
-        Name of its encoder or decoder; no container takes an empty one.
+        Name of the codec's encoder or decoder; False if it is empty.
     """
     with av.open(BytesIO(), "w", format=container) as probe:
         listed = codec in probe.supported_codecs
-    return listed and (container != "mov" or codec in ASK_MORE or _begins(container, codec))
+    return listed and (container != "mov" or codec in UNTESTABLE_CODECS or _writes_header(container, codec))
 
 
-ASK_MORE = ("dvvideo",)
-"""Codecs whose header cannot be tried without a picture."""
+UNTESTABLE_CODECS = ("dvvideo",)
+"""Codecs whose header cannot be written without a picture, so that the muxer's list of codecs is trusted."""
 
 
-def _begins(container: str, codec: str) -> bool:
-    """Whether a muxer writes a header for a codec: that of .mov lists what it shares with .mp4 and then refuses."""
+def _writes_header(container: str, codec: str) -> bool:
+    """Return whether a muxer writes a header for a codec; the .mov muxer lists codecs of .mp4 that it then rejects."""
     try:
         with av.open(BytesIO(), "w", format=container) as probe:
             probe.add_mux_stream(codec, rate=48000, width=64, height=64, time_base=Fraction(1, 48000))

@@ -1,4 +1,4 @@
-"""Interlaced pictures as the moments they hold: each field becomes a frame of its own, through FFmpeg's bwdif."""
+"""Deinterlace pictures with FFmpeg's bwdif, so that each field becomes a frame of its own."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ from fpsboost.errors import InputError
 
 
 def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
-    """Make two progressive pictures of each one, in the order that it is flagged with.
+    """Yield two progressive pictures for each interlaced one, in the field order that it is flagged with.
 
-    The second is shown halfway to the next picture. Where no order is flagged, the top field is taken for the first, as
-    FFmpeg does.
+    The second is presented halfway to the next picture. If no order is flagged, the top field is first, as in FFmpeg.
 
     Parameters
     ----------
     pictures : iterable of av.VideoFrame
-        Decoded pictures; size and pixel format may change on the way.
+        Decoded pictures; their size and pixel format may change.
     time_base : Fraction
-        Seconds per tick of pictures that do not say it. Those that come out count in half of it.
+        Time base of pictures without one, seconds per tick. The time base of the output is half of it.
     name : str
-        Of the file, for messages.
+        Name of the file in messages.
 
     Raises
     ------
     InputError
-        Pictures are too small, or of a pixel format that cannot be deinterlaced.
+        Pictures are too small, or have a pixel format that cannot be deinterlaced.
     """
     held: _Deinterlacer | None = None
     for picture in pictures:
@@ -51,13 +50,13 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
 
 
 class _Deinterlacer:
-    """A filter for pictures of one kind; what comes out runs one picture behind what goes in."""
+    """Deinterlacing filter for pictures of one size, pixel format and colour coding, with a delay of one picture."""
 
     def __init__(self, picture: av.VideoFrame, time_base: Fraction) -> None:
         self.kind = _kind(picture)
         self._graph = av.filter.Graph()
         clock = Fraction(picture.time_base or time_base)
-        # The colours are said to the graph as well, lest what it scales to a format that bwdif takes changes them.
+        # The graph needs the colour tags too, so that a conversion to a format of bwdif does not change the colours.
         entry = self._graph.add(
             "buffer",
             f"video_size={picture.width}x{picture.height}:pix_fmt={picture.format.name}:"
@@ -74,11 +73,11 @@ class _Deinterlacer:
         yield from self._finished()
 
     def rest(self) -> Iterator[av.VideoFrame]:
-        """What comes of the last picture."""
+        """Flush the filter and yield the frames of the last picture."""
         self._graph.vpush(None)
         frames = list(self._finished())
         if self._count == 1 and len(frames) == 2 and frames[0].pts is not None:
-            frames[1].pts = frames[0].pts + frames[0].duration  # with no neighbour, bwdif shows both at once
+            frames[1].pts = frames[0].pts + frames[0].duration  # without a neighbour, bwdif gives both the same time
         yield from frames
 
     def _finished(self) -> Iterator[av.VideoFrame]:

@@ -1,4 +1,4 @@
-"""Which of a file's streams another container takes, and what becomes of the others, settled before any work."""
+"""Decide before any work which streams of a file a container holds, and how the other streams are converted."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.trim import Window
 from fpsboost.io.video.encoded_sound import can_encode
 from fpsboost.io.video.encoding import Encoding, containers, holds
-from fpsboost.io.video.muxing import WITH_SHORT_LISTS, open_muxer
+from fpsboost.io.video.muxing import INCOMPLETE_LIST_CONTAINERS, open_muxer
 from fpsboost.io.video.sound_encoders import choose_sound_encoder, defaults, friendly_name
 from fpsboost.io.video.source import VideoSource, open_video
 from fpsboost.io.video.subtitles import is_text
 
-SOON = 200
-"""Packets among which each stream's first is looked for."""
+MAX_PROBED_PACKETS = 200
+"""Maximum number of packets that are read to find the first packet of each stream."""
 
 
 @dataclass(frozen=True)
 class Fitting:
-    """How the streams of a source come into a container.
+    """Plan for storing the streams of a source in a container.
 
     Attributes
     ----------
     encoders : mapping of int to str
-        Streams of sound that are encoded anew, by their numbers, and FFmpeg's encoder for each.
+        FFmpeg's encoder for each audio stream that is re-encoded, by stream number.
     any_codec : bool
-        Some stream is copied that the container's list of codecs leaves out; see `fpsboost.io.video.muxing`.
+        A stream is copied whose codec is missing from the container's list; see `fpsboost.io.video.muxing`.
     """
 
     encoders: Mapping[int, str] = field(default_factory=dict)
@@ -48,14 +48,14 @@ class Fitting:
 def fit_streams(
     source: VideoSource, encoding: Encoding, encoder: str, container: str, name: str, window: Window | None = None
 ) -> Fitting:
-    """Settle how sound and subtitles of a source come into a container.
+    """Decide how audio and subtitles of a source are stored in a container.
 
     Raises
     ------
     OutputError
         The container cannot hold them.
     OptionError
-        The sound is to be encoded in a way that is unknown, or that the container does not hold.
+        The audio codec that was asked for is unknown, or the container does not hold it.
     """
     asked = choose_sound_encoder(encoding, container, name)
     stretch = Fraction(1) if window is None else window.stretch
@@ -90,7 +90,7 @@ def fit_streams(
 
 
 def is_of(stream: av.stream.Stream, encoder: str) -> bool:
-    """Whether a stream is in the format that an encoder makes."""
+    """Return whether a stream has the format of an encoder."""
     return av.Codec(encoder, "w").canonical_name == codec_of(stream)
 
 
@@ -102,7 +102,7 @@ def _check_encodes(stream: av.stream.Stream, encoder: str, stretch: Fraction, so
 
 
 def _refusal(stream: av.stream.Stream, container: str, others: Sequence[str], name: str, source: str) -> str:
-    """What to say of a stream that the container cannot hold: which options, and which other containers, help."""
+    """Return the message for a stream that the container cannot hold, with the options and containers that help."""
     what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
     ways = []
     if stream.type == "audio" and can_encode(stream, defaults[container]):
@@ -115,17 +115,20 @@ def _refusal(stream: av.stream.Stream, container: str, others: Sequence[str], na
 
 
 def is_wanted(stream: av.stream.Stream, encoding: Encoding) -> bool:
-    """Whether a stream is sound or subtitles that are to be kept."""
+    """Return whether a stream is audio or subtitles that are to be kept."""
     return (stream.type == "audio" and encoding.audio) or (stream.type == "subtitle" and encoding.subtitles)
 
 
 def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream.Stream]) -> dict[int, bytes]:
-    """A packet of each stream by its number, where one comes soon; subtitles may come late."""
+    """Return the first packet of each stream, by stream number.
+
+    Streams without a packet among the first ones of the file are missing; subtitles may start late.
+    """
     found: dict[int, bytes] = {}
     if not streams:
         return found
     with suppress(av.error.FFmpegError):
-        for packet in islice(file.demux(streams), SOON):
+        for packet in islice(file.demux(streams), MAX_PROBED_PACKETS):
             if packet.size:
                 found.setdefault(packet.stream.index, bytes(packet))
             if len(found) == len(streams):
@@ -134,9 +137,10 @@ def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream
 
 
 def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
-    """Whether a container holds a stream as it is: asked of its muxer.
+    """Return whether a container holds a stream as it is, by a trial with its muxer.
 
-    Tried with a packet of the stream, since a muxer may have to rewrite it: sound in MPEG transport streams, say.
+    The trial uses a packet of the stream, since a muxer may have to rewrite packets, such as audio of MPEG transport
+    streams.
     """
     context: Any = stream.codec_context
     if context is None:
@@ -148,17 +152,21 @@ def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool
         except (av.error.FFmpegError, ValueError):
             return False
         return True
-    return container in WITH_SHORT_LISTS and stream.type == "audio" and _is_known_again(container, stream, sample)
+    return (
+        container in INCOMPLETE_LIST_CONTAINERS
+        and stream.type == "audio"
+        and _is_recognized_after_muxing(container, stream, sample)
+    )
 
 
 def codec_of(stream: av.stream.Stream) -> str:
-    """FFmpeg's name of a stream's format."""
+    """Return FFmpeg's name of a stream's format."""
     context: Any = stream.codec_context
     return str(context.codec.canonical_name) if context is not None else "unknown"
 
 
 def kind_of(stream: av.stream.Stream) -> str:
-    """Say what a stream is that has no codec: ``data, klv``, ``attachment, font.ttf``."""
+    """Describe a stream that has no codec: ``data, klv``, ``attachment, font.ttf``."""
     tags = {key.lower(): value for key, value in stream.metadata.items()}
     name = tags.get("filename") if stream.type == "attachment" else getattr(stream, "name", None)
     more = name or tags.get("handler_name")
@@ -166,7 +174,7 @@ def kind_of(stream: av.stream.Stream) -> str:
 
 
 def keeps_data(container: str, stream: av.stream.Stream) -> bool:
-    """Whether a container holds a data stream so that it is known again: tried, since lists of formats say too much."""
+    """Return whether a data stream is recognized after muxing, by a trial, as codec lists are too permissive."""
     kind = getattr(stream, "name", None)
     if kind is None:
         return False
@@ -182,13 +190,16 @@ def keeps_data(container: str, stream: av.stream.Stream) -> bool:
 
 
 def _listed(container: str, stream: av.stream.Stream) -> bool:
-    """Whether a container's list of codecs names a stream's."""
+    """Return whether a container's list of codecs names a stream's codec."""
     context: Any = stream.codec_context
     return context is not None and holds(container, context.codec.name)
 
 
-def _is_known_again(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
-    """Whether a muxer takes what its list leaves out, so that it is known again; only a real file can tell."""
+def _is_recognized_after_muxing(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
+    """Return whether a stream whose codec is missing from the muxer's list is recognized after muxing.
+
+    The trial writes a real file, since nothing else shows it.
+    """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "probe"
         try:

@@ -1,6 +1,6 @@
-"""Times of frames made to rise: what a damaged or careless file says wrong is put right where that can be known.
+"""Repair presentation times so that they strictly increase, where damaged or faulty files allow it.
 
-Decoders hand out frames in the order of showing, so that order is trusted more than the times.
+Decoders output frames in presentation order, so that order is trusted more than the times.
 """
 
 from __future__ import annotations
@@ -16,28 +16,31 @@ from fpsboost.io.video.damage import Damage
 T = TypeVar("T")
 
 MAX_WAITING = 8
-"""Frames with times no later than the one before that wait for what follows; so many in good order are a jump."""
+"""Number of consecutive frames, each not later than the last good one, that ends the wait for a later frame.
+
+If the times of these frames increase, the clock has jumped back.
+"""
 
 
 def in_rising_order(
     timed: Iterable[tuple[T, Fraction]], interval: Fraction, tick: Fraction, damage: Damage
 ) -> Iterator[tuple[T, Fraction]]:
-    """Yield frames at times that strictly increase, each when the next good time is known.
+    """Yield frames at strictly increasing times, each as soon as the next valid time is known.
 
-    A frame far ahead of all that follows goes back behind the one before it. Frames no later than the one before fill
-    the gap that follows, as many as would have fitted; the others are left out. Where the clock jumps back, as in
-    recordings that were joined, everything behind goes on from there.
+    A frame far ahead of the next one is moved back to follow the frame before it. Frames not later than the frame
+    before them are spread over the gap that follows, as many as fit; the others are left out. If the clock jumps back,
+    as in joined recordings, all later times are offset to continue from there.
 
     Parameters
     ----------
     timed : iterable of (frame, Fraction)
-        In the order of showing.
+        Frames in presentation order with their times, seconds.
     interval : Fraction
-        Usual distance of two frames, seconds.
+        Usual frame interval, seconds.
     tick : Fraction
-        Times that are made up are multiples of it.
+        Seconds per tick; repaired times are offset by multiples of it.
     damage : Damage
-        Counts what was put right, and what was left out.
+        Counts of the frames that were repaired and left out, which are updated.
     """
     before: Fraction | None = None
     last: tuple[T, Fraction] | None = None
@@ -61,7 +64,7 @@ def in_rising_order(
         else:
             following = [(frame, time)]
             if last is not None:
-                fitting = _filling([each for each, _ in strays], last[1], time, interval, tick)
+                fitting = _spread_evenly([each for each, _ in strays], last[1], time, interval, tick)
                 damage.displaced += len(fitting)
                 damage.misplaced += len(strays) - len(fitting)
                 following = [*fitting, *following]
@@ -77,15 +80,15 @@ def in_rising_order(
 
 
 def _is_far_ahead(before: Fraction | None, time: Fraction, after: Fraction, interval: Fraction) -> bool:
-    """Whether the time of the frame in the middle is damaged, so that the one after it seems to come too early."""
+    """Return whether `time`, between `before` and `after`, is damaged: far ahead, so that `after` seems too early."""
     far = max(Fraction(1), 10 * interval)
     return after <= time and (time - after > far if before is None else before < after and time - before > far)
 
 
-def _filling(
+def _spread_evenly(
     strays: list[T], begin: Fraction, end: Fraction, interval: Fraction, tick: Fraction
 ) -> list[tuple[T, Fraction]]:
-    """The frames that would have fitted between two times, evenly between them."""
+    """Return the frames that fit between two times, with times spread evenly between them."""
     room = round((end - begin) / interval) - 1
     fitting = strays[: max(room, 0)]
     step = (end - begin) / (len(fitting) + 1)

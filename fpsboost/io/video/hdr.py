@@ -1,4 +1,4 @@
-"""What an HDR clip says of the display it was graded on and of its brightest pixels: read, and told to encoders."""
+"""Read HDR mastering display and content light level metadata, and pass it to encoders."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ Point = tuple[Fraction, Fraction]
 
 @dataclass(frozen=True)
 class MasteringDisplay:
-    """The display that a clip was graded on (SMPTE ST 2086).
+    """Mastering display of a clip (SMPTE ST 2086).
 
     Attributes
     ----------
     red, green, blue, white : (Fraction, Fraction) or None
-        CIE 1931 x and y; None where only luminance is said.
+        CIE 1931 x and y; None if only luminance is given.
     brightest, darkest : Fraction or None
-        cd/m2; None where only colours are said.
+        Maximum and minimum luminance, cd/m2; None if only colours are given.
     """
 
     red: Point | None
@@ -32,14 +32,14 @@ class MasteringDisplay:
 
 @dataclass(frozen=True)
 class LightLevel:
-    """How bright a clip gets (CTA-861.3), cd/m2.
+    """Content light levels of a clip (CTA-861.3), cd/m2.
 
     Attributes
     ----------
     brightest_pixel : int
-        MaxCLL.
+        MaxCLL, the maximum content light level.
     brightest_frame : int
-        MaxFALL, the largest mean of a frame.
+        MaxFALL, the maximum frame-average light level.
     """
 
     brightest_pixel: int
@@ -47,7 +47,7 @@ class LightLevel:
 
 
 def parse_mastering_display(data: bytes | None) -> MasteringDisplay | None:
-    """Read FFmpeg's AVMasteringDisplayMetadata; None where there is none, or where it says nothing."""
+    """Parse FFmpeg's AVMasteringDisplayMetadata; return None if it is absent or empty."""
     if data is None or len(data) < 88:
         return None
     *numbers, has_colours, has_luminance = struct.unpack_from("=22i", data)
@@ -60,7 +60,7 @@ def parse_mastering_display(data: bytes | None) -> MasteringDisplay | None:
 
 
 def parse_light_level(data: bytes | None) -> LightLevel | None:
-    """Read FFmpeg's AVContentLightMetadata; None where there is none, or where it says nothing."""
+    """Parse FFmpeg's AVContentLightMetadata; return None if it is absent or empty."""
     if data is None or len(data) < 8:
         return None
     levels = LightLevel(*struct.unpack_from("=2I", data))
@@ -70,12 +70,12 @@ def parse_light_level(data: bytes | None) -> LightLevel | None:
 def with_hdr(
     options: Mapping[str, str], encoder: str, display: MasteringDisplay | None, light: LightLevel | None
 ) -> tuple[dict[str, str], bool]:
-    """Tell an encoder about display and light levels.
+    """Add the mastering display and the light levels to an encoder's options.
 
     Parameters
     ----------
     options : mapping of str to str
-        The encoder's options; parameters that are already there stay and win.
+        The encoder's options; parameters that are already there are kept and take precedence.
     encoder : str
         FFmpeg's name.
     display : MasteringDisplay or None
@@ -84,7 +84,7 @@ def with_hdr(
     Returns
     -------
     dict of str to str, bool
-        The options, and whether the encoder is told all there is.
+        The options, and whether they hold all the metadata.
     """
     if encoder not in _parameters:
         return dict(options), display is None and light is None
@@ -105,12 +105,12 @@ _parameters = {
     "libx265": ("x265-params", "master-display", "max-cll", True),
     "libsvtav1": ("svtav1-params", "mastering-display", "content-light", False),
 }
-"""By encoder: its list of parameters, what display and light level are called there, and whether it counts in the whole
-units of the standard (0.00002 of a chromaticity, 0.0001 cd/m2) or in decimals."""
+"""By encoder: the name of its parameter list, its parameters for display and light level, and whether their unit is
+the integer unit of the standard (0.00002 for chromaticities, 0.0001 cd/m2) or a decimal number."""
 
 
 def _display_text(display: MasteringDisplay, whole_units: bool) -> str:
-    """``G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50)``."""
+    """Format a display as ``G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50)``."""
 
     def text(value: Fraction | None, unit: int) -> str:
         assert value is not None

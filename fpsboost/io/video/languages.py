@@ -1,4 +1,4 @@
-"""Languages by the three letters that containers want."""
+"""Three-letter language codes (ISO 639-2), as containers store them."""
 
 from __future__ import annotations
 
@@ -16,24 +16,26 @@ rnrun roron rurus rwkin sasan scsrd sdsnd sesme sgsag sisin skslk slslv smsmo sn
 susun svswe swswa tatam tetel tgtgk ththa titir tktuk tltgl tntsn toton trtur tstso tttat twtwi tytah uguig ukukr
 ururd uzuzb veven vivie vovol wawln wowol xhxho yiyid yoyor zazha zhzho zuzul
 """
-"""ISO 639-1 and ISO 639-2/T of each language that has both: two letters, and three."""
+"""ISO 639-1 and ISO 639-2/T codes of each language that has both: two letters followed by three."""
 
 three_letters = {pair[:2]: pair[2:] for pair in _pairs.split()}
-"""ISO 639-2/T by ISO 639-1."""
+"""ISO 639-2/T code by ISO 639-1 code."""
 
 
 _bibliographic = (
     *("sqialb", "hyearm", "eusbaq", "myabur", "zhochi", "cescze", "nlddut", "frafre", "katgeo", "deuger", "ellgre"),
     *("islice", "mkdmac", "mrimao", "msamay", "fasper", "ronrum", "slkslo", "bodtib", "cymwel"),
 )
-"""ISO 639-2/T and ISO 639-2/B of the languages in which these differ."""
+"""ISO 639-2/T and ISO 639-2/B codes of the languages for which these differ."""
 
 other_spelling = {pair[:3]: pair[3:] for pair in _bibliographic} | {pair[3:]: pair[:3] for pair in _bibliographic}
-"""The other three letters of a language that has two spellings."""
+"""The other three-letter code of a language that has two."""
 
 
 def spellings(language: str) -> list[str]:
-    """A language by its three letters, whatever stands behind it (``es-419``), most usual first; none if unknown.
+    """Return the three-letter codes of a language tag, first the one given or its ISO 639-2/T code.
+
+    A suffix (``es-419``) is ignored. The list is empty if the language is unknown.
 
     Examples
     --------

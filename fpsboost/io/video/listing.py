@@ -1,4 +1,4 @@
-"""What the streams of a file are, for someone who asks."""
+"""List the streams of a file with their properties."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from fpsboost.io.video.timecode import find_timecode
 
 @dataclass(frozen=True)
 class StreamFacts:
-    """What a stream of a file is.
+    """Properties of one stream of a file.
 
     Attributes
     ----------
     index : int
-        Its number in the file.
+        Number of the stream in the file.
     kind : str
         ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``.
     codec : str or None
         FFmpeg's name of the format.
     language, title : str or None
-        As tagged.
+        Language and title tags.
     details : str
-        Size, or sampling rate and channels.
+        Frame size, or sample rate and channel layout.
     carries_over : bool
-        Whether an .mp4 made of the first video stream holds it.
+        Whether an .mp4 made of the video stream that is read holds this stream.
     """
 
     index: int
@@ -44,7 +44,7 @@ class StreamFacts:
 
 
 def list_streams(source: VideoSource) -> list[StreamFacts]:
-    """Everything that the file of a source holds."""
+    """Return the properties of all streams in the file of a source."""
     with open_video(source.path, source.info.name) as file:
         streams = list(file.streams)
         samples = first_packets(file, [each for each in streams if each.type in ("audio", "subtitle")])

@@ -1,4 +1,4 @@
-"""Sentences about what a clip has and its target does not hold."""
+"""Remarks on properties of a clip that its target does not hold."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from fractions import Fraction
 
 
 def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it first") -> str:
-    """What to say of a clip with two fields in one picture; `which` may narrow it: `` in 2 of 10 frames``."""
+    """Return the remark on an interlaced clip; `which` may restrict it: `` in 2 of 10 frames``."""
     return f"{name} is interlaced{which} and its fields were taken as whole pictures; {advice} for smooth motion."
 
 
 def lost_alpha_remark(name: str) -> str:
-    """What to say of alpha that the target cannot hold, and what can."""
+    """Return the remark on alpha that the target cannot hold, with the targets that can."""
     return (
         f"{name} has an alpha channel, which was left out; a .webm, images as .png, or --codec prores_ks in a .mov "
         "keep it."
@@ -20,16 +20,16 @@ def lost_alpha_remark(name: str) -> str:
 
 
 def lost_companions_remark(name: str, companions: Sequence[str], target: str) -> str:
-    """What to say of sound and subtitles that do not fit into a kind of target."""
+    """Return the remark on audio and subtitles that a type of target cannot hold."""
     return f"{name} has {' and '.join(companions)}, which {target} cannot hold; left out."
 
 
 def lost_shape_remark(name: str, aspect: Fraction | None) -> str:
-    """What to say of pixels that are not square, where images are written."""
+    """Return the remark on non-square pixels where images are written."""
     return f"{name} has pixels of the shape {aspect}, which images cannot say; they come out unscaled."
 
 
 def not_held_remark(name: str, what: str, keeping: Sequence[str]) -> str:
-    """What to say of a stream that is left out, and the suffixes of containers that keep it."""
+    """Return the remark on a stream that is left out; `keeping` holds the suffixes of containers that keep it."""
     way = f"write {' or '.join(keeping)} to keep it" if keeping else "none of the containers written here does"
     return f"{name} does not hold {what} of its source; {way}."

@@ -1,8 +1,9 @@
-"""FFmpeg's muxers, opened so that they take every codec that they really hold.
+"""Open FFmpeg's muxers so that they accept every codec that their container can hold.
 
-PyAV looks a codec up in a list before it makes a stream. Matroska's list names only what has a Matroska name of its
-own, and leaves out what Matroska holds by its name in Windows (Windows Media Audio, mu-law, ADPCM). FFmpeg's tee muxer
-has no list; led to one file, it hands everything on to the muxer of that file, which takes it or refuses.
+PyAV looks a codec up in the muxer's list before it adds a stream. Matroska's list names only codecs with a Matroska
+codec ID of their own, and omits those that Matroska holds by their Windows codec tag (Windows Media Audio, mu-law,
+ADPCM). FFmpeg's tee muxer has no list; with one file as its output, it passes all packets on to the muxer of that file,
+which accepts or rejects the codec.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from pathlib import Path
 import av
 import av.container
 
-WITH_SHORT_LISTS = ("matroska",)
-"""Containers that hold more than their list says."""
+INCOMPLETE_LIST_CONTAINERS = ("matroska",)
+"""Containers that hold more codecs than their list names."""
 
-NEEDS_ESCAPE = re.compile(r"([\\'|\s])")
-"""What means something to the tee muxer in a path."""
+TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")
+"""Characters with a special meaning to the tee muxer in a path."""
 
 
 def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.container.OutputContainer:
@@ -29,17 +30,17 @@ def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.con
     container : str
         FFmpeg's name.
     any_codec : bool
-        Leave it to the container's muxer alone which codecs it takes. Chapters are lost on this way.
+        Let only the container's muxer decide which codecs it accepts, through the tee muxer, which drops chapters.
 
     Raises
     ------
     av.error.FFmpegError, OSError
-        It cannot be written.
+        The file cannot be written.
     """
-    # FFmpeg would take a colon in a relative path for a protocol
+    # FFmpeg would parse the part of a relative path before a colon as a protocol
     place = str(path.absolute())
     if any_codec:
-        escaped = NEEDS_ESCAPE.sub(r"\\\1", place)
+        escaped = TEE_SPECIAL_CHARACTERS.sub(r"\\\1", place)
         return av.open(f"[f={container}]{escaped}", "w", format="tee")
     options = {"movflags": "+faststart"} if container in ("mp4", "mov") else {}
     return av.open(place, "w", format=container, container_options=options)

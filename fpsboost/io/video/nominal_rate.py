@@ -1,4 +1,4 @@
-"""How fast a video plays, and how long: what its file says, as far as the times of its frames bear that out."""
+"""Determine frame rate and duration of a video from its declared values and the presentation times of its frames."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ from fpsboost.timing.schedule import is_implausible
 MAX_RATE = 1000
 ASSUMED_RATE = Fraction(25)
 MAX_DRIFT = Fraction(1, 8)
-"""Frames by which the end of a clip may miss the rate that its file declares."""
-MAX_JITTER = 8
-"""Intervals that differ from the usual one by up to one part in so many are the usual one, as cameras time it."""
-MIN_SHARE = Fraction(3, 4)
-"""Share of intervals that are the usual one where the rate is constant, but for frames that are missing."""
-SHARE_OF_A_CLOCK = Fraction(9, 10)
-"""Share of intervals that differ by their rounding alone, from which on the others are faults and not counted."""
+"""Maximum deviation of the end of a clip from its time at the declared rate, frames."""
+JITTER_DIVISOR = 8
+"""Intervals within 1/8 (the reciprocal of this) of the median count as usual ones, since cameras have jitter."""
+MIN_USUAL_SHARE = Fraction(3, 4)
+"""Minimum share of usual intervals at which the rate counts as constant with frames missing."""
+MIN_ROUNDED_SHARE = Fraction(9, 10)
+"""Minimum share of intervals that differ only by rounding at which the others count as faults and are excluded."""
 MAX_DENOMINATORS = (1, 100, 10_000)
+"""Maximum denominators of measured rates, tried in this order until a rate matches the times."""
 
 
 @dataclass(frozen=True)
 class Cadence:
-    """How fast frames follow each other most of the time.
+    """Usual interval between frames and its statistics.
 
     Attributes
     ----------
     interval : Fraction
         Mean of the usual intervals, seconds.
     error : Fraction
-        Seconds by which that may be wrong, because times are rounded and jitter.
+        Maximum error of `interval` by rounding and jitter, seconds.
     count : int
-        Usual intervals.
+        Number of usual intervals.
     is_constant : bool
-        Nearly all intervals are usual ones.
+        Whether nearly all intervals are usual ones.
     mean_rate : Fraction
-        Frames per second over everything, with all pauses.
+        Mean over all intervals, including pauses, frames per second.
     tick : Fraction
-        Seconds per tick of the clock.
+        Time base, seconds per tick.
     """
 
     interval: Fraction
@@ -55,34 +56,37 @@ class Cadence:
     tick: Fraction
 
     def is_exactly(self, rate: Fraction) -> bool:
-        """Whether a rate gives these times, but for their rounding."""
+        """Return whether a rate matches the interval within its error."""
         return abs(1 / rate - self.interval) <= self.error
 
     def is_nearly(self, rate: Fraction) -> bool:
-        """Whether a declared rate is near enough for all frames to pass; where the rate varies, about right."""
+        """Return whether a declared rate is near enough.
+
+        At a constant rate it may miss the end by less than `MAX_DRIFT` frames, at a variable rate by less than 1 %.
+        """
         missed = abs(self.interval * rate - 1)
         return missed * self.count < MAX_DRIFT if self.is_constant else missed < Fraction(1, 100)
 
 
 def nominal_rate(stream: av.VideoStream, cadence: Cadence | None) -> tuple[Fraction, bool]:
-    """Return the rate that a stream has or, where it varies, most of it; and whether that is more than a guess.
+    """Return the frame rate of a stream, or its most frequent rate if it varies, and whether it is known.
 
-    Real times decide: of the rates that they bear out, the one that is declared, else a usual one, else what was
-    measured. FFmpeg's mean counts pauses and damage, so it is believed only where it is a usual rate, or nothing else
-    fits. One interval that is too long or too short changes nothing.
+    Of the rates that agree with the presentation times, the declared rate is chosen, else a standard rate, else the
+    measured rate. FFmpeg's mean includes pauses and damage, so it is used only if it is a standard rate, or if no other
+    rate fits. A single interval that is too long or too short has no effect.
 
     Parameters
     ----------
     stream : av.VideoStream
     cadence : Cadence or None
-        From the stream's times; None where there are too few.
+        Cadence measured from the stream's times; None if there are too few.
     """
     rates = (as_fraction(stream.guessed_rate), as_fraction(stream.average_rate))
     declared = [rate for rate in rates if rate is not None and 0 < rate <= MAX_RATE]
     if cadence is None or cadence.interval * MAX_RATE < 1:
         return (declared[0], True) if declared else (ASSUMED_RATE, False)
     usual = _usual_rates_near(1 / cadence.interval)
-    # What the clock cannot count was rounded on its way: 19001/317 is 59.94 in the nanoseconds of Matroska.
+    # A frame duration that is no whole number of ticks was rounded: 19001/317 is 59.94 in Matroska's nanoseconds.
     countable = [rate for rate in declared[:1] if (1 / rate / cadence.tick).denominator == 1]
     preferred = [*countable, *(rate for rate in declared if rate in usual), *usual, *declared[:1]]
     exact = [rate for rate in preferred if cadence.is_exactly(rate)]
@@ -94,26 +98,26 @@ def nominal_rate(stream: av.VideoStream, cadence: Cadence | None) -> tuple[Fract
 
 
 def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
-    """Return how fast frames follow each other; None for fewer than two.
+    """Return the cadence of presentation times, or None for fewer than two different times.
 
     Parameters
     ----------
     times : sequence of int
-        In ticks, rising.
+        Presentation times in increasing order, ticks.
     tick : Fraction
-        Seconds.
+        Seconds per tick.
     """
     intervals = [after - before for before, after in pairwise(times) if after > before]
     if not intervals:
         return None
     middle = statistics.median_low(intervals)
-    # Where frames are one tick apart, times are exact, and two ticks are two frames.
+    # If frames are one tick apart, times are exact, and an interval of two ticks is a missing frame.
     rounding = 0 if middle == 1 else 1
     margin = Fraction(rounding)
-    if sum(abs(interval - middle) <= margin for interval in intervals) < SHARE_OF_A_CLOCK * len(intervals):
-        margin = max(margin, Fraction(middle, MAX_JITTER))
+    if sum(abs(interval - middle) <= margin for interval in intervals) < MIN_ROUNDED_SHARE * len(intervals):
+        margin = max(margin, Fraction(middle, JITTER_DIVISOR))
     usual = [interval for interval in intervals if abs(interval - middle) <= margin]
-    # The errors of times cancel out along a row of usual intervals, but for those at its two ends.
+    # Along a sequence of usual intervals the errors of the times cancel out, except at its two ends.
     rows = 1 + sum(
         abs(after - middle) <= margin < abs(before - middle) for before, after in pairwise([middle, *intervals])
     )
@@ -122,21 +126,24 @@ def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
         interval=Fraction(sum(usual), len(usual)) * tick,
         error=Fraction(rows * jitter, len(usual)) * tick,
         count=len(usual),
-        is_constant=len(usual) >= MIN_SHARE * len(intervals),
+        is_constant=len(usual) >= MIN_USUAL_SHARE * len(intervals),
         mean_rate=len(intervals) / (sum(intervals) * tick),
         tick=tick,
     )
 
 
 def listed_times(stream: av.stream.Stream) -> list[int]:
-    """Return the times of all frames by the index of the file, ticks, rising; none where it does not list them all."""
+    """Return the times of all frames from the file's index in increasing order, ticks; [] if it is incomplete."""
     if not stream.frames or len(stream.index_entries) != stream.frames:
         return []
     return sorted({entry.timestamp for entry in stream.index_entries})
 
 
 def _usual_rates_near(rate: Fraction) -> list[Fraction]:
-    """The nearest whole number and the nearest rate like NTSC's, the nearer one first; then the nearest half."""
+    """Return the nearest integer rate and NTSC rate, the nearer one first, then the nearest multiple of 1/2.
+
+    Rates that are not positive are left out.
+    """
     ntsc = 3 * round(rate * 1001 / 3000) * Fraction(1000, 1001)  # 14.985, 23.976, 29.97 and their multiples
     near = sorted([Fraction(round(rate)), ntsc], key=lambda each: abs(each - rate))
     return [each for each in (*near, Fraction(round(2 * rate), 2)) if each > 0]
@@ -148,19 +155,19 @@ def _simplest(cadence: Cadence) -> Fraction:
 
 
 def declared_duration(stream: av.VideoStream) -> Fraction | None:
-    """Seconds that the header promises, if it does."""
+    """Return the duration that the header declares, seconds, or None if it declares none."""
     if stream.duration is None or stream.time_base is None or stream.duration <= 0:
         return None
     return stream.duration * Fraction(stream.time_base)
 
 
 def assumed_rate_remark(name: str) -> str:
-    """What to say of a clip that does not tell its rate."""
+    """Return the remark on a clip that declares no frame rate."""
     return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed."
 
 
 def as_fraction(value: Any) -> Fraction | None:
-    """An exact Fraction of FFmpeg's rational, which may also be absent, 0/1 or 1/0."""
+    """Convert a rational of FFmpeg, which may also be absent, 0/1 or 1/0, into an exact Fraction or None."""
     if not value:
         return None
     return Fraction(value.numerator, value.denominator)

@@ -1,4 +1,4 @@
-"""Pictures turned and flipped as their video's display matrix says."""
+"""Rotate and flip pictures according to the display matrix of their video."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from fpsboost.frame import Image
 
 
 def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
-    """Whether a display matrix exchanges width and height; only quarter turns and flips are looked at."""
+    """Return whether a display matrix exchanges width and height; only quarter turns and flips are considered."""
     return matrix is not None and matrix[0] == 0 and matrix[4] == 0
 
 
 def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
-    """Turn and flip a picture as its display matrix says.
+    """Rotate and flip a picture according to its display matrix.
 
     Parameters
     ----------
     image : (H, W, C)
     matrix : tuple of 9 int or None
-        x' = a x + c y, y' = b x + d y, with (a, b, c, d) at places 0, 1, 3 and 4. Other angles than quarter turns are
-        left as they are.
+        x' = a x + c y, y' = b x + d y, with (a, b, c, d) at indices 0, 1, 3 and 4. Rotations by other
+        angles than quarter turns are not applied.
 
     Returns
     -------

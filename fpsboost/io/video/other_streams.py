@@ -1,7 +1,7 @@
-"""Everything of a video file but its pictures: sound, subtitles, data, cover, titles and chapters, carried over.
+"""Carry over everything of a video file but its pictures: audio, subtitles, data, cover art, tags and chapters.
 
-Packets pass untouched; only text subtitles become another text where the container asks for it, a timecode counts at
-the new rate, and sound is encoded anew where it lasts longer or where that is asked for.
+Packets are copied unchanged, with three exceptions: text subtitles are converted if the container requires another
+format, a timecode is converted to the new rate, and audio is re-encoded if it is stretched or if that is asked for.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import av.error
 from fpsboost.io.trim import Window
 from fpsboost.io.video.damage import Damage
 from fpsboost.io.video.encoded_sound import EncodedSound, remark_on
-from fpsboost.io.video.encoding import EXACT_CLOCKS, Encoding, containers
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, Encoding, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.losses import not_held_remark
 from fpsboost.io.video.packets import read_packets
@@ -29,29 +29,30 @@ from fpsboost.io.video.subtitles import TextConverter, formats, is_text
 from fpsboost.io.video.tags import copy_labels, lost_labels, tags_for
 from fpsboost.io.video.timecode import at_rate, find_timecode, frames_later
 
-WOVEN = 10
-"""Seconds by which packets of one file may lie out of order between streams."""
+MAX_INTERLEAVING = 10
+"""Maximum time by which packets of different streams in one file may be out of order, seconds."""
 
 
 class OtherStreams:
-    """Sound, subtitles, data, attachments and titles on their way from the source file to the output.
+    """Copier of audio, subtitles, data, attachments and tags from the source file to the output.
 
-    The source is opened a second time, so that these packets are read when they are due and memory stays flat.
+    The source is opened a second time, so that these packets are read when they are due and memory use stays constant.
 
     Parameters
     ----------
     source : VideoSource
     output : av.container.OutputContainer
-        Not started yet.
+        Output whose header is not written yet.
     video : av.VideoStream
-        The output's video stream.
+        Video stream of the output.
     encoding : Encoding
     container, name : str
-        FFmpeg's name of the output's container, and the path for messages.
+        FFmpeg's name of the output's container, and the output's name in messages.
     fitting : Fitting
-        How the streams come into the container.
+        How the streams are stored in the container.
     window : Window, optional
-        Which part of the source is written. What overlaps it is copied, and moved in time as the pictures are.
+        Part of the source that is written. Packets that overlap it are copied, with the same time offset as the
+        pictures.
     """
 
     def __init__(
@@ -89,7 +90,7 @@ class OtherStreams:
         for stream in self._input.streams:
             if stream.index != source.stream_index:
                 self._add(stream, encoding)
-        self.clock = _clock_of_starts(
+        self.clock = _exact_timescale(
             self._input, source.start, [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
         )
         self._packets = self._read()
@@ -100,7 +101,7 @@ class OtherStreams:
         self._input.close()
 
     def copy_until(self, time: Fraction | None) -> None:
-        """Write what is due before `time` in seconds; everything for None."""
+        """Mux the packets that are due up to the output time `time` in seconds, or all packets if it is None."""
         while True:
             packet, self._ahead = self._ahead or next(self._packets, None), None
             if packet is None or (time is None and self._is_past(packet)):
@@ -109,14 +110,14 @@ class OtherStreams:
             if (
                 time is not None
                 and packet.dts is not None
-                and self._due(packet.dts * Fraction(packet.time_base)) > time
+                and self._output_time(packet.dts * Fraction(packet.time_base)) > time
             ):
                 self._ahead = packet
                 return
             self._copy(packet)
 
     def copy_cover(self) -> None:
-        """Write pictures attached to the file, which mp4 wants right after its header."""
+        """Mux the attached pictures, which mp4 requires directly after its header."""
         for stream in self._covers:
             packet = _attached_picture(self._source, stream.index)
             if packet is not None:
@@ -124,21 +125,21 @@ class OtherStreams:
                 self._output.mux(packet)
 
     def check_labels(self, path: Path) -> None:
-        """Say what the streams of the finished file do not say of their sources."""
+        """Add remarks on the labels of the source's streams that are missing in the finished file."""
         with av.open(str(path.absolute()), metadata_errors="replace") as file:
             for index, target in self._targets.items():
                 if target.type == "video" or target.index >= len(file.streams):
-                    continue  # a cover
+                    continue  # cover art
                 lost = lost_labels(target, file.streams[target.index])
                 if lost:
                     self.remarks.append(f"{self._name} lost of stream {index} of its source: {', '.join(lost)}.")
 
     def _add(self, stream: av.stream.Stream, encoding: Encoding) -> None:
-        """Give a stream its counterpart in the output, or remark that there is none."""
+        """Add the counterpart of a stream to the output, or a remark that there is none."""
         if stream.type == "video" and is_cover_art(stream):
             self._add_cover(stream)
         elif stream.discard == av.stream.Discard.all:
-            pass  # chapters as an mp4 keeps them, which FFmpeg reads by itself
+            pass  # chapter track of an mp4, which FFmpeg reads as chapters
         elif stream.index in self._fitting.encoders:
             self._add_encoded(stream, self._fitting.encoders[stream.index])
         elif is_wanted(stream, encoding) and is_text(stream) and not fits(self._container, stream, None):
@@ -148,7 +149,7 @@ class OtherStreams:
         elif stream.type == "attachment" and _keeps(self._container, stream):
             self._output.add_stream_from_template(stream)
         elif stream.type == "data" and find_timecode(stream.metadata) and self._has_timecode:
-            pass  # the container makes a stream of it by itself, or keeps it as a tag
+            pass  # the muxer creates a timecode stream itself, or stores a tag
         elif stream.type in ("data", "attachment", "unknown"):
             keeping = [suffix for suffix, container in containers.items() if _keeps(container, stream)]
             what = f"stream {stream.index} ({kind_of(stream)})"
@@ -159,7 +160,7 @@ class OtherStreams:
         self._targets[stream.index] = target
 
     def _add_converted(self, stream: av.stream.Stream) -> None:
-        """Give subtitles a counterpart in a text format of the container; `fit_streams` has seen that it can be."""
+        """Add a stream in the container's text format for subtitles; `fit_streams` has verified that it is possible."""
         converter = TextConverter(stream, self._output, self._container)
         self._converters[stream.index] = converter
         self._add_target(stream, converter.stream)
@@ -169,7 +170,7 @@ class OtherStreams:
         )
 
     def _add_encoded(self, stream: av.stream.Stream, encoder: str) -> None:
-        """Give sound a counterpart of another format or length; `fit_streams` has seen that it can be."""
+        """Add a stream for audio that is re-encoded; `fit_streams` has verified that it is possible."""
         sound = EncodedSound(stream, self._output, encoder, self._window)
         self._sounds[stream.index] = sound
         self._add_target(stream, sound.stream)
@@ -181,7 +182,7 @@ class OtherStreams:
         )
 
     def _finish_sounds(self) -> None:
-        """Write what stretched sound has left, and say what it lost."""
+        """Mux the remaining packets of re-encoded audio, and add remarks on packets that could not be decoded."""
         for index, sound in self._sounds.items():
             self._output.mux(sound.finish())
             if sound.lost_packets:
@@ -189,7 +190,7 @@ class OtherStreams:
         self._sounds = {}
 
     def _copy_timecode(self, video: av.VideoStream) -> bool:
-        """Say at which timecode the video starts; whether that succeeds, or there is nothing to say."""
+        """Write the timecode of the first frame, or remark that it is lost; return whether the source has one."""
         source: Any = self._input.streams[self._source.stream_index]
         timecode = find_timecode(source.metadata, self._input.metadata)
         if timecode is None:
@@ -245,18 +246,25 @@ class OtherStreams:
                 packet.pts = None if packet.pts is None else packet.pts - later
                 yield packet
 
-    def _due(self, time: Fraction) -> Fraction:
-        """When something of the source happens in the output."""
+    def _output_time(self, time: Fraction) -> Fraction:
+        """Return the output time of a source time, both in seconds."""
         window = self._window
         return time if window is None else (time - window.begin) * window.stretch
 
     def _is_past(self, packet: av.Packet[av.stream.Stream]) -> bool:
-        """Whether everything from here on lies far behind the window, however the streams are woven together."""
+        """Return whether a packet is so far after the window that all later packets of any stream are after it too."""
         end = None if self._window is None else self._window.end
-        return end is not None and packet.dts is not None and packet.dts * Fraction(packet.time_base) > end + WOVEN
+        return (
+            end is not None
+            and packet.dts is not None
+            and packet.dts * Fraction(packet.time_base) > end + MAX_INTERLEAVING
+        )
 
     def _move(self, packet: av.Packet[av.stream.Stream], window: Window) -> bool:
-        """Move a packet in time as the pictures are; whether any of it falls into the window."""
+        """Offset a packet's times as those of the pictures, and return whether it is to be muxed.
+
+        Packets outside the window are not, nor are, outside mp4 and mov, those with a time before 0.
+        """
         assert packet.dts is not None
         tick = Fraction(packet.time_base)
         pts = packet.dts if packet.pts is None else packet.pts
@@ -267,21 +275,21 @@ class OtherStreams:
         packet.pts, packet.dts = pts - moved, packet.dts - moved
         if packet.stream.type == "subtitle":
             begin, end = max(begin, window.begin), end if window.end is None else min(end, window.end)
-            packet.pts = packet.dts = round(self._due(begin) / tick)
+            packet.pts = packet.dts = round(self._output_time(begin) / tick)
             if packet.duration:
-                packet.duration = round(self._due(end) / tick) - packet.pts
-        # Matroska has no time before 0, and would move everything else instead
-        return packet.pts >= 0 or self._container in EXACT_CLOCKS
+                packet.duration = round(self._output_time(end) / tick) - packet.pts
+        # Matroska has no times before 0, and would offset all other packets instead
+        return packet.pts >= 0 or self._container in EXACT_TIME_BASE_CONTAINERS
 
     def _copy(self, packet: av.Packet[av.stream.Stream]) -> None:
-        """Mux one packet, unless its time runs backwards, which no container takes."""
+        """Mux one packet, unless its decoding time runs backwards, which no container accepts."""
         assert packet.dts is not None
         index, kind = packet.stream.index, packet.stream.type
         if index not in self._sounds and self._window is not None and not self._move(packet, self._window):
             return
         last = self._last_dts.get(index)
-        # short packets of sound may share a millisecond, and what is encoded anew gets times of its own
-        equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_CLOCKS
+        # short audio packets may share a millisecond, and re-encoded audio gets new times
+        equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_TIME_BASE_CONTAINERS
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
             sentence = f"{self._source.info.name} has sound or subtitle packets out of order, which were left out."
             if sentence not in self.remarks:
@@ -301,14 +309,14 @@ class OtherStreams:
 
 
 def _keeps(container: str, stream: av.stream.Stream) -> bool:
-    """Whether a container holds a stream that is neither pictures, sound nor subtitles."""
+    """Return whether a container holds a data stream or an attachment."""
     if stream.type == "attachment":
         return container == "matroska"
     return stream.type == "data" and keeps_data(container, stream)
 
 
 def _chapters_within(file: av.container.InputContainer, window: Window | None, start: Fraction) -> list[Any]:
-    """The chapters that overlap a window, as far as they do, counted from where the file starts."""
+    """Return the chapters that overlap a window, cut to it, with their output times."""
     window = window or Window(Fraction(0), None, None)
     kept = []
     for chapter in file.chapters():
@@ -324,10 +332,10 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
     return kept
 
 
-def _clock_of_starts(file: av.container.InputContainer, start: Fraction, ticks_of_sounds: Sequence[Fraction]) -> int:
-    """Ticks per second that tell exactly when each stream starts, which mp4 otherwise rounds to milliseconds.
+def _exact_timescale(file: av.container.InputContainer, start: Fraction, ticks_of_sounds: Sequence[Fraction]) -> int:
+    """Return the ticks per second in which every stream's start is exact; mp4 rounds to milliseconds by default.
 
-    Of sound that is encoded anew, also when it ends, since its last packet holds more than the sound.
+    For re-encoded audio the end is exact too, since its last packet holds padding beyond the end.
     """
     starts = [
         stream.start_time * Fraction(stream.time_base) - start
@@ -339,9 +347,9 @@ def _clock_of_starts(file: av.container.InputContainer, start: Fraction, ticks_o
 
 
 def _attached_picture(source: VideoSource, index: int) -> av.Packet[Any] | None:
-    """Read a picture attached to the file, which FFmpeg delivers as the first packet of a stream of its own.
+    """Return a picture attached to the file, which FFmpeg delivers as the first packet of its own stream.
 
-    The file is opened for it alone: going back to the start afterwards would lose sound from before time 0.
+    The file is opened separately, since seeking back to the start afterwards would lose audio before time 0.
     """
     with open_video(source.path, source.info.name) as file:
         try:

@@ -1,4 +1,4 @@
-"""Packets of a file, read past damage, and without what nobody wants."""
+"""Read the packets of selected streams of a file, past damaged places."""
 
 from __future__ import annotations
 
@@ -15,45 +15,45 @@ from fpsboost.io.video.continuous_clock import ContinuousClock
 from fpsboost.io.video.damage import Damage
 
 MAX_FAILURES = 10
-"""Errors without a packet between them after which a file counts as unreadable from there on."""
+"""Number of consecutive read errors without a packet after which the rest of a file counts as unreadable."""
 
 MAX_LOST_SAMPLES = 1000
-"""Samples in a row that may lie behind the end of a file. Each takes one attempt of a few microseconds."""
+"""Maximum number of consecutive samples beyond the end of a file; each costs one attempt of a few microseconds."""
 
-LISTED_BY_SAMPLE = ("mov", "avi")
-"""Containers whose index leads to every sample: one that is cut off ends the demuxing, but not the other streams."""
+SAMPLE_INDEX_FORMATS = ("mov", "avi")
+"""Containers with an index of every sample, where a truncated sample ends one demuxing pass but not other streams."""
 
-TIMED_BY_DECODING = "avi"
-"""The container that has a place for each packet and no times; FFmpeg guesses when a picture is shown by its type."""
+UNTIMED_FORMAT = "avi"
+"""Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
 
 
 def clock_may_jump(container: av.container.InputContainer) -> bool:
-    """Whether a container's clock begins anywhere and may begin anew, as that of transport and program streams."""
+    """Return whether a container's clock may start at any time and may jump, as in transport and program streams."""
     return bool(Flags(container.format.flags) & Flags.ts_discont)
 
 
 def read_packets(
     container: av.container.InputContainer, wanted: Collection[int], damage: Damage
 ) -> Iterator[av.Packet[Any]]:
-    """Yield the packets of some streams that hold data, past damage, on a clock that goes on where the file's jumps.
+    """Yield the non-empty packets of the wanted streams, past damaged places and with clock jumps removed.
 
-    Where a container tells only when pictures are decoded, that is their time, and `ShowingOrder` puts it right.
+    If a container has no presentation times, they are set from the decoding times; `ShowingOrder` corrects them.
 
     Parameters
     ----------
     container : av.container.InputContainer
-        Streams that nobody wants are skipped from now on, so that damage to them does no harm.
+        Its other streams are discarded from now on, so that damage to them has no effect.
     wanted : collection of int
-        Numbers of streams.
+        Numbers of the streams.
     damage : Damage
-        Counts places that cannot be read, and jumps of the clock.
+        Counts of unreadable places and clock jumps, which are updated.
     """
     clock = ContinuousClock() if clock_may_jump(container) else None
     for stream in container.streams:
-        tells_time = clock is not None and stream.type in ("video", "audio")  # which all readers must agree about
+        tells_time = clock is not None and stream.type in ("video", "audio")  # all readers must see the same jumps
         if stream.index not in wanted and not tells_time:
             stream.discard = av.stream.Discard.all
-    for packet in _past_damage(container, damage):
+    for packet in _demux_past_damage(container, damage):
         if clock is not None:
             clock.move(packet)
             damage.joints = clock.jumps
@@ -61,10 +61,10 @@ def read_packets(
             yield packet
 
 
-def _past_damage(container: av.container.InputContainer, damage: Damage) -> Iterator[av.Packet[Any]]:
+def _demux_past_damage(container: av.container.InputContainer, damage: Damage) -> Iterator[av.Packet[Any]]:
     delays: dict[int, int] = {}
-    is_timed_by_decoding = container.format.name == TIMED_BY_DECODING
-    is_listed = container.format.name.startswith(LISTED_BY_SAMPLE)
+    is_timed_by_decoding = container.format.name == UNTIMED_FORMAT
+    is_listed = container.format.name.startswith(SAMPLE_INDEX_FORMATS)
     failures = ends = 0
     while failures < MAX_FAILURES and ends < (MAX_LOST_SAMPLES if is_listed else 1):
         try:

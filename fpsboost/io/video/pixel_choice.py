@@ -1,8 +1,8 @@
-"""Which pixel format pictures are encoded in, and what of them it does not hold.
+"""Choose the pixel format that pictures are encoded in, and report what it does not hold.
 
-A video keeps its own format where the encoder has it, and else gets the one that loses least. Images of 8 bits become
-4:2:0, which every player shows. Where losing nothing was asked for, and where images are deeper than 8 bits and a codec
-was named, the format is the deepest and finest that the encoder has.
+A video keeps its pixel format if the encoder supports it, and otherwise gets the one that loses least. 8-bit images
+become 4:2:0, which every player shows. For lossless encoding, and for images deeper than 8 bits with a codec given, the
+format with the greatest bit depth and chroma resolution of the source that the encoder supports is chosen.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from fpsboost.frame import ClipInfo
 from fpsboost.io.video.encoding import Encoding, depth_of, encoders, encodes_alpha, pixel_formats
 from fpsboost.io.video.ycc import has_alpha, is_gray
 
-BITS_OF_A_MATRIX = 2
-"""Bits by which YCbCr must be deeper than RGB so that rounding to it and back gives every value back."""
+YCBCR_EXTRA_BITS = 2
+"""Additional bits that YCbCr needs for a lossless round trip of integer RGB values."""
 
-NOT_SAMPLES = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr555|^rgb565")
-"""Formats that no pictures are converted to here: palettes, single bits, sensors' mosaics, floats, unequal channels."""
+EXCLUDED_FORMATS = re.compile(r"^(pal8|mono|bayer)|f(16|32)(le|be)$|^rgb555|^bgr555|^rgb565")
+"""Pixel formats excluded as targets: palette, monochrome 1-bit, Bayer, float, and unequal channel depths."""
 
 
 def choose_pixel_format(
     encoder: str, encoding: Encoding, container: str, source: str, info: ClipInfo, name: str, *, of_images: bool
 ) -> tuple[str, list[str]]:
-    """Choose the pixel format to encode, and say what it loses.
+    """Choose the pixel format to encode, and report what it loses.
 
     Parameters
     ----------
     encoder : str
         FFmpeg's name.
     encoding : Encoding
-        What was asked for.
+        Encoding options of the user.
     container : str
         FFmpeg's name.
     source : str
@@ -42,21 +42,21 @@ def choose_pixel_format(
     info : ClipInfo
         Size of the frames.
     name : str
-        What messages call the output.
+        Name of the output in messages.
     of_images : bool
-        The source is images, or an animation.
+        Whether the source is images or an animation.
 
     Returns
     -------
     str, list of str
-        FFmpeg's name of the format, and sentences about what is lost.
+        FFmpeg's name of the format, and remarks on what is lost.
 
     Raises
     ------
     OptionError
-        The format that was asked for halves an odd size.
+        The format that was asked for subsamples an odd size, which the encoder does not support.
     OutputError
-        The encoder has none for the source.
+        The encoder has no format for the source.
     """
     codec = av.Codec(encoder, "w")
     offered = pixel_formats(codec)
@@ -77,12 +77,12 @@ def choose_pixel_format(
     if of_images and not keeps_all and not (is_deep and encoding.codec):
         wanted = ("yuva420p" if has_alpha(source) else "yuv420p") + ("10le" if is_deep else "")
     if wanted in fitting:
-        return wanted, _said(name, encoder, wanted, source, exact=keeps_all) if of_images and is_deep else []
+        return wanted, _loss_remarks(name, encoder, wanted, source, exact=keeps_all) if of_images and is_deep else []
     keeps_alpha = encodes_alpha(encoding, container) and has_alpha(wanted)
     fitting = [each for each in fitting if has_alpha(each) or not keeps_alpha] or fitting
     if keeps_all or (of_images and is_deep):
         found = _deepest(fitting, wanted, exact=keeps_all)
-        return found, _said(name, encoder, found, source, exact=keeps_all)
+        return found, _loss_remarks(name, encoder, found, source, exact=keeps_all)
     best, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
     if best is None:
         raise OutputError(f"{name} cannot hold {wanted} with {encoder}; choose another --codec.")
@@ -90,14 +90,14 @@ def choose_pixel_format(
     plain = wanted.replace("yuvj", "yuv")
     lost = [word for flag, word in _losses if loss & flag][:1]
     if wanted in offered or plain in offered:
-        remark = "" if best.name == plain else _odd_size(name, info, best.name)
+        remark = "" if best.name == plain else _odd_size_remark(name, info, best.name)
     elif whole_only and av.VideoFormat(wanted).is_rgb and _chroma_of(best) == 1:
         remark = (
             f"{name} was written as {best.name} to keep the colours of its source, which few players show; --pix-fmt "
             "yuv420p makes what all show."
         )
     elif lost:
-        remark = _less(name, lost, encoder, best.name, wanted)
+        remark = _loss_sentence(name, lost, encoder, best.name, wanted)
     return best.name, [remark] if remark else []
 
 
@@ -108,12 +108,12 @@ _losses = (
 
 
 def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
-    """The format that holds most of another: its colours, its chroma, its depth.
+    """Return the format that holds most of another one: colour first, then chroma resolution, then bit depth.
 
-    Among equals the one that is most like it where it is to come back exactly; else YCbCr, in which encoders lose less.
+    Ties go to the more similar format if `exact`, else to YCbCr, in which encoders lose less.
     """
     source = av.VideoFormat(wanted)
-    offered = [each for each in offered if not NOT_SAMPLES.search(each)] or offered
+    offered = [each for each in offered if not EXCLUDED_FORMATS.search(each)] or offered
 
     def worth(name: str) -> tuple[float, ...]:
         target = av.VideoFormat(name)
@@ -130,22 +130,22 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
     return max(offered, key=worth)
 
 
-def _said(name: str, encoder: str, found: str, source: str, *, exact: bool) -> list[str]:
-    """What to say of depth and chroma that a format does not hold."""
+def _loss_remarks(name: str, encoder: str, found: str, source: str, *, exact: bool) -> list[str]:
+    """Return the remarks on bit depth and chroma resolution that a format does not hold."""
     finer = _chroma_of(av.VideoFormat(source)) > _chroma_of(av.VideoFormat(found))
     deeper = _bits_held(found, source, exact=exact) < depth_of(source)
     lost = ["depth"] * deeper + ["colour resolution"] * finer
     if not lost:
         return []
-    sentence = _less(name, lost, encoder, found, source).removesuffix(".")
+    sentence = _loss_sentence(name, lost, encoder, found, source).removesuffix(".")
     return [f"{sentence}; --codec ffv1 in an .mkv keeps up to 16 bits of every colour."]
 
 
-def _less(name: str, lost: list[str], encoder: str, found: str, source: str) -> str:
+def _loss_sentence(name: str, lost: list[str], encoder: str, found: str, source: str) -> str:
     return f"{name} has less {' and '.join(lost)} than its source: {encoder} wrote {found} for {source}."
 
 
-def _odd_size(name: str, info: ClipInfo, found: str) -> str:
+def _odd_size_remark(name: str, info: ClipInfo, found: str) -> str:
     return (
         f"{name} has the odd size {info.width}x{info.height} and was written as {found}, which few players show; write "
         "a .webm, or crop to an even size."
@@ -153,14 +153,14 @@ def _odd_size(name: str, info: ClipInfo, found: str) -> str:
 
 
 def _bits_held(name: str, source: str, *, exact: bool) -> int:
-    """Bits of a format's samples, or, where they are to come back exactly, of the source's that do."""
+    """Return the bits per sample of a format or, if `exact`, the bits of the source's samples that it preserves."""
     target = av.VideoFormat(name)
     through_matrix = exact and not (target.is_rgb or is_gray(target)) and av.VideoFormat(source).is_rgb
-    return depth_of(name) - BITS_OF_A_MATRIX * through_matrix
+    return depth_of(name) - YCBCR_EXTRA_BITS * through_matrix
 
 
 def _chroma_of(format: av.VideoFormat) -> float:
-    """Samples of colour for each pixel."""
+    """Return the number of chroma samples per pixel and plane."""
     if is_gray(format):
         return 0
     if format.is_rgb:
@@ -170,7 +170,7 @@ def _chroma_of(format: av.VideoFormat) -> float:
 
 
 def _divides(pixel_format: str, width: int, height: int) -> bool:
-    """Whether chroma planes come out whole."""
+    """Return whether width and height are multiples of the chroma subsampling factors."""
     layout = av.VideoFormat(pixel_format, 16, 16)
     across, down = 16 // max(1, layout.chroma_width()), 16 // max(1, layout.chroma_height())
     return width % across == 0 and height % down == 0

@@ -1,4 +1,4 @@
-"""Pictures of video as images in their own planes, and frames as pictures for an encoder."""
+"""Convert decoded pictures into planar YCbCr images, and frames into pictures for an encoder."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ PLANAR_FORMATS = frozenset(
     [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]
     + [f"yuvj{chroma}p" for chroma in (420, 422, 444)]
 )
-"""Pixel formats whose pictures can stay in their planes."""
+"""Pixel formats whose pictures can be processed as planar YCbCr."""
 
 
 def coding_of(traits: VideoTraits) -> Coding | None:
-    """What the pictures of a video mean in their own planes; None where they have to become BGR."""
+    """Return the planar YCbCr coding of a video's pictures, or None if they must be converted to BGR."""
     if traits.pixel_format not in PLANAR_FORMATS:
         return None
     bits = av.VideoFormat(traits.pixel_format).components[0].bits
@@ -36,13 +36,13 @@ def coding_of(traits: VideoTraits) -> Coding | None:
 
 
 def in_planes(picture: av.VideoFrame, coding: Coding) -> YCbCrImage:
-    """A decoded picture's own samples, which are not copied where its rows follow each other."""
+    """Return the planes of a decoded picture as an image; planes with contiguous rows are not copied."""
     y, cb, cr = (np.ascontiguousarray(plane) for plane in plane_arrays(picture))
     return YCbCrImage((y, cb, cr), coding)
 
 
 def picture_of(image: YCbCrImage) -> av.VideoFrame:
-    """An image as a picture for an encoder; `in_planes` is the inverse."""
+    """Convert an image into a picture for an encoder; `in_planes` is the inverse."""
     height, width, _ = image.shape
     coding = image.coding
     picture = av.VideoFrame(width, height, coding.pixel_format)
@@ -54,7 +54,7 @@ def picture_of(image: YCbCrImage) -> av.VideoFrame:
 
 
 def bgr_of(image: YCbCrImage) -> Image:
-    """An image as BGR; see `fpsboost.io.video.ycc.to_bgr`."""
+    """Convert an image to BGR; see `fpsboost.io.video.ycc.to_bgr`."""
     return to_bgr(with_chroma_location(picture_of(image), image.coding.chroma_location))
 
 
@@ -68,7 +68,7 @@ def as_picture(
     reformatter: VideoReformatter,
     keeps_original: bool,
 ) -> av.VideoFrame:
-    """Return a frame as a picture of a pixel format, from the decoder's own picture where there is one.
+    """Convert a frame into a picture of a pixel format, from the decoded picture where there is one.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def as_picture(
     pixel_format, color_space, full_range, chroma_location, reformatter
         See `from_bgr`.
     keeps_original : bool
-        Whether the target says of its pictures what the source says of them.
+        Whether the target's colour tags are those of the source.
     """
     image, original = frame.image, frame.original
     if original is None and isinstance(image, YCbCrImage):

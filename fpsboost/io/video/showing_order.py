@@ -1,7 +1,7 @@
-"""Pictures that come out of a decoder with each other's times.
+"""Correct the presentation times of pictures that a decoder outputs with interchanged times.
 
-AVI, and MP4 without composition offsets, say when a picture is decoded and not when it is shown; what FFmpeg makes of
-that is wrong wherever pictures are reordered. The order in which a decoder hands pictures out is right.
+AVI, and MP4 without composition offsets, store decoding times and no presentation times; the presentation times that
+FFmpeg derives from them are wrong where pictures are reordered. The order in which a decoder outputs pictures is right.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from itertools import pairwise
 from typing import Generic, Protocol, TypeVar
 
 MAX_REORDERED = 16
-"""Pictures by which H.264 and HEVC may reorder; a packet that is later than this became no picture."""
+"""Maximum reordering of H.264 and HEVC, pictures; a packet that is later than this produced no picture."""
 
 
 class Timed(Protocol):
-    """A picture with a time in ticks, or without one."""
+    """Picture with a presentation time in ticks, or None."""
 
     pts: int | None
 
@@ -24,15 +24,15 @@ P = TypeVar("P", bound=Timed)
 
 
 class ShowingOrder(Generic[P]):
-    """Hands pictures on in the order of the decoder, at their times in rising order.
+    """Buffer that keeps pictures in decoder output order and assigns their presentation times in increasing order.
 
-    Pictures wait only while the decoder still owes one of an earlier time.
+    Pictures are held only while the decoder still has to output one with an earlier time.
 
     Parameters
     ----------
     interval : float
-        Usual distance of two pictures, ticks. Times that would lie closer than half of it when they are put in order
-        were not exchanged but damaged, and are left as they are.
+        Usual picture interval, ticks. If sorted times are closer than half of it, they were not interchanged but
+        damaged, and are left unchanged.
     """
 
     def __init__(self, interval: float) -> None:
@@ -42,17 +42,17 @@ class ShowingOrder(Generic[P]):
         self._last: int | None = None
 
     def expect(self, pts: int | None) -> None:
-        """Note that a packet of this time goes into the decoder."""
+        """Record that a packet with this time is sent to the decoder."""
         if pts is not None:
             self._owed[pts] += 1
 
     def lose(self, pts: int | None) -> None:
-        """Note that a packet of this time became no picture."""
+        """Record that the packet with this time produced no picture."""
         if pts is not None and self._owed[pts]:
             self._owed[pts] -= 1
 
     def take(self, picture: P) -> list[P]:
-        """Note that a picture came out; return those that need not wait any more."""
+        """Record a picture that the decoder has output, and return the pictures that need not be held any longer."""
         self.lose(picture.pts)
         self._waiting.append(picture)
         times = [each.pts for each in self._waiting if each.pts is not None]
@@ -66,7 +66,7 @@ class ShowingOrder(Generic[P]):
         return self.rest()
 
     def rest(self) -> list[P]:
-        """Return all that wait, in order."""
+        """Return all held pictures in decoder output order, with their times in increasing order."""
         ready, self._waiting = self._waiting, []
         times = [picture.pts for picture in ready if picture.pts is not None]
         rising = sorted(times)

@@ -1,9 +1,9 @@
-"""Write a video file: new pictures encoded, everything else of the source carried over untouched.
+"""Write a video file: encode new pictures, and carry over everything else of the source unchanged.
 
-The output keeps exact times, orientation, pixel shape, colour tags, titles and chapters; sound and subtitles are copied
-packet by packet. Pictures are encoded in chunks of a fixed number of frames, in a hidden folder beside the file's final
-place; they are put together at the end, and what was put together gets the file's name when it is complete. So a run
-that is stopped leaves the chunks that it has finished, and a later one that goes on with them makes the same file.
+The output keeps exact times, orientation, pixel aspect ratio, colour tags, titles and chapters; audio and subtitles are
+copied packet by packet. Pictures are encoded in chunks of a fixed number of frames, in a hidden folder beside the
+output file. At the end the chunks are muxed into a file that is renamed to its final name when it is complete. A run
+that is stopped therefore leaves its finished chunks, and a later run that resumes from them makes the same file.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from fpsboost.io.video.assembly import Assembly
 from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import (
-    CLOCK_OF_MATROSKA,
-    EXACT_CLOCKS,
+    EXACT_TIME_BASE_CONTAINERS,
+    MATROSKA_TICK,
     VIDEO_SUFFIXES,
     Encoding,
     choose_encoder,
@@ -46,35 +46,35 @@ from fpsboost.timing.schedule import OutputTiming
 
 
 class VideoSink:
-    """A video file, which appears under its name when it is complete.
+    """Sink that encodes frames into a video file, which gets its final name when it is complete.
 
     Parameters
     ----------
     path : str or path
-        Target; its suffix is one of `VIDEO_SUFFIXES`.
+        Path of the output; its suffix is one of `VIDEO_SUFFIXES`.
     info : ClipInfo
         Size of the frames to come.
     timing : OutputTiming
-        Rate and clock.
+        Frame rate and time base.
     encoding : Encoding
-        How to encode, and what to carry over.
+        Encoding options, and the streams to carry over.
     source : VideoSource, PipeSource or None
-        What to carry colour and pixel shape over from; of a file also sound, subtitles, titles and orientation.
+        Source of colour tags and pixel aspect ratio; of a file also audio, subtitles, titles and orientation.
     overwrite : bool
         Replace an existing file.
     job : JobFingerprint, optional
-        What a later run must have in common with this one to go on with it; without one, nothing can be resumed.
+        Properties that a later run must share with this one to resume it; without them no run can be resumed.
     frame_count : int, optional
         Expected number of frames, for messages.
     chunk_frames : int
-        Frames that are encoded together, which a later run takes over all or none.
+        Frames per chunk; a later run reuses complete chunks only.
     window : Window, optional
-        Which part of the source is written.
+        Part of the source that is written.
 
     Raises
     ------
     OptionError
-        Unknown codec, quality or preset, or a codec that the container cannot hold.
+        The codec, quality or preset is unknown, or the container cannot hold the codec.
     OutputError
         The target exists, is the source itself, is being written by another run, cannot be written, or cannot hold the
         source's other streams.
@@ -109,17 +109,22 @@ class VideoSink:
             hidden_place(self._path.parent, self._path.name), f"output{suffix}", self._name, job
         )
         inputs = [] if file is None else [file.path]
-        if not overwrite and job is not None and job.resume and _is_there_already(self._path, inputs, self._unfinished):
+        if (
+            not overwrite
+            and job is not None
+            and job.resume
+            and _is_complete_already(self._path, inputs, self._unfinished)
+        ):
             raise CompleteAlreadyError(complete_already(self._name))
         check_target(self._path, self._name, inputs, overwrite)
-        if self._format not in EXACT_CLOCKS and 1 / timing.rate < CLOCK_OF_MATROSKA:
+        if self._format not in EXACT_TIME_BASE_CONTAINERS and 1 / timing.rate < MATROSKA_TICK:
             raise OutputError(
                 f"{self._name} counts time in milliseconds and cannot hold {float(timing.rate):g} frames per second; "
                 "write an .mp4 or .mov instead."
             )
         self._source, self._traits = file, source.traits if source is not None else None
         self._codec, self._options = self._choose_encoder(self._traits)
-        self._info = info if file is None else file.info  # whose first picture knows the size better than the header
+        self._info = info if file is None else file.info  # its size is of the first picture, not of the header
         self._fitting = Fitting()
         if file is not None:
             self._fitting = fit_streams(file, encoding, self._codec, self._format, self._name, window)
@@ -146,13 +151,13 @@ class VideoSink:
 
     @property
     def completed_frames(self) -> int:
-        """How many frames an earlier run has finished; see `fpsboost.io.Resumable`."""
+        """Number of frames that an earlier run has finished; see `fpsboost.io.Resumable`."""
         return self._frames_there
 
     def __enter__(self) -> Self:
         try:
             with self._explained():
-                # Made at once, so that a folder that may not be written is noticed before any work is done.
+                # Created at once, so that a folder without write permission is detected before any work is done.
                 self._unfinished.open()
                 self._chunks = find_chunks(self._unfinished.folder)
                 self._frames_there = self._frames_finished
@@ -193,7 +198,7 @@ class VideoSink:
                 self._start(traits_of_image(frame.image))
             assert self._encoder is not None
             if frame.image.dtype == np.float32:
-                self._say_floats(frame.array)
+                self._remark_on_floats(frame.array)
             if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(self._encoder.pixel_format):
                 self._alpha_dropped = True
                 self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")
@@ -208,9 +213,9 @@ class VideoSink:
                 self._encode(frame, pts)
 
     def _start(self, traits: VideoTraits) -> None:
-        """Set up the encoder and write the file's header, so that what cannot work is known before any work is done.
+        """Set up the encoder and write the file's header, so that errors occur before any work is done.
 
-        Where no source says what frames are like it takes a frame.
+        Without the traits of a source, the traits are those of the first frame.
         """
         self._codec, self._options = self._choose_encoder(traits)
         self._encoder = VideoEncoder(
@@ -237,10 +242,10 @@ class VideoSink:
             window=self._window,
         )
 
-    def _say_floats(self, image: Image) -> None:
-        """Say once what whole numbers do not hold of floating-point images."""
+    def _remark_on_floats(self, image: Image) -> None:
+        """Add a remark, once each, on depth and light of floating-point images that the integer format cannot hold."""
         assert self._encoder is not None
-        if self._last_pts is None and depth_of(self._encoder.pixel_format) == 16:  # else less depth is said already
+        if self._last_pts is None and depth_of(self._encoder.pixel_format) == 16:  # else a remark exists already
             self._remarks.append(f"{self._name} holds the floating-point values of its source in 16 bits.")
         if not self._light_clipped and _is_beyond_white(image):
             self._light_clipped = True
@@ -249,7 +254,7 @@ class VideoSink:
             )
 
     def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
-        """FFmpeg's encoder and its options; the depth of images is known only with the first of them."""
+        """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
         known = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
         return choose_encoder(self._encoding, self._format, self._name, *known)
 
@@ -271,7 +276,7 @@ class VideoSink:
             self._writer.add(packet, self._durations.pop(packet.pts, 0) if packet.pts is not None else 0)
 
     def _finish_chunk(self) -> None:
-        """Let the encoder end, so that what follows does not hang on what it has seen."""
+        """Flush the encoder and finish the chunk, so that the next one does not depend on earlier frames."""
         assert self._encoder is not None
         assert self._writer is not None
         self._keep(self._encoder.finish())
@@ -291,7 +296,7 @@ class VideoSink:
         self._unfinished.publish(self._path)
 
     def _leave(self, error: BaseException | None) -> None:
-        """Let go of everything but finished chunks that a later run can go on with."""
+        """Close and discard everything but the finished chunks that a later run can resume from."""
         if self._writer is not None:
             self._writer.discard()
         if self._assembly is not None:
@@ -302,7 +307,7 @@ class VideoSink:
 
     @contextlib.contextmanager
     def _explained(self) -> Iterator[None]:
-        """Turn what FFmpeg and the system raise into a sentence about the file."""
+        """Convert errors of FFmpeg and the operating system into an OutputError with a message about the file."""
         try:
             yield
         except (av.error.FFmpegError, OSError) as error:
@@ -310,13 +315,13 @@ class VideoSink:
 
 
 def _is_beyond_white(image: Image) -> bool:
-    """Whether a float image has colours outside 0 to 1."""
+    """Return whether a float image has colours outside 0 to 1."""
     colours = image[..., :3]
     return bool(np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0)
 
 
-def _is_there_already(path: Path, inputs: Collection[Path], unfinished: StagingDirectory) -> bool:
-    """Whether a run has finished an output, and none has begun it again."""
+def _is_complete_already(path: Path, inputs: Collection[Path], unfinished: StagingDirectory) -> bool:
+    """Return whether an earlier run has finished the output and no later run has begun it again."""
     is_input = path.exists() and any(each.exists() and path.samefile(each) for each in inputs)
     return path.is_file() and not is_input and not unfinished.is_pending
 

@@ -1,4 +1,4 @@
-"""Pictures that differ from the first one of their clip in size, pixel format or colour coding, made like it."""
+"""Convert pictures to the size, pixel format and colour coding of the first picture of their clip."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from fpsboost.io.video.ycc import color_space_of, from_bgr, is_full_range, refor
 
 
 class Alike:
-    """Makes every picture like the first one, and counts those that were not.
+    """Converter of every picture to the properties of the first one, which counts the converted pictures.
 
     Parameters
     ----------
     width, height : int
-        Of the first picture, pixels.
+        Size of the first picture, pixels.
     traits : VideoTraits
-        Of the first picture.
+        Traits of the first picture.
     """
 
     def __init__(self, width: int, height: int, traits: VideoTraits) -> None:
@@ -27,21 +27,21 @@ class Alike:
         self._reformatter = VideoReformatter()
         self._reshaped = self._recoded = 0
         self.first_change: str | None = None
-        """Of size or pixel format: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``"""
+        """First change of size or pixel format: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
 
     def made_alike(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
-        """Scale and convert a picture; what is alike is returned as it is.
+        """Scale and convert a picture; return it unchanged if it already matches the first one.
 
         Parameters
         ----------
         picture : av.VideoFrame
         index : int
-            Its number, counted from 0.
+            Number of the picture, counted from 0.
 
         Raises
         ------
         ValueError
-            Its colour matrix is not supported.
+            The colour matrix of the picture is not supported.
         """
         traits = self._traits
         before = f"{self._width}x{self._height} {traits.pixel_format}"
@@ -63,7 +63,7 @@ class Alike:
         return alike
 
     def remarks(self, name: str) -> list[str]:
-        """What to say of them at the end."""
+        """Return the remarks on the converted pictures."""
         said = []
         if self._reshaped:
             said.append(f"{name} changes {self.first_change}; {_were(self._reshaped)} made like the first.")

@@ -1,4 +1,4 @@
-"""Encoders of sound: what they are called, which containers take them, and the sound that they take."""
+"""Audio encoders: their names, the containers that hold their formats, and the audio that they accept."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from fpsboost.errors import OptionError
 from fpsboost.io.video.encoding import Encoding, containers, holds
 
 COPY = "copy"
-"""Value of ``--audio-codec`` that encodes nothing anew."""
+"""Value of ``--audio-codec`` that copies audio without re-encoding it."""
 
 sound_encoders = {
     **{"aac": "aac", "opus": "libopus", "mp3": "libmp3lame", "ac3": "ac3", "eac3": "eac3"},
     **{"flac": "flac", "alac": "alac", "pcm": "pcm_s16le"},
 }
-"""FFmpeg's encoders by the name people use for the format."""
+"""FFmpeg's encoders by the common name of their format."""
 
 defaults = {"mp4": "aac", "mov": "aac", "matroska": "libopus", "webm": "libopus"}
-"""The encoder that is proposed for a container, and stretches its sound: the one that its players are sure to have."""
+"""Encoder that is proposed for a container, and used for stretched audio: its format is the one all players support."""
 
-BITRATE = 96_000
-"""Bits per second for each channel, with which AAC and Opus are hard to tell from the source."""
-RATE_OF_OPUS = 48_000
-"""Decoders of Opus give this rate whatever was encoded."""
+BITRATE_PER_CHANNEL = 96_000
+"""Bit rate per channel, bits per second, at which AAC and Opus are hard to distinguish from the source."""
+OPUS_SAMPLE_RATE = 48_000
+"""Output sample rate of Opus decoders, which does not depend on the encoded rate, Hz."""
 STANDARD_LAYOUTS = ("mono", "stereo", "3.0", "quad", "5.0", "5.1", "6.1", "7.1")
-"""The usual speakers for one channel, two, ..."""
+"""Standard channel layouts for one channel, two, ..."""
 
 Traits = tuple[int, str, str]
-"""Rate, sample format and channel layout of sound."""
+"""Sample rate, sample format and channel layout of audio."""
 
 
 def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str | None:
-    """Find FFmpeg's encoder for the sound that was asked for; None where sound is to be copied.
+    """Return FFmpeg's encoder for the audio codec that was asked for, or None if audio is to be copied.
 
     Raises
     ------
     OptionError
-        Unknown, or not allowed in this container.
+        The codec is unknown, or not allowed in this container.
     """
     asked = encoding.audio_codec
     if asked is None or asked.lower() == COPY:
@@ -66,22 +66,24 @@ def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str |
 
 
 def friendly_name(encoder: str) -> str:
-    """What ``--audio-codec`` calls an encoder."""
+    """Return the name of an encoder as a value of ``--audio-codec``."""
     return next((friendly for friendly, each in sound_encoders.items() if each == encoder), encoder)
 
 
 def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
-    """The source's rate, precision and layout where the encoder takes them, else the nearest that lose least.
+    """Return the source's sample rate, format and layout if the encoder supports them, else those that lose least.
 
-    That is the next higher rate, the usual layout of as many channels, or stereo. Lossless encoders keep 16 bits and
-    get all the bits they can hold for more; the others get floats, which nothing clips.
+    These are the next higher rate, and the standard layout of as many channels or else stereo. Lossless encoders get a
+    format with at least the source's bits, or the most bits that they support; lossy ones get floats, which do not
+    clip.
 
     Parameters
     ----------
     encoder : str
     source : (int, str, str)
-        Rate, sample format and layout; see `named_layout`.
+        Sample rate, sample format and channel layout; see `named_layout`.
     channels : int
+        Number of channels of the source.
 
     Raises
     ------
@@ -96,13 +98,13 @@ def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
 
 
 def named_layout(layout: str, channels: int) -> str:
-    """A layout with names of speakers, where the file gives only their number."""
+    """Return the standard channel layout if `layout` gives only the number of channels, else `layout`."""
     says_nothing = layout.endswith("channels") or layout.endswith("channel")
     return STANDARD_LAYOUTS[channels - 1] if says_nothing and channels <= len(STANDARD_LAYOUTS) else layout
 
 
 def is_lossless(encoder: str) -> bool:
-    """Whether decoding gives back what was encoded."""
+    """Return whether an encoder is lossless."""
     codec = av.Codec(encoder, "w")
     return codec.lossless and not codec.lossy
 
@@ -110,7 +112,7 @@ def is_lossless(encoder: str) -> bool:
 def _rate_for(codec: av.Codec, rate: int) -> int:
     rates: Collection[int] = codec.audio_rates or ()
     if codec.canonical_name == "opus":
-        return RATE_OF_OPUS
+        return OPUS_SAMPLE_RATE
     return min((each for each in rates if each >= rate), default=max(rates, default=rate))
 
 

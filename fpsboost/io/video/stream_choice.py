@@ -1,4 +1,4 @@
-"""Which of a file's video streams is read."""
+"""Choose the video stream of a file that is read."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from fpsboost.errors import InputError, OptionError
 
 STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
 
-PIXELS_OF_DEFAULT = 5_000_000
-"""What the flag of the default stream weighs, as FFmpeg counts."""
+DEFAULT_STREAM_SCORE = 5_000_000
+"""Score of the default stream's flag, pixels, as in FFmpeg."""
 
 
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
-    """Pick a video stream: the one asked for, or the one that FFmpeg takes for the best.
+    """Choose a video stream: the one asked for, or the one that FFmpeg considers the best.
 
-    That is the largest, where the flag of the default stream outweighs all but enormous sizes; of equals the first.
+    That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first.
 
     Parameters
     ----------
     container : av.container.InputContainer
     name : str
-        Of the file, for messages.
+        Name of the file in messages.
     wanted : int or None
         Number of a stream in the file.
 
     Raises
     ------
     InputError
-        There is no video, or it cannot be decoded here.
+        There is no video stream, or it cannot be decoded here.
     OptionError
-        There is no video of that number.
+        There is no video stream with that number.
     """
     videos = [stream for stream in container.streams.video if not is_cover_art(stream)]
     if not videos:
@@ -43,14 +43,14 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
             listed = ", ".join(f"{each.index} ({described(each)})" for each in videos)
             raise OptionError(f"--stream {wanted} is no video stream of {name}; choose one of {listed}.")
     else:
-        stream = max(videos, key=_worth)
+        stream = max(videos, key=_score)
     if stream.codec_context is None:
         raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
     return stream
 
 
 def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
-    """What to say of the video streams that are not read."""
+    """Return the remarks on the video streams that are not read."""
     others = [
         f"stream {stream.index} ({described(stream)})"
         for stream in container.streams.video
@@ -65,7 +65,7 @@ def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStr
 
 
 def is_cover_art(stream: av.stream.Stream) -> bool:
-    """Whether a video stream is only a picture attached to the file."""
+    """Return whether a video stream is only a picture attached to the file."""
     if stream.disposition & (av.stream.Disposition.attached_pic | av.stream.Disposition.timed_thumbnails):
         return True
     return bool(
@@ -76,14 +76,14 @@ def is_cover_art(stream: av.stream.Stream) -> bool:
 
 
 def described(stream: av.VideoStream) -> str:
-    """Format and size of a video stream: ``h264 1280x720``."""
+    """Describe a video stream by its format and size: ``h264 1280x720``."""
     context = stream.codec_context
     return "unknown format" if context is None else f"{stream.name or 'unknown'} {context.width}x{context.height}"
 
 
-def _worth(stream: av.VideoStream) -> int:
+def _score(stream: av.VideoStream) -> int:
     context = stream.codec_context
     if context is None:
         return -1
     is_default = bool(stream.disposition & av.stream.Disposition.default)
-    return context.width * context.height + PIXELS_OF_DEFAULT * is_default
+    return context.width * context.height + DEFAULT_STREAM_SCORE * is_default

@@ -1,4 +1,4 @@
-"""Text subtitles in the format of another container: decoded and encoded again, words and times kept."""
+"""Convert text subtitles to the format of another container; their text and times are kept."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from av.codec.codec import Properties
 from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 
 formats = {"mp4": "mov_text", "mov": "mov_text", "matroska": "subrip", "webm": "webvtt"}
-"""FFmpeg's name of the text format that each container is sure to hold."""
+"""FFmpeg's name of a text subtitle format that each container supports."""
 
 
 def is_text(stream: av.stream.Stream) -> bool:
-    """Whether subtitles are text and no pictures of it."""
+    """Return whether a stream is text subtitles rather than bitmap subtitles."""
     context: Any = stream.codec_context
     if stream.type != "subtitle" or context is None:
         return False
@@ -23,16 +23,16 @@ def is_text(stream: av.stream.Stream) -> bool:
 
 
 class TextConverter:
-    """Subtitles on their way into a stream of another text format.
+    """Converter of subtitles into a stream of another text format.
 
     Parameters
     ----------
     stream : av.stream.Stream
-        Subtitles that are text.
+        Text subtitles.
     output : av.container.OutputContainer
-        Not started yet; gets a stream in the format of its container.
+        Output whose header is not written yet; a stream in the container's format is added to it.
     container : str
-        FFmpeg's name of it, a key of `formats`.
+        FFmpeg's name of the output's container, a key of `formats`.
     """
 
     def __init__(self, stream: av.stream.Stream, output: av.container.OutputContainer, container: str) -> None:
@@ -46,7 +46,7 @@ class TextConverter:
         self._encoder.subtitle_header = source.subtitle_header
 
     def converted(self, packet: av.Packet[Any]) -> av.Packet[Any] | None:
-        """One packet in the other format; None where nothing is shown, or where it cannot be read."""
+        """Return one packet in the other format, or None if it shows nothing or cannot be decoded."""
         try:
             lines: list[bytes] = [line.ass for line in cast(list[AssSubtitle], packet.decode())]
         except av.error.FFmpegError:
@@ -54,7 +54,7 @@ class TextConverter:
         if not lines:
             return None
         first, *more = lines
-        # nine fields to a line, of which the last is the text
+        # an ASS line has nine fields, of which the last is the text
         text = b"\\N".join([first, *(line.split(b",", 8)[-1] for line in more)])
         result: av.Packet[Any] = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, packet.duration or 0))
         result.stream, result.time_base = self.stream, packet.time_base

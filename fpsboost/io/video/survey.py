@@ -1,4 +1,4 @@
-"""What the first packets of a file say about its clocks, before anything is decoded."""
+"""Read start time and presentation times of a file from its index or first packets, before anything is decoded."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from fpsboost.io.video.damage import Damage
 from fpsboost.io.video.nominal_rate import listed_times
 from fpsboost.io.video.packets import clock_may_jump, read_packets
 
-PACKETS_LOOKED_AT = 1000
-"""Pictures whose times are looked at: enough to tell 23.976 from 24 per second by times in milliseconds."""
+MAX_SURVEY_PACKETS = 1000
+"""Maximum number of video packets that are read: enough to tell 23.976 from 24 frames per second in milliseconds."""
 
-BYTES_LOOKED_AT = 1 << 26
-"""Where pictures are large, fewer of them are looked at, so that nobody waits for the disk."""
+MAX_SURVEY_BYTES = 1 << 26
+"""Maximum size of the packets that are read, bytes; it limits the time for reading large packets."""
 
-TIMED_BY_EDITS = "mov"
-"""The container whose edit lists say how much nothing comes before a stream; that is kept."""
+EDIT_LIST_FORMAT = "mov"
+"""Start of FFmpeg's name of the container whose edit lists set the delay before each stream, which is kept."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """The clocks of a file.
+    """Presentation times and start time of a file.
 
     Attributes
     ----------
     times : list of int
-        When pictures are shown, ticks of their stream, rising: all that the index lists, or the first ones. Pictures
-        without a time are left out.
+        Presentation times of the pictures in increasing order, in ticks of their stream: all that the index lists, or
+        the first ones. Pictures without a time are left out.
     start : Fraction
-        Where pictures and sound begin on the file's own clock, seconds; becomes 0.
+        Start of video and audio on the file's own clock, seconds; it becomes time 0.
     """
 
     times: list[int]
@@ -41,9 +41,9 @@ class Survey:
 def survey(container: av.container.InputContainer, video: int) -> Survey:
     """Read the index of a file that was opened for this, or else its first packets.
 
-    Transmitters, cameras and streaming servers count from some moment of their own, so what a file begins with is
-    shown at 0. Times before 0 are kept where a clock counts from the beginning: they are what a decoder needs to get
-    going, as the first samples of AAC and Opus.
+    The clocks of transmitters, cameras and streaming servers start at an arbitrary time, so the start of a file becomes
+    time 0. If the clock starts at the beginning, times before 0 are kept: they belong to decoder preroll, such as the
+    first samples of AAC and Opus.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def survey(container: av.container.InputContainer, video: int) -> Survey:
         Number of the video stream that is read.
     """
     listed = listed_times(container.streams[video])
-    if listed and container.format.name.startswith(TIMED_BY_EDITS):
+    if listed and container.format.name.startswith(EDIT_LIST_FORMAT):
         return Survey(listed, Fraction(0))
     sound = {stream.index for stream in container.streams.audio}
     times: list[int] = []
@@ -66,17 +66,17 @@ def survey(container: av.container.InputContainer, video: int) -> Survey:
             if index == video:
                 times.append(packet.pts)
                 can_begin = can_begin or packet.is_keyframe
-            if index != video or can_begin:  # what comes before the first key frame cannot be shown
+            if index != video or can_begin:  # pictures before the first keyframe cannot be decoded
                 starts[index] = min(time, starts.get(index, time))
         count += packet.stream.index == video
         size += packet.size
-        if count >= PACKETS_LOOKED_AT or size >= BYTES_LOOKED_AT:
+        if count >= MAX_SURVEY_PACKETS or size >= MAX_SURVEY_BYTES:
             break
     return Survey(listed or sorted(set(times)), _start(container, starts))
 
 
 def _start(container: av.container.InputContainer, starts: dict[int, Fraction]) -> Fraction:
-    if not starts or container.format.name.startswith(TIMED_BY_EDITS):
+    if not starts or container.format.name.startswith(EDIT_LIST_FORMAT):
         return Fraction(0)
     start = min(starts.values())
     return start if clock_may_jump(container) else max(start, Fraction(0))

@@ -1,4 +1,4 @@
-"""Titles and other tags of a file and its streams, as another container can hold them."""
+"""Carry over titles and other tags of a file and its streams as far as another container can hold them."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ import av
 import av.container
 import av.error
 
-from fpsboost.io.video.encoding import EXACT_CLOCKS
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.io.video.languages import spellings
 
-OF_THE_OLD_FILE = {
+FILE_SPECIFIC_TAGS = {
     *("major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"),
     *("wmfsdkversion", "wmfsdkneeded", "isvbr", "deviceconformancetemplate", "wm/encodingtime", "vbr peak"),
     *("metadatacreator", "metadatadate", "hasvideo", "hasaudio", "hasmetadata", "haskeyframes", "hascuepoints"),
     *("canseektoend", "datasize", "videosize", "audiosize", "filesize", "totalframes", "totalduration", "bytelength"),
     *("lasttimestamp", "lastkeyframetimestamp", "lastkeyframelocation", "videodatarate", "audiodatarate"),
 }
-"""Tags that say how the old file was made and how long its parts are, not what it shows."""
+"""Tags about the making, sizes and durations of the source file, which do not describe its content."""
 
-OF_THE_OLD_STREAM = (
+STREAM_SPECIFIC_TAG_PREFIXES = (
     *("encoder", "duration", "vendor_id", "rotate", "timecode", "alpha_mode", "number_of", "bps", "_statistics"),
 )
-"""Beginnings of such tags of a stream."""
+"""Prefixes of such tags of a stream."""
 
-UNSET_CLOCKS = ("1904-01-01T00:00:00", "1970-01-01T00:00:00")
-"""Times of creation that mean that nobody wrote one."""
+UNSET_CREATION_TIMES = ("1904-01-01T00:00:00", "1970-01-01T00:00:00")
+"""Prefixes of creation times that mean that none was set."""
 
-OF_A_CAMERA = ("make", "model", "software", "location", "com.", "creationdate")
-"""Beginnings of tags that phones and cameras write, for which mp4 and mov have a list of free keys."""
+CAMERA_TAG_PREFIXES = ("make", "model", "software", "location", "com.", "creationdate")
+"""Prefixes of tags that phones and cameras write, which mp4 and mov store in a list of free keys."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class Tags:
     ----------
     values : mapping of str to str
     free_keys : bool
-        The container keeps them only in its list of free keys (FFmpeg's ``use_metadata_tags``).
+        Whether the container keeps them only in its list of free keys (FFmpeg's ``use_metadata_tags``).
     lost : list of str
-        Names of what it does not hold.
+        Names of the tags that the container does not hold.
     """
 
     values: Mapping[str, str]
@@ -55,39 +55,45 @@ class Tags:
 
 
 def tags_for(source: Mapping[str, str], container: str) -> Tags:
-    """Which tags of a source file go into a container, found out by writing them once.
+    """Return the tags of a source file that a container holds, by a trial with its muxer.
 
-    In mp4 and mov the titles that their players look for stand in one place or in another: in free keys only where a
-    camera's tags would be lost otherwise.
+    In mp4 and mov, tags are stored either where players look for titles, or as free keys: the latter only if tags of a
+    camera would be lost otherwise.
     """
-    values = {key: value for key, value in source.items() if not _is_old(key, value) and not _is_twin(key, source)}
+    values = {
+        key: value
+        for key, value in source.items()
+        if not _is_file_specific(key, value) and not _is_language_duplicate(key, source)
+    }
     if not values:
         return Tags(values, False, [])
-    lost = _lost(values, container, {})
-    if container in EXACT_CLOCKS and any(name.lower().startswith(OF_A_CAMERA) for name in lost):
-        return Tags(values, True, _lost(values, container, {"movflags": "+use_metadata_tags"}))
+    lost = _lost_tags(values, container, {})
+    if container in EXACT_TIME_BASE_CONTAINERS and any(name.lower().startswith(CAMERA_TAG_PREFIXES) for name in lost):
+        return Tags(values, True, _lost_tags(values, container, {"movflags": "+use_metadata_tags"}))
     return Tags(values, False, lost)
 
 
 def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: str) -> None:
-    """Give a stream of a container the language, title and role of another.
+    """Copy language, title and disposition of a stream to a stream of a container.
 
-    Languages get three letters; .mov knows some of them only by one of two spellings.
+    Languages become three-letter codes; .mov supports only one of two codes for some languages.
     """
-    labels = {key: value for key, value in stream.metadata.items() if not key.lower().startswith(OF_THE_OLD_STREAM)}
-    if "name" in labels:  # what mp4 gives as the name, it takes as the title, and so does Matroska
+    labels = {
+        key: value for key, value in stream.metadata.items() if not key.lower().startswith(STREAM_SPECIFIC_TAG_PREFIXES)
+    }
+    if "name" in labels:  # FFmpeg reads mp4's stream title as "name", but writes it from "title", as Matroska's
         labels.setdefault("title", labels.pop("name"))
     language = next((key for key in labels if key.lower() == "language"), None)
     if language is not None:
         known = spellings(labels[language])
-        kept = [each for each in known if _written({}, container, {}, each)[1].get("language") == each]
+        kept = [each for each in known if _tags_read_back({}, container, {}, each)[1].get("language") == each]
         labels[language] = next(iter([*kept, *known]), labels[language])
     target.metadata.update(labels)
     target.disposition = stream.disposition
 
 
 def lost_labels(wanted: av.stream.Stream, found: av.stream.Stream) -> list[str]:
-    """What a stream of a finished file does not say of what it was to say: language, title and roles."""
+    """Describe the language, title and dispositions of `wanted` that the stream `found` of a finished file lacks."""
     before, after = _lower(wanted.metadata), _lower(found.metadata)
     lost = []
     if before.get("language", "und") not in ("und", after.get("language")):
@@ -99,29 +105,31 @@ def lost_labels(wanted: av.stream.Stream, found: av.stream.Stream) -> list[str]:
     return lost
 
 
-def _is_old(key: str, value: str) -> bool:
-    """Whether a tag says nothing of what the file shows: how it was made, or a clock that stood at its beginning."""
+def _is_file_specific(key: str, value: str) -> bool:
+    """Return whether a tag does not describe the content: data about the source file, or an unset creation time."""
     name = key.lower()
-    made = name in OF_THE_OLD_FILE or name.startswith("wm/wmadrc") or (name == "software" and value.startswith("Lav"))
-    return made or (name == "creation_time" and value.startswith(UNSET_CLOCKS))
+    made = (
+        name in FILE_SPECIFIC_TAGS or name.startswith("wm/wmadrc") or (name == "software" and value.startswith("Lav"))
+    )
+    return made or (name == "creation_time" and value.startswith(UNSET_CREATION_TIMES))
 
 
-def _is_twin(key: str, tags: Mapping[str, str]) -> bool:
-    """Whether a tag says in a language (``location-eng``) what another says without."""
+def _is_language_duplicate(key: str, tags: Mapping[str, str]) -> bool:
+    """Return whether a tag with a language suffix (``location-eng``) repeats the tag without it."""
     name, _, language = key.rpartition("-")
     return len(language) == 3 and tags.get(name) == tags[key]
 
 
-def _lost(tags: Mapping[str, str], container: str, options: dict[str, str]) -> list[str]:
-    """The names of tags that do not come back from a file of a container."""
-    kept, _ = _written(tags, container, options)
+def _lost_tags(tags: Mapping[str, str], container: str, options: dict[str, str]) -> list[str]:
+    """Return the names of the tags that cannot be read back from a file of a container."""
+    kept, _ = _tags_read_back(tags, container, options)
     return [name for name in tags if kept and name.lower() not in kept]
 
 
-def _written(
+def _tags_read_back(
     tags: Mapping[str, str], container: str, options: dict[str, str], language: str = "und"
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Tags of a file, and of a stream in a language, as they come back; none where that cannot be found out."""
+    """Return the tags of a file, and of a stream in a language, as read back after muxing; empty if the trial fails."""
     file = BytesIO()
     codec = "vp8" if container == "webm" else "mjpeg"
     tick = Fraction(1, 25)

@@ -1,4 +1,4 @@
-"""What a video's pictures mean beyond their numbers."""
+"""Properties of a video's pictures beyond their samples: colour coding, pixel shape, orientation and HDR metadata."""
 
 from __future__ import annotations
 
@@ -15,38 +15,39 @@ from fpsboost.io.video.hdr import LightLevel, MasteringDisplay, parse_light_leve
 from fpsboost.io.video.nominal_rate import as_fraction
 from fpsboost.io.video.ycc import chroma_location_of, color_space_of, is_full_range
 
-DYNAMIC_HDR = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
+DYNAMIC_HDR_SIDE_DATA = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
+"""Types of FFmpeg's side data that hold dynamic HDR metadata."""
 
 
 @dataclass(frozen=True)
 class VideoTraits:
-    """What a video's pictures mean beyond their numbers; a sink keeps it.
+    """Colour coding, pixel shape, orientation and HDR metadata of a video's pictures, which a sink keeps.
 
     Attributes
     ----------
     pixel_format : str
         FFmpeg's name, ``yuv420p``.
     color_space : int
-        AVColorSpace that the pictures are converted with: as tagged, otherwise BT.709 from 720 lines, BT.601 below.
+        AVColorSpace that the pictures are converted with: as tagged, otherwise BT.709 from 720 rows on, BT.601 below.
     tagged_color_space, color_range, color_primaries, color_transfer : int
-        The tags themselves, FFmpeg's numbers, 2 (range: 0) for unspecified.
+        The tags as FFmpeg's numbers, 2 (range: 0) for unspecified.
     full_range : bool
-        Black is 0 rather than 16 (in 8 bits).
+        Whether black is 0 rather than 16 (in 8 bits).
     chroma_location : str
-        Where a subsampled chroma sample sits: ``left``, ``center``, ``topleft``...
+        Location of subsampled chroma samples: ``left``, ``center``, ``topleft``...
     tagged_chroma_location : bool
-        False where that is only FFmpeg's guess.
+        False if the location is only FFmpeg's guess.
     sample_aspect_ratio : Fraction or None
         Width of a pixel over its height.
     display_matrix : tuple of 9 int or None
-        Rotation and flip for display, 16.16 and 2.30 fixed point.
+        Rotation and flip for display, in 16.16 and 2.30 fixed point.
     mastering_display : MasteringDisplay or None
     light_level : LightLevel or None
     has_dynamic_hdr : bool
-        Dolby Vision, HDR10+ and their like, which change from frame to frame.
+        Whether there is metadata of Dolby Vision, HDR10+ or similar, which changes from frame to frame.
     codec : str
-        FFmpeg's name of the format that the pictures were coded in; empty where they were not. Says nothing about what
-        they mean, and does not count where traits are compared.
+        FFmpeg's name of the format that the pictures were coded in; empty if they were not coded. It is ignored when
+        traits are compared.
     """
 
     pixel_format: str
@@ -67,14 +68,14 @@ class VideoTraits:
 
     @property
     def has_hdr_data(self) -> bool:
-        """Whether there is more to the brightness of the pictures than their colour tags say."""
+        """Whether there is HDR metadata beyond the colour tags."""
         return (self.mastering_display, self.light_level) != (None, None) or self.has_dynamic_hdr
 
 
 def read_traits(
     picture: av.VideoFrame, stream: av.VideoStream, reformatter: VideoReformatter, name: str
 ) -> VideoTraits:
-    """What the pictures of a stream mean, by the first of them.
+    """Return the traits of a stream, read from its first picture.
 
     Parameters
     ----------
@@ -82,12 +83,12 @@ def read_traits(
     stream : av.VideoStream
     reformatter : VideoReformatter
     name : str
-        What messages call the clip.
+        Name of the clip in messages.
 
     Raises
     ------
     InputError
-        The colour matrix is one that is not supported.
+        The colour matrix is not supported.
     """
     sides = {side.type.name: bytes(side) for side in _side_data(picture)}
     matrix = sides.get("DISPLAYMATRIX")
@@ -109,13 +110,13 @@ def read_traits(
         color_transfer=picture.color_trc,
         full_range=is_full_range(picture),
         chroma_location=location,
-        # FFmpeg takes an unsaid place for the centre; only these two formats always say.
+        # FFmpeg takes an untagged location for the centre; only these two formats always have a tag.
         tagged_chroma_location=location != "center" or codec in ("h264", "hevc"),
         sample_aspect_ratio=as_fraction(stream.sample_aspect_ratio),
         display_matrix=tuple(np.frombuffer(matrix, np.int32).tolist()) if matrix else None,
         mastering_display=parse_mastering_display(sides.get("MASTERING_DISPLAY_METADATA")),
         light_level=parse_light_level(sides.get("CONTENT_LIGHT_LEVEL")),
-        has_dynamic_hdr=not DYNAMIC_HDR.isdisjoint(sides),
+        has_dynamic_hdr=not DYNAMIC_HDR_SIDE_DATA.isdisjoint(sides),
         codec=codec,
     )
 

@@ -1,7 +1,8 @@
-"""Decoded pictures as BGR and back: YCbCr by its own matrix, range and chroma location.
+"""Convert decoded pictures to BGR and back by the matrix, range and chroma location of their YCbCr.
 
-This is not left to FFmpeg's scaler, which is off by half a level in full range and by up to 255 of 65535 in deep
-formats: the scaler brings a picture to 4:4:4, a 3x4 matrix does the rest, and the way back applies its exact inverse.
+FFmpeg's scaler alone is off by half a level in full range and by up to 255 of 65535 in deep formats. It therefore only
+converts between the chroma subsampling of a picture and 4:4:4; a 3x4 matrix converts 4:4:4 to BGR, and its exact
+inverse converts back.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ SMPTE170M, BT709, RGB, UNSPECIFIED = 6, 1, 0, 2  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
 
 SCALER_FLAGS = 0x4 | 0x40000 | 0x2000 | 0x4000
-"""Bicubic, accurate rounding, full chroma interpolation and input: without them chroma drifts by half a level."""
+"""Bicubic, accurate rounding, full chroma interpolation and input; without them chroma is off by half a level."""
 
 chroma_locations = {
     (0.0, 0.5): "left",
@@ -33,13 +34,13 @@ chroma_locations = {
     (0.0, 1.0): "bottomleft",
     (0.5, 1.0): "bottom",
 }
-"""FFmpeg's names by the place of a chroma sample: pixels right of and below the first luma sample."""
+"""FFmpeg's names by the offset of a chroma sample to the right of and below the first luma sample, pixels."""
 
 packed_formats = {np.dtype(np.uint8): "bgr24", np.dtype(np.uint16): "bgr48le"}
-"""FFmpeg's name of an array of BGR."""
+"""FFmpeg's pixel format of a BGR array by its dtype."""
 
 packed_formats_with_alpha = {np.dtype(np.uint8): "bgra", np.dtype(np.uint16): "bgra64le"}
-"""FFmpeg's name of an array of BGRA."""
+"""FFmpeg's pixel format of a BGRA array by its dtype."""
 
 
 def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
@@ -80,7 +81,7 @@ def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) 
 
 
 def _gray_to_bgr(picture: av.VideoFrame, scaler: VideoReformatter) -> Image:
-    # not by way of 4:4:4, where the scaler applies a matrix to gray too and shifts it
+    # not through 4:4:4, where the scaler applies a matrix to gray too and shifts it
     bits = picture.format.components[0].bits
     name = "gray" if bits == 8 else f"gray{bits}le" if bits in (9, 10, 12, 14) else "gray16le"
     if picture.format.name != name:
@@ -93,7 +94,7 @@ def _gray_to_bgr(picture: av.VideoFrame, scaler: VideoReformatter) -> Image:
 
 
 def to_bgra(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
-    """`to_bgr` for a format with alpha, as (H, W, 4); alpha uses the whole range, colours are as they are."""
+    """Convert a picture with alpha as `to_bgr` does, to (H, W, 4); alpha is full range, colours are unchanged by it."""
     scaler = reformatter or VideoReformatter()
     image = to_bgr(picture, scaler)
     if picture.format.is_rgb:
@@ -105,18 +106,18 @@ def to_bgra(picture: av.VideoFrame, reformatter: VideoReformatter | None = None)
 
 
 def has_alpha(pixel_format: str) -> bool:
-    """Whether a pixel format of FFmpeg holds alpha."""
+    """Return whether a pixel format of FFmpeg has alpha."""
     return any(component.is_alpha for component in av.VideoFormat(pixel_format).components)
 
 
 def _rescaled(alpha: NDArray[Any], bits: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Alpha of so many bits as an image's own type."""
+    """Scale alpha of `bits` bits to the full range of `dtype`."""
     top = np.iinfo(dtype).max
     return alpha if top == 2**bits - 1 else np.rint(alpha * np.float32(top / (2**bits - 1))).astype(dtype)
 
 
 def straight_16_bit(image: Image) -> Image:
-    """A float image as 16 bits, clipped to black and white; alpha, which floats are multiplied by, becomes straight."""
+    """Convert a float image to 16 bits, clipped to [0, 1]; premultiplied alpha becomes straight."""
     values = np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
     if image.shape[2] in (2, 4):
         alpha = values[..., -1:]
@@ -143,11 +144,11 @@ def from_bgr(
     pixel_format : str
         FFmpeg's name, ``yuv420p10le``.
     color_space : int
-        AVColorSpace whose matrix to use.
+        AVColorSpace of the matrix.
     full_range : bool
-        Black is 0 rather than 16 (in 8 bits).
+        Whether black is 0 rather than 16 (in 8 bits).
     chroma_location : str
-        Where a subsampled chroma sample sits.
+        Location of subsampled chroma samples.
     reformatter : VideoReformatter, optional
         Keeps the scaler's tables from one frame to the next.
     """
@@ -164,12 +165,12 @@ def from_bgr(
         return scaler.reformat(frame, format=pixel_format, interpolation=SCALER_FLAGS)
     full_range = full_range or is_gray(target)
     bits = target.components[0].bits
-    if bits > 8 and image.dtype == np.uint8:  # the matrix product keeps the type, and needs room for its result
+    if bits > 8 and image.dtype == np.uint8:  # the matrix product keeps the dtype, which must hold its result
         image = image.astype(np.uint16) * 257
     planar = av.VideoFrame(width, height, full_chroma(bits))
     bits = planar.format.components[0].bits
     matrix = bgr_to_ycc(color_space, full_range, bits, np.iinfo(image.dtype).max)
-    codes = np.minimum(cv2.transform(image, matrix), 2**bits - 1)  # a pure colour of full range is one half above
+    codes = np.minimum(cv2.transform(image, matrix), 2**bits - 1)  # a pure colour in full range exceeds it by one half
     for channel, plane in enumerate(plane_arrays(planar)):
         plane[:] = codes[..., channel]
     return reformatted(with_chroma_location(planar, chroma_location), scaler, pixel_format, full_range)
@@ -184,7 +185,7 @@ def _from_bgra(
     chroma_location: str,
     reformatter: VideoReformatter,
 ) -> av.VideoFrame:
-    """`from_bgr` for a format with alpha; an image without is opaque."""
+    """Convert an image as `from_bgr` does, to a format with alpha; an image without alpha is opaque."""
     image = straight_16_bit(image) if image.dtype == np.float32 else image
     white = np.iinfo(image.dtype).max
     alpha = image[..., 3] if image.shape[2] == 4 else np.full(image.shape[:2], white, image.dtype)
@@ -209,7 +210,7 @@ def _from_bgra(
 
 
 def _as_bgr(image: Image) -> Image:
-    """Three contiguous integer channels."""
+    """Return the image as three contiguous integer channels."""
     if image.dtype == np.float32:
         image = np.rint(np.nan_to_num(np.clip(image, 0, 1)) * np.float32(65535)).astype(np.uint16)
     if image.shape[2] == 1:
@@ -218,7 +219,7 @@ def _as_bgr(image: Image) -> Image:
 
 
 def with_chroma_location(picture: av.VideoFrame, location: str) -> av.VideoFrame:
-    """Label a picture with its chroma location, which PyAV can do only through a filter; no pixel is copied."""
+    """Tag a picture with its chroma location, which PyAV can do only through a filter; no pixel is copied."""
     graph = av.filter.Graph()
     entry = graph.add_buffer(
         width=picture.width, height=picture.height, format=picture.format, time_base=Fraction(1, 1000)
@@ -238,7 +239,7 @@ def reformatted(
     *,
     size: tuple[int, int] | None = None,
 ) -> av.VideoFrame:
-    """Bring a YCbCr picture to another YCbCr format; matrix and range stay as they are.
+    """Convert a YCbCr picture to another YCbCr pixel format with the same matrix and range.
 
     Parameters
     ----------
@@ -247,7 +248,7 @@ def reformatted(
     pixel_format : str
         FFmpeg's name.
     full_range : bool
-        Black is 0 rather than 16 (in 8 bits), before and after.
+        Whether black is 0 rather than 16 (in 8 bits), before and after.
     size : (int, int), optional
         New height and width.
     """
@@ -265,14 +266,14 @@ def reformatted(
 
 
 def full_chroma(bits: int) -> str:
-    """Name the 4:4:4 format that holds this many bits per sample."""
+    """Return the name of the 4:4:4 pixel format that holds `bits` bits per sample."""
     if bits <= 8:
         return "yuv444p"
     return f"yuv444p{bits}le" if bits in (9, 10, 12, 14) else "yuv444p16le"
 
 
 def plane_arrays(picture: av.VideoFrame) -> list[NDArray[Any]]:
-    """Views of a planar picture's planes, without the padding that FFmpeg adds to every row."""
+    """Return views of a planar picture's planes, without the padding that FFmpeg adds to every row."""
     dtype = _sample_type(picture.format.components[0].bits)
     return [
         np.frombuffer(memoryview(plane), dtype).reshape(-1, plane.line_size // dtype.itemsize)[
@@ -287,12 +288,12 @@ def _sample_type(bits: int) -> np.dtype[Any]:
 
 
 def color_space_of(picture: av.VideoFrame) -> int:
-    """The AVColorSpace to convert with: the tag, or what an untagged video of this size means.
+    """Return the AVColorSpace to convert with: the tag, or the default for an untagged video of this size.
 
     Raises
     ------
     ValueError
-        A tag that is no plain luma-chroma matrix (YCgCo, ICtCp...).
+        The tag is not a plain luma-chroma matrix (YCgCo, ICtCp...).
     """
     tag = int(picture.colorspace)
     if picture.format.is_rgb or tag in (0, 2, 3):
@@ -303,31 +304,31 @@ def color_space_of(picture: av.VideoFrame) -> int:
 
 
 def assumed_color_space(height: int) -> int:
-    """What an untagged video of this many rows means."""
+    """Return the AVColorSpace of an untagged video with `height` rows."""
     return BT709 if height >= 720 else SMPTE170M
 
 
 def is_gray(pixel_format: av.VideoFormat) -> bool:
-    """Whether there is no chroma: the scaler, and so all of FFmpeg, takes such code values for full range always."""
+    """Return whether a format has no chroma; the scaler, and so all of FFmpeg, always takes it for full range."""
     return pixel_format.name.startswith(("gray", "ya8", "ya16"))
 
 
 def is_full_range(picture: av.VideoFrame) -> bool:
-    """Whether code values use the whole range; untagged YCbCr does not."""
+    """Return whether code values are full range; untagged YCbCr is limited range."""
     return int(picture.color_range) == FULL_RANGE or picture.format.name.startswith("yuvj") or picture.format.is_rgb
 
 
 def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) -> str:
-    """Find where the scaler takes this picture's chroma samples to be.
+    """Return the chroma location that the scaler assumes for a picture.
 
-    PyAV does not show the tag, so a ramp is subsampled under the picture's own properties, and the values that come
-    out tell their place.
+    PyAV does not expose the tag, so a ramp is subsampled with the picture's properties, and the location follows from
+    the resulting values.
     """
     size, step = 32, 4
     if picture.format.is_rgb or len(picture.planes) < 2:
         return "left"
     ramp = reformatted(picture, reformatter, "yuv444p", True, size=(size, size))
-    if ramp is picture:  # already of this size and kind: never write into a decoded picture
+    if ramp is picture:  # already of this size and format: never write into a decoded picture
         return "left"
     rows, columns = np.mgrid[0:size, 0:size]
     for plane, values in zip(plane_arrays(ramp), (128, 64 + step * columns, 64 + step * rows), strict=True):
