@@ -1,4 +1,4 @@
-"""Frames as arrays, one by one as they are made: for programs that read and write with OpenCV."""
+"""Frame-rate conversion to arrays, one by one as they are made, for programs that read and write with OpenCV."""
 
 from __future__ import annotations
 
@@ -28,38 +28,39 @@ def stream(
     duplicates: Duplicates = "interpolate",
     threads: int | None = None,
 ) -> Iterator[Image]:
-    """Raise the frame rate of whatever gives frames, and yield frames as they are made.
+    """Raise the frame rate of a source of frames, and yield frames as they are made.
 
-    Reads at most ``8 + 2 * threads`` frames ahead of the one that is yielded, and up to 8 more where frames repeat one
-    another; memory does not grow with length. Of n frames come n times `factor`: the last one is shown as long as any.
+    At most ``8 + 2 * threads`` frames are read ahead of the one that is yielded, and up to 8 more where there are
+    duplicates; memory does not grow with length. n frames give n times `factor` frames: the last one is shown as long
+    as any other.
 
     Parameters
     ----------
     source : str, cv2.VideoCapture or iterable of (H, W, C) uint8, uint16 or float32
-        A path as `fpsboost.convert` takes it; a capture that is open, which may be a file, a camera, a pipeline or a
-        network stream, and which stays the caller's; or arrays in BGR(A) order, not to be written to any more.
+        A path as `fpsboost.convert` takes it; an open capture of a file, a camera, a pipeline or a network stream,
+        which the caller keeps; or arrays in BGR(A) order, which must not be written to afterwards.
     factor : Fraction or int, optional
-        Output frames per source frame; 2 where neither `factor` nor `fps` is given.
+        Output frames per source frame; 2 if neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
         Output frames per second, instead of `factor`.
     method : str or Interpolator
-        A name of `fpsboost.methods`, or an object.
+        A name from `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
-        Frames per second of images and arrays, and of a capture that does not know its own.
+        Frames per second of images and arrays, and of a capture without a rate.
     duplicates : {'interpolate', 'keep'}
         See `fpsboost.convert`.
     threads : int, optional
-        Pairs of frames worked on side by side; one a core without it. Frames are the same with any number.
+        Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
 
     Yields
     ------
     (H, W, C) uint8, uint16 or float32
-        BGR or BGRA, as the source has it.
+        BGR or BGRA, like the source.
 
     Raises
     ------
     OptionError
-        Options contradict each other, or `fps` is asked of a source whose own rate is not known.
+        Options contradict each other, or `fps` is given for a source whose own rate is not known.
     InputError
         The source gives fewer than two frames, or frames that differ in size or type.
 
@@ -72,7 +73,7 @@ def stream(
     """
     interpolator = find_method(method) if isinstance(method, str) else method
     rate = OutputRate(_fraction(factor), _fraction(fps))
-    with _opened(source, _fraction(input_fps), needs_rate=fps is not None) as opened:
+    with _as_source(source, _fraction(input_fps), needs_rate=fps is not None) as opened:
         schedule = rate.schedule(opened.info)
         making = making_frames(
             opened,
@@ -88,10 +89,10 @@ def stream(
                 yield frame.array
 
 
-def _opened(
+def _as_source(
     source: str | cv2.VideoCapture | Iterable[Image], input_fps: Fraction | None, *, needs_rate: bool
 ) -> FrameSource:
-    """Return whatever gives frames as a source."""
+    """Return a path, capture or arrays as a frame source."""
     if isinstance(source, str):
         return open_source(source, input_fps)
     if isinstance(source, cv2.VideoCapture):

@@ -1,4 +1,4 @@
-"""Files in, files out: from paths and options to a source, an interpolator and a sink, and the loop between them."""
+"""Conversion of files: builds source, interpolator and sink from paths and options, and runs the loop over them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from fpsboost.timing.rate import OutputRate, SlowSound
 from fpsboost.timing.schedule import count_frames
 
 NOT_IN_FINGERPRINT = ("input", "output", "overwrite", "resume", "limit", "threads", "observer")
-"""Arguments of `convert` that a run may change which goes on with another; every other one shapes the output."""
+"""Arguments of `convert` that may differ when a run is resumed; every other one determines the output."""
 
 
 def convert(
@@ -66,53 +66,52 @@ def convert(
     input, output : str
         Each a video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``,
         ``shot_####.png``), or ``-`` for YUV4MPEG2 from standard input or to standard output. Images whose numbers
-        rise by a step of 2 or more were rendered with that step: where `factor` divides it, the frames made get the
-        numbers that are missing.
+        rise by a step of 2 or more were rendered with that step: if `factor` divides it, the frames made get the
+        missing numbers.
     factor : Fraction or int, optional
-        Output frames per source frame; 2 where neither `factor` nor `fps` is given.
+        Output frames per source frame; 2 if neither `factor` nor `fps` is given.
     fps : Fraction or int, optional
         Output frames per second, instead of `factor`.
     keep_timing : bool
-        Multiply the frames of each interval by `factor`. Otherwise a video comes out at a constant rate, whatever the
-        source does, and frames are made for the times of that.
+        Multiply the frames of each interval by `factor`. Otherwise the output video has a constant rate, whatever the
+        source's timing, and frames are made for its times.
     slow_motion : bool
-        Last `factor` times as long, at the source's rate or at `fps`.
+        Play `factor` times as long, at the source's rate or at `fps`.
     slow_motion_sound : {'drop', 'stretch'}, optional
-        Leave the sound of slow motion out, which is done unless told, or make it last as long at its own pitch.
+        Drop the audio of slow motion, the default, or stretch it to the same duration at its own pitch.
     method : str or Interpolator
-        A name of `fpsboost.methods`, or an object.
+        A name from `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
         Frames per second of input images.
     trim : Trim, optional
-        Which part of the input to convert; all of it where it is not given.
+        Part of the input to convert; all of it by default.
     duplicates : {'interpolate', 'keep'}
-        Frames that show the same as the one before, as in animation on threes, pulldown and captures that missed some:
-        make the moving picture at their times, or keep them. Stills, and pictures held until a cut, are always kept.
-        Not looked for where a renderer's motion vectors say what moves, nor where just the images are made that are
-        missing between numbers.
+        Duplicate frames, as in animation on threes, pulldown and captures that missed frames: interpolate motion at
+        their times, or keep them. Stills, and pictures held until a cut, are always kept. Duplicates are not looked for
+        if motion comes from a renderer's vectors, or if only the images missing between numbers are made.
     fill_gaps : bool
-        Make just the images that are missing between numbered ones, each at the time of its number. `input_fps` then
-        counts numbers, and `factor`, frames per number, is 1 unless told.
+        Make only the images that are missing between numbered ones, each at the time of its number. `input_fps` then
+        counts numbers, and `factor`, frames per number, is 1 by default.
     in_place : bool
-        Put the frames that are made beside the images of the input, and leave `output` out. Nothing that is there is
-        touched.
+        Write the frames that are made beside the images of the input; `output` must not be given. Existing files are
+        never changed.
     decoding : DecodeOptions, optional
-        Which stream of a video file is read, whether its fields become frames first, and what happens where its size
+        Which stream of a video file is read, whether its fields become frames first, and what happens if its size
         changes.
     encoding : Encoding, optional
         How to encode video, and which streams to keep.
     overwrite : bool
         Replace an existing output.
     resume : bool
-        Go on with what an earlier run of the same input and options had finished when it was stopped; where there is
-        nothing, start.
+        Resume an earlier run of the same input and options that was stopped, after the frames that it finished; start
+        anew if there is none.
     limit : MemoryLimit, optional
-        What may be taken: a clip that needs more is refused before it is decoded. What is available without it.
+        Memory that may be used: a clip that needs more is refused before it is decoded. By default what is available.
     threads : int, optional
-        Pairs of frames that are worked on side by side; as many as there are cores and memory for without it. Frames
-        are the same with any number.
+        Pairs of frames processed in parallel; by default as many as there are cores and memory for. Frames are the
+        same with any number.
     observer : Observer, optional
-        Told how it goes.
+        Informed of the progress.
 
     Returns
     -------
@@ -123,7 +122,7 @@ def convert(
     OptionError, InputError, OutputError
         See `fpsboost.errors`.
     CompleteAlreadyError
-        The output that `resume` was to go on with is there.
+        `resume` was given, and the output is complete already.
 
     Examples
     --------
@@ -131,7 +130,7 @@ def convert(
     """
     options = {name: value for name, value in locals().items() if name not in NOT_IN_FINGERPRINT}
     check_choice("--duplicates", duplicates, get_args(Duplicates))
-    output = _target(input, output, in_place=in_place, overwrite=overwrite)
+    output = _resolve_output(input, output, in_place=in_place, overwrite=overwrite)
     output_rate = OutputRate(_fraction(factor), _fraction(fps), keep_timing, slow_motion, slow_motion_sound, fill_gaps)
     interpolator = find_method(method) if isinstance(method, str) else method
     encoding = encoding or Encoding()
@@ -156,14 +155,14 @@ def convert(
         may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
         source = trim_source(whole, trim, may_skip=may_skip, stretch=output_rate.stretch)
         info = source.info
-        encoding, lost = _with_sound_that_fits(encoding, whole, output_rate)
+        encoding, lost = _adapt_audio(encoding, whole, output_rate)
         schedule = output_rate.schedule(info, has_clock=to_video)
         multiple = schedule.rate(info.rate) / info.rate
         keeps_numbers = isinstance(whole, ImageSource) and not to_file and whole.numbers_for(multiple) is not None
-        if fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
+        if fill_gaps or keeps_numbers:  # an image that repeats another is not a missing one
             duplicates = "keep"
         expected = count_frames(schedule, info, holds_last_frame=to_video)
-        interpolator, on_vectors = _with_vectors_by_number(interpolator, whole, multiple, expected)
+        interpolator, on_vectors = _match_vectors(interpolator, whole, multiple, expected)
         sink = open_sink(
             output,
             source=whole,
@@ -193,7 +192,7 @@ def convert(
                 skip=there,
                 threads=threads,
             )
-    # some are known only when everything has been put together
+    # some are known only after the sink has finished the output
     summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
     summary.remarks += [*lost, *on_vectors, *output_rate.remarks(info, schedule, summary.frame_intervals)]
     if isinstance(whole, ImageSource) and whole.step > 1 and to_file:
@@ -204,8 +203,8 @@ def convert(
     return summary
 
 
-def _target(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:
-    """Where the output goes."""
+def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:
+    """Return the path of the output."""
     if not in_place:
         if output is None:
             raise OptionError(f"There is no output for {input}; name one, or give --in-place for images beside it.")
@@ -218,10 +217,10 @@ def _target(input: str, output: str | None, *, in_place: bool, overwrite: bool) 
     return input
 
 
-def _with_vectors_by_number(
+def _match_vectors(
     interpolator: Interpolator, source: FrameSource, factor: Fraction, count: int | None
 ) -> tuple[Interpolator, list[str]]:
-    """A renderer's vectors by the numbers of the output's frames where both have some, and a remark if they differ."""
+    """Match a renderer's vectors to the numbers of the output's frames if both have numbers; remark if they differ."""
     if not isinstance(source, ImageSource) or not source.numbers or count is None:
         return interpolator, []
     kept = source.numbers_for(factor)
@@ -234,10 +233,8 @@ def _with_vectors_by_number(
     return interpolator.with_vectors_for(range(first, first + count * step, step), must_match=kept is not None)
 
 
-def _with_sound_that_fits(
-    encoding: Encoding, source: FrameSource, output_rate: OutputRate
-) -> tuple[Encoding, list[str]]:
-    """Sound lasts as long as it lasts, so that slow motion has none unless told; and a remark where that is a loss."""
+def _adapt_audio(encoding: Encoding, source: FrameSource, output_rate: OutputRate) -> tuple[Encoding, list[str]]:
+    """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
     if output_rate.slow_motion_sound == "stretch" and not encoding.audio:
         raise OptionError("--slow-motion-sound stretch and --no-audio contradict each other; give one of them.")
     if output_rate.stretch == 1 or not encoding.audio or output_rate.slow_motion_sound == "stretch":

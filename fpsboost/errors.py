@@ -1,12 +1,12 @@
-"""What can go wrong, as one tree.
+"""Exceptions of fpsboost, as one hierarchy.
 
 ::
 
     FpsboostError
-    ├── OptionError     a value that can never work: factor 0, an unknown method
+    ├── OptionError     an invalid value: factor 0, an unknown method
     ├── InputError      the source cannot be read, or holds too little
     └── OutputError     the target exists, cannot be written, or cannot hold the streams
-        ├── CompleteAlreadyError  an output to go on with needs nothing more
+        ├── CompleteAlreadyError  an output to be resumed is complete already
         └── ReaderGoneError  the program that reads standard output has closed it
 
     UserWarning
@@ -24,39 +24,38 @@ from pathlib import Path
 
 
 class FpsboostError(Exception):
-    """Base of everything that fpsboost raises on purpose."""
+    """Base class of the exceptions that fpsboost raises on purpose."""
 
 
 class OptionError(FpsboostError, ValueError):
-    """An option or argument has a value that can never work."""
+    """Error for an invalid value of an option or argument."""
 
 
 class SceneCutWarning(UserWarning):
-    """A scene ends between two images that were to be interpolated: what was made is not what lies between them.
+    """Warning of a scene cut between two images to be interpolated: the result does not show what lies between them.
 
-    Only given where somebody asks for cuts to be looked for; ``warnings.simplefilter("error", SceneCutWarning)`` makes
-    it an exception.
+    Issued only if a cut policy is given; ``warnings.simplefilter("error", SceneCutWarning)`` makes it an exception.
     """
 
 
 class InputError(FpsboostError):
-    """The source is missing, unreadable, damaged beyond use, or too short."""
+    """Error for a source that is missing, unreadable, damaged beyond use, or too short."""
 
 
 class OutputError(FpsboostError):
-    """The target exists already, cannot be written, or cannot hold what it should."""
+    """Error for a target that exists already, cannot be written, or cannot hold the streams."""
 
 
 class CompleteAlreadyError(OutputError):
-    """The target of a run that was to go on is there, and nothing of it is left to do."""
+    """Error for a run to be resumed whose target is complete already."""
 
 
 class ReaderGoneError(OutputError):
-    """The program at the other end of a pipe has read enough; nobody need be told."""
+    """Error for a pipe that the reading program has closed; needs no message."""
 
 
 def notes_of(error: BaseException) -> str:
-    """What was added to an exception on its way, such as how to go on."""
+    """Return the notes added to an exception, such as how to resume."""
     return " ".join(getattr(error, "__notes__", ()))
 
 
@@ -73,17 +72,17 @@ def check_choice(option: str, value: str, choices: Collection[str]) -> None:
 
 @contextmanager
 def explained(kind: type[FpsboostError], task: str, path: str | Path, advice: str) -> Iterator[None]:
-    """Turn what the system raises into a sentence about a path.
+    """Turn an OSError raised in the block into a sentence about a path.
 
     Parameters
     ----------
     kind : type of FpsboostError
-        What to raise instead.
+        Exception to raise instead.
     task : str
-        What was tried: ``read``, ``write to``.
+        Action that failed: ``read``, ``write to``.
     path : str or Path
     advice : str
-        What to do about it.
+        Advice to the user.
     """
     try:
         yield

@@ -1,19 +1,19 @@
-"""Frames, clips, and the conventions that every module of the package keeps.
+"""Frames, clips, and the conventions of all modules of the package.
 
 Images
     Arrays of shape (height, width, channels), C-contiguous, channels 1 (gray), 2 (gray and alpha), 3 (BGR) or 4 (BGRA)
     in OpenCV's order; uint8 and uint16 use their whole range, float32 has 1.0 for white. Indexed ``[y, x]``, sizes
-    given as (height, width). Video that becomes video stays in its own planes; see `fpsboost.ycbcr`.
+    given as (height, width). Video converted to video keeps its own planes; see `fpsboost.ycbcr`.
 Motion
     ``flow01[y, x] = (dx, dy)`` in pixels, float32: ``image1[y + dy, x + dx]`` looks like ``image0[y, x]``. The
     direction is in the name: ``flow01`` from frame 0 to frame 1, ``flow10`` back.
 Time
-    Presentation times are `fractions.Fraction` seconds, exactly as the container's ticks say. ``t`` in [0, 1] is a
-    place between two frames: 0 is ``frame0``, 1 is ``frame1``. A frame rate is a Fraction, never a float.
+    Presentation times are `fractions.Fraction` seconds, exactly as given by the container's ticks. ``t`` in [0, 1] is a
+    position between two frames: 0 is ``frame0``, 1 is ``frame1``. A frame rate is a Fraction, never a float.
 Words
     *offset* an integer candidate of motion; *search_radius* the largest one; *patch_radius* r for a patch of
     (2r + 1) x (2r + 1) pixels; *similarity* higher is better; *warp* gathers, *splat* scatters and leaves *holes*;
-    *scene_cut* no motion leads across it.
+    *scene_cut* no motion connects the two frames.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ Image = NDArray[Any]
 """(height, width, channels) uint8, uint16 or float32; see the module's conventions."""
 
 Pixels = Image | YCbCrImage
-"""What a frame consists of: an array, or planes of luma and chroma."""
+"""Image data of a frame: an array, or planes of luma and chroma."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One picture and when it is shown.
+    """One image and its presentation time.
 
     Attributes
     ----------
@@ -47,10 +47,10 @@ class Frame:
     time : Fraction
         Presentation time in seconds.
     duration : Fraction
-        How long it is shown, in seconds; 0 where the source does not say.
+        Duration in seconds; 0 if the source does not say.
     original : object or None
-        The decoder's own picture, kept so that a sink of the same kind can write it without any conversion.
-        None for frames that were made.
+        The decoder's own frame, kept so that a sink of the same kind can write it without any conversion.
+        None for interpolated frames.
     """
 
     image: Pixels
@@ -66,7 +66,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class ClipInfo:
-    """What a source knows before its first frame is read.
+    """Properties of a clip that are known before its first frame is read.
 
     Attributes
     ----------
@@ -79,11 +79,11 @@ class ClipInfo:
     time_base : Fraction
         Seconds per tick: every frame time is a multiple of it.
     frame_count : int or None
-        Frames that the source declares; None where it does not say.
+        Number of frames that the source declares; None if it does not.
     duration : Fraction or None
-        Seconds that it declares; None where it does not say.
+        Duration in seconds that the source declares; None if it does not.
     mean_rate : Fraction or None
-        Frames per second over everything whose times are known beforehand, pauses included; None where none are.
+        Frames per second over all frames whose times are known beforehand, pauses included; None if none are.
     """
 
     name: str
@@ -97,7 +97,7 @@ class ClipInfo:
 
 
 def check_pair(image0: Pixels, image1: Pixels) -> None:
-    """Raise `InputError` unless both are images of this package and of one size and type.
+    """Raise `InputError` unless both are valid images of one size and type.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def check_pair(image0: Pixels, image1: Pixels) -> None:
     Raises
     ------
     InputError
-        Wrong number of axes or channels, unknown type, or the two differ.
+        The number of axes or channels is wrong, the type is unknown, or the two differ.
 
     Examples
     --------
@@ -127,12 +127,12 @@ def check_pair(image0: Pixels, image1: Pixels) -> None:
 
 
 def as_array(image: Pixels) -> Image:
-    """Return an image that must be an array, for what cannot work on planes.
+    """Return an image that must be an array, for functions that cannot work on planes.
 
     Raises
     ------
     InputError
-        It is a `YCbCrImage`.
+        The image is a `YCbCrImage`.
     """
     if isinstance(image, YCbCrImage):
         raise InputError(f"An image must be an array here, not {describe(image)}; read its video without keeps_planes.")
@@ -140,12 +140,12 @@ def as_array(image: Pixels) -> Image:
 
 
 def has_alpha(image: Pixels) -> bool:
-    """Whether the last channel is alpha."""
+    """Return whether the last channel is alpha."""
     return image.shape[2] in {2, 4}
 
 
 def describe(image: Pixels) -> str:
-    """Say an image's size and type the way people do: ``640x360, 3 channels, 8-bit``."""
+    """Return an image's size and type as readable text: ``640x360, 3 channels, 8-bit``."""
     height, width, channels = image.shape
     if isinstance(image, YCbCrImage):
         return f"{width}x{height}, {image.coding.pixel_format}"

@@ -1,4 +1,4 @@
-"""What is computed from one image alone: once, for both pairs that the image is part of."""
+"""Cache of results computed from one image, shared by the two pairs that contain the image."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ Result = TypeVar("Result")
 
 
 class SourcePosition(NamedTuple):
-    """When a source shows an image: as which frame, and how many seconds, after the first one of the clip."""
+    """Position of an image in its source: frame number and seconds, counted from the first frame of the clip."""
 
     number: int
     seconds: Fraction
 
 
 class Results:
-    """What is computed once and asked for by several threads: the first one computes it, the others wait for it."""
+    """Thread-safe cache of results: the first thread that asks for one computes it, the others wait for it."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self._futures: dict[Hashable, Future[Any]] = {}
 
     def cached(self, key: Hashable, compute: Callable[[], Result]) -> Result:
-        """What `compute` returns, computed when the key is first asked for."""
+        """Return the result of `compute`, computed when the key is first asked for."""
         with self._lock:
             future = self._futures.get(key)
             is_first = future is None
@@ -44,7 +44,7 @@ class Results:
         return result
 
     def clear(self, *keys: Hashable) -> None:
-        """Let go of these results, or of all; what is asked for again is computed again."""
+        """Discard these results, or all; they are computed again when asked for again."""
         with self._lock:
             if not keys:
                 self._futures.clear()
@@ -58,17 +58,17 @@ class Results:
 
 
 class FrameCache:
-    """An image that remembers what was made of it.
+    """Image with a cache of the results computed from it.
 
     Parameters
     ----------
     pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-        Not to be written to any more.
+        Must not be written to afterwards.
     output_position : Fraction, optional
-        Where the image lies among the frames of the output, counted from 0: for motion that was rendered for each of
-        those.
+        Position of the image among the output frames, counted from 0: for motion that was rendered for each output
+        frame.
     source_position : SourcePosition, optional
-        When the source shows it.
+        Position of the image in the source.
 
     Examples
     --------
@@ -94,11 +94,11 @@ class FrameCache:
         return as_array(self.pixels)
 
     def cached(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
-        """``function(pixels, *arguments)``, computed when it is first asked for."""
+        """Return ``function(pixels, *arguments)``, computed when it is first asked for."""
         return self._results.cached((function, *arguments), lambda: function(self.pixels, *arguments))
 
     def cached_for_both_pairs(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
-        """Like `cached`, but forgotten when it is asked for again: by the other pair that the image is part of."""
+        """Return a result like `cached`, but discard it at the second request, which the image's other pair makes."""
         result = self.cached(function, *arguments)
         key = function, *arguments
         with self._lock:
@@ -109,5 +109,5 @@ class FrameCache:
         return result
 
     def clear(self) -> None:
-        """Let go of all results; what is asked for again is computed again."""
+        """Discard all results; they are computed again when asked for again."""
         self._results.clear()

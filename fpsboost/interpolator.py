@@ -1,4 +1,4 @@
-"""A pair of frames and times in, in-between frames out: estimator, synthesizer, and what happens at a scene cut."""
+"""Interpolation between two frames: combines an estimator, a synthesizer, and the handling of scene cuts."""
 
 from __future__ import annotations
 
@@ -36,29 +36,29 @@ AtCuts = Literal["repeat", "blend", "extrapolate"]
 
 Item = TypeVar("Item")
 
-AT_CUTS: Mapping[AtCuts, Synthesizer] = MappingProxyType(
+CUT_SYNTHESIZERS: Mapping[AtCuts, Synthesizer] = MappingProxyType(
     {"repeat": Nearest(), "blend": Blend(), "extrapolate": Extrapolate()}
 )
 
-ACROSS_A_CUT: Mapping[AtCuts, str] = MappingProxyType(
+CUT_WARNINGS: Mapping[AtCuts, str] = MappingProxyType(
     {
         "repeat": "A scene ends between the two images; the nearer one was repeated.",
         "blend": "A scene ends between the two images; they were mixed.",
         "extrapolate": "A scene ends between the two images; each was repeated, as its motion is not known.",
     }
 )
-"""What was done with two images alone."""
+"""Warnings on what was done with two images across a cut."""
 
 
 class InBetween(NamedTuple):
-    """The frames between two frames, and whether a scene ends there."""
+    """Frames between two frames, and whether a scene ends there."""
 
     images: Iterator[Pixels]
     scene_cut: bool
 
 
 class Pair:
-    """Two frames that follow each other, and what an interpolator finds out about them, once, when it is asked for.
+    """Two consecutive frames, and the results of an interpolator for them, computed once when first asked for.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Pair:
     Raises
     ------
     InputError
-        The two are no images of one size and type.
+        The two are not images of one size and type.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Pair:
 
     @property
     def illumination(self) -> IlluminationModel | None:
-        """How the light changes from one to the other; None where it does not."""
+        """Illumination change from the first frame to the second; None if there is none."""
         return self._results.cached("lighting", self._estimate_illumination)
 
     def _estimate_illumination(self) -> IlluminationModel | None:
@@ -96,7 +96,7 @@ class Pair:
 
     @property
     def compensated(self) -> tuple[FrameCache, FrameCache]:
-        """The two frames, both in the light of the first."""
+        """The two frames, both under the illumination of the first."""
         return self._results.cached("in_one_light", self._compensate)
 
     def _compensate(self) -> tuple[FrameCache, FrameCache]:
@@ -104,10 +104,10 @@ class Pair:
             return self.image0, self.image1
         return (
             FrameCache(
-                normalised(_in_bgr(self.image0).array), self.image0.output_position, self.image0.source_position
+                normalised(_as_bgr(self.image0).array), self.image0.output_position, self.image0.source_position
             ),
             FrameCache(
-                self.illumination.undo(_in_bgr(self.image1).array),
+                self.illumination.undo(_as_bgr(self.image1).array),
                 self.image1.output_position,
                 self.image1.source_position,
             ),
@@ -115,9 +115,10 @@ class Pair:
 
     @property
     def match_score(self) -> float:
-        """How much of the two can be found in each other, 0 to 1; 1 where scene cuts are not looked for.
+        """Match score of the two frames, 0 to 1; 1 if scene cuts are not looked for.
 
-        Where the light changes, in the light of either: dim pictures all look alike, but not in the brighter one's.
+        If the illumination changes, the lower of the scores under that of either frame: dark frames look alike, but
+        not under the brighter illumination.
         """
         return self._results.cached("likeness", self._measure_match_score)
 
@@ -133,25 +134,27 @@ class Pair:
         )
 
     def is_discontinuous(self, before: Pair | None = None, after: Pair | None = None) -> bool:
-        """Whether no motion leads from one to the other, given the pairs before and after where they are known."""
+        """Return whether no motion connects the frames, given the pairs before and after if they are known."""
         cuts = self._interpolator.cuts
         if cuts is None or not cuts.is_cut(self.match_score, *(each.match_score for each in (before, after) if each)):
             return False
-        return not cuts.is_gradual(self.match_score, *(each.match_score for each in self._across(before, after)))
+        return not cuts.is_gradual(
+            self.match_score, *(each.match_score for each in self._spanning_pairs(before, after))
+        )
 
     def is_cut(self, before: Pair | None = None, after: Pair | None = None) -> bool:
-        """Whether a scene ends between the two: motion breaks off, and no flash of one frame is the reason."""
-        return self.is_discontinuous(before, after) and not self._goes_on_behind(before, after)
+        """Return whether a scene ends between the frames: no motion connects them, and it is no flash of one frame."""
+        return self.is_discontinuous(before, after) and not self._is_flash(before, after)
 
-    def _goes_on_behind(self, before: Pair | None, after: Pair | None) -> bool:
-        """Whether the frames on both sides of the two's first or last show one scene."""
+    def _is_flash(self, before: Pair | None, after: Pair | None) -> bool:
+        """Return whether the frames on both sides of the pair's first or last frame show one scene."""
         cuts = self._interpolator.cuts
         usual = max((each.match_score for each in (before, after) if each), default=1.0)
-        across = self._across(before, after)
+        across = self._spanning_pairs(before, after)
         return cuts is not None and any(cuts.is_flash(self.match_score, each.match_score, usual) for each in across)
 
-    def _across(self, before: Pair | None, after: Pair | None) -> list[Pair]:
-        """The pairs of a frame of the two and the one beyond the other, as far as they are known."""
+    def _spanning_pairs(self, before: Pair | None, after: Pair | None) -> list[Pair]:
+        """Return the known pairs of each frame of the two and the frame beyond the other."""
         pair = self._interpolator.pair
         return [
             *([pair(before.image0, self.image1)] if before else []),
@@ -160,47 +163,47 @@ class Pair:
 
     @property
     def fields(self) -> tuple[MotionField, MotionField]:
-        """Motion in both directions."""
+        """Motion fields in both directions."""
         return self._results.cached("fields", self._estimate)
 
     def _estimate(self) -> tuple[MotionField, MotionField]:
         fields = self._interpolator.estimator.estimate(*self.compensated)
-        if self.illumination is not None:  # these belong to no other pair: saves memory
+        if self.illumination is not None:  # no other pair uses these: saves memory
             for image in self.compensated:
                 image.clear()
         return fields
 
     @property
     def search_radius(self) -> int | None:
-        """Largest motion that was searched for, pixels; None where an estimator has no such limit or none has run."""
+        """Search radius in pixels; None if the estimator has no such limit or has not run."""
         return self.fields[0].search_radius if "fields" in self._results else None
 
     def release_caches(self) -> None:
-        """Keep only what the next pair asks for: called once its own frames are made, saves memory."""
+        """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
         self.image0.clear()
         self._results.clear("in_one_light")
 
 
 @dataclass(frozen=True)
 class Interpolator:
-    """Makes the frames between two frames.
+    """Interpolator of the frames between two frames.
 
     Parameters
     ----------
     estimator : MotionEstimator
-        Finds the motion, once for each pair.
+        Estimates the motion, once for each pair.
     synthesizer : Synthesizer
-        Makes the image at each time.
+        Synthesizes the image at each time.
     cuts : CutPolicy or None
-        Finds scene cuts, or knows them; None takes every pair for one scene.
+        Decides where scenes end; None takes every pair for one scene.
     at_cuts : {'repeat', 'blend', 'extrapolate'}
-        Across a cut or a flash, repeat the nearer frame, mix the two, or let each go on along the motion that it has.
+        Across a cut or a flash, repeat the nearer frame, blend the two, or extrapolate the motion of each.
     curved : bool
-        Follow curved paths where the pairs before and after are known, straight ones otherwise.
+        Follow curved trajectories where the pairs before and after are known, straight ones otherwise.
     compensate_illumination : bool
-        Where the light changes between two frames, search for motion in the same light.
+        If the illumination changes between two frames, estimate motion under equal illumination.
     overlays : bool
-        Leave alone what stands still in front of a moving picture; the pairs before and after must be known.
+        Leave overlays unchanged that are static in front of a moving picture; needs the pair before or after.
 
     Examples
     --------
@@ -224,13 +227,13 @@ class Interpolator:
 
     @property
     def takes_planes(self) -> bool:
-        """Whether images may be `YCbCrImage`; what is made of them then is, too, but for pairs whose light changes."""
+        """Whether images may be `YCbCrImage`; results then are, too, except for pairs whose illumination changes."""
         parts = self.estimator, self.synthesizer
         return all(bool(getattr(part, "takes_planes", False)) for part in parts)
 
     @property
     def needs_every_frame(self) -> bool:
-        """Whether motion was rendered from each frame to the very next, so that none may be passed over."""
+        """Whether motion was rendered from each frame to the next one, so that no frame may be skipped."""
         return isinstance(self.estimator, RenderedMotion) or isinstance(self.synthesizer, SceneAssisted)
 
     def interpolate(
@@ -238,7 +241,8 @@ class Interpolator:
     ) -> list[Image]:
         """Make one image for every time.
 
-        Two images say too little about where a scene ends: unless `cuts` is given, motion is followed between any two.
+        Two images do not suffice to tell where a scene ends: unless `cuts` is given, motion is followed between any
+        two.
 
         Parameters
         ----------
@@ -247,8 +251,8 @@ class Interpolator:
         times : sequence of float or Fraction
             Each in [0, 1]; 0 gives frame 0 and 1 gives frame 1, unchanged.
         cuts : CutPolicy, optional
-            Says whether a scene ends between the two, as a `CutDetector` does, instead of this interpolator's own
-            policy, which is for sequences. Across a cut, `at_cuts` decides.
+            Decides whether a scene ends between the two, as a `CutDetector` does, instead of this interpolator's own
+            policy, which is for sequences. Across a cut, `at_cuts` applies.
 
         Returns
         -------
@@ -257,7 +261,7 @@ class Interpolator:
         Raises
         ------
         InputError
-            The two are no images of one size and type.
+            The two are not images of one size and type.
         OptionError
             A time lies outside of [0, 1].
 
@@ -271,11 +275,11 @@ class Interpolator:
         images, scene_cut = judged.between(pair, times)
         made = [as_array(image) for image in images]
         if scene_cut and any(0 < t < 1 for t in times):
-            warnings.warn(ACROSS_A_CUT[self.at_cuts], SceneCutWarning, stacklevel=2)
+            warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=2)
         return made
 
     def pair(self, image0: FrameCache, image1: FrameCache, duration: Fraction | float = 1) -> Pair:
-        """Two frames as `between` takes them; see `Pair`."""
+        """Return two frames as `between` takes them; see `Pair`."""
         return Pair(self, image0, image1, duration)
 
     def between(
@@ -285,7 +289,7 @@ class Interpolator:
         before: Pair | None = None,
         after: Pair | None = None,
     ) -> InBetween:
-        """Like `interpolate`, but made one image at a time, with word of a scene cut, and along curved paths.
+        """Interpolate like `interpolate`, but one image at a time and along curved trajectories; report a scene cut.
 
         Parameters
         ----------
@@ -293,7 +297,7 @@ class Interpolator:
         times : sequence of float or Fraction
             Each in [0, 1].
         before, after : Pair, optional
-            The pairs that share its first and its last frame. Nothing farther away has a say.
+            The pairs that share its first and its last frame. Pairs farther away have no influence.
 
         Returns
         -------
@@ -313,21 +317,21 @@ class Interpolator:
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None, after: Pair | None
     ) -> Iterator[Pixels]:
         inner = [float(t) for t in times if 0 < t < 1]
-        made = self._made(pair, inner, before, after) if inner else iter(())
+        made = self._synthesize(pair, inner, before, after) if inner else iter(())
         for t in times:
             yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
 
-    def _made(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Pixels]:
+    def _synthesize(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Pixels]:
         is_discontinuous = pair.is_discontinuous(before, after)
-        # what is beyond these two is not known here
+        # the pairs beyond these two are not known here
         before = None if before is None or before.is_discontinuous(after=pair) else before
         after = None if after is None or after.is_discontinuous(before=pair) else after
         if is_discontinuous:
             onward = self.at_cuts == "extrapolate"
-            fields = _onward(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
-            image0, image1 = (_in_bgr(pair.image0), _in_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
-            return AT_CUTS[self.at_cuts].synthesize(FramePair(image0, image1, *fields), times)
-        # the next pair's motion first: a thread that makes the frames of that one waits for it
+            fields = _extrapolate(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
+            image0, image1 = (_as_bgr(pair.image0), _as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
+            return CUT_SYNTHESIZERS[self.at_cuts].synthesize(FramePair(image0, image1, *fields), times)
+        # the next pair's motion first: the thread that makes its frames waits for it
         following = _neighbour(after, pair) if self.curved else None
         fields = pair.fields
         neighbours = (_neighbour(before, pair), following) if self.curved else ()
@@ -339,19 +343,19 @@ class Interpolator:
         return images
 
     def with_vectors_for(self, numbers: Sequence[int], *, must_match: bool) -> tuple[Interpolator, list[str]]:
-        """Take a renderer's vectors by the numbers of their files; see `VectorFolder.matched`.
+        """Match a renderer's vectors by the numbers of their files; see `VectorFolder.matched`.
 
         Parameters
         ----------
         numbers : sequence of int
-            Of the output's frames, at one distance.
+            Equidistant numbers of the output's frames.
         must_match : bool
-            Whether the renderer has given these numbers too.
+            Whether the renderer has used these numbers, too.
 
         Returns
         -------
         Interpolator, list of str
-            The second is what to say where the vectors have other numbers and are taken in order.
+            The second holds remarks for vectors that have other numbers and are taken in order.
         """
         matched = []
         estimator, synthesizer = self.estimator, self.synthesizer
@@ -365,12 +369,12 @@ class Interpolator:
         return replace(self, estimator=estimator, synthesizer=synthesizer) if matched else self, remarks
 
     def compile_for(self, image: Pixels) -> None:
-        """Compile the kernels for images of this type, or load them from the cache, on a tiny clip.
+        """Compile the kernels for images of this type, or load them from the cache, by interpolating a tiny clip.
 
         Parameters
         ----------
         image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-            Any image of the clip; only its type and channels count.
+            Any image of the clip; only its type and channels matter.
         """
         # long enough for a pyramid with all kinds of levels
         size, random = (48, 480), np.random.default_rng(0)
@@ -389,7 +393,7 @@ class Interpolator:
             pass
 
     def _without_vectors(self) -> Interpolator:
-        """The same kernels, for images that no motion was rendered for."""
+        """Return an interpolator with the same kernels that needs no rendered motion."""
         estimator = ZeroMotion() if isinstance(self.estimator, RenderedMotion) else self.estimator
         if isinstance(estimator, ExhaustiveSearch):
             estimator = replace(estimator, vectors=None)
@@ -398,7 +402,7 @@ class Interpolator:
 
 
 def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:
-    """Each item, such as a `Pair`, with the one before and the one after, None at the ends; runs one behind."""
+    """Yield each item, such as a `Pair`, with the previous and the next one, None at the ends; lags one item behind."""
     before: Item | None = None
     item: Item | None = None
     for after in items:
@@ -409,25 +413,25 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
         yield before, item, None
 
 
-def _in_bgr(image: FrameCache) -> FrameCache:
-    """An image as an array."""
+def _as_bgr(image: FrameCache) -> FrameCache:
+    """Return an image as a BGR array."""
     if not isinstance(image.pixels, YCbCrImage):
         return image
     return FrameCache(bgr_of(image.pixels), image.output_position, image.source_position)
 
 
-def _onward(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
-    """How each frame of a pair goes on at the speed that its own scene has; still where that is not known."""
+def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
+    """Extrapolate the motion of each frame of a pair from its own scene; zero motion where that is not known."""
     onward, back = ZeroMotion().estimate(pair.image0, pair.image1)
     if before is not None:
-        onward = _continued(before.fields[1], float(pair.duration / before.duration))
+        onward = _extend(before.fields[1], float(pair.duration / before.duration))
     if after is not None:
-        back = _continued(after.fields[0], float(pair.duration / after.duration))
+        back = _extend(after.fields[0], float(pair.duration / after.duration))
     return onward, back
 
 
-def _continued(away: MotionField, ratio: float) -> MotionField:
-    """Motion on the other side of a frame, from that on this side."""
+def _extend(away: MotionField, ratio: float) -> MotionField:
+    """Extrapolate the motion on one side of a frame to the other side."""
     return replace(away, vectors=away.vectors * np.float32(-ratio))
 
 

@@ -1,4 +1,4 @@
-"""The methods by name: which estimator and which synthesizer make one, and two images in, one out."""
+"""Table of the methods by name, each an estimator and a synthesizer, and interpolation of single pairs of images."""
 
 from __future__ import annotations
 
@@ -33,54 +33,54 @@ from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.synthesis.splat import Splat
 from fpsboost.synthesis.warp import Warp
 
-plain = partial(Interpolator, curved=False, compensate_illumination=False, overlays=False)
-"""For methods that are to be what others do: nothing of ours around them."""
+plain_interpolator = partial(Interpolator, curved=False, compensate_illumination=False, overlays=False)
+"""Interpolator without this package's additions, for methods that reproduce published or other methods."""
 
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(), MultiHypothesis()),
         "nlm-fast": Interpolator(CoarseToFine(finest_level=1), MultiHypothesis(step=16, enough=0.95)),
-        "nlm-exhaustive": plain(ExhaustiveSearch(), Reproject()),
-        "nlm-brute-force": plain(ExhaustiveSearch(), Reproject(search="brute-force")),
-        "nlm-passes": plain(ExhaustiveSearch(implementation="passes"), Reproject()),
+        "nlm-exhaustive": plain_interpolator(ExhaustiveSearch(), Reproject()),
+        "nlm-brute-force": plain_interpolator(ExhaustiveSearch(), Reproject(search="brute-force")),
+        "nlm-passes": plain_interpolator(ExhaustiveSearch(implementation="passes"), Reproject()),
         "dis": Interpolator(Dis(), MultiHypothesis()),
         "farneback": Interpolator(Farneback(), MultiHypothesis()),
         "tvl1": Interpolator(TvL1(), MultiHypothesis()),
-        "dis-warp": plain(Dis(), Warp()),
-        "farneback-warp": plain(Farneback(), Warp()),
-        "tvl1-warp": plain(TvL1(), Warp()),
-        "block": plain(BlockMatching(), Splat()),
-        "codec": plain(CodecMotion(), Splat()),
-        "blend": plain(ZeroMotion(), Blend()),
-        "nearest": plain(ZeroMotion(), Nearest(), cuts=None),
+        "dis-warp": plain_interpolator(Dis(), Warp()),
+        "farneback-warp": plain_interpolator(Farneback(), Warp()),
+        "tvl1-warp": plain_interpolator(TvL1(), Warp()),
+        "block": plain_interpolator(BlockMatching(), Splat()),
+        "codec": plain_interpolator(CodecMotion(), Splat()),
+        "blend": plain_interpolator(ZeroMotion(), Blend()),
+        "nearest": plain_interpolator(ZeroMotion(), Nearest(), cuts=None),
     }
 )
-"""The methods by the names that the command line knows."""
+"""Methods by their names on the command line."""
 
 
 vector_methods: Mapping[str, Callable[[VectorFolder], Interpolator]] = MappingProxyType(
     {
         # Yang et al. 2011, image-based and scene-assisted
-        "reproject-image": lambda vectors: plain(RenderedMotion(vectors), Reproject()),
-        "reproject-scene": lambda vectors: plain(ZeroMotion(), SceneAssisted(vectors)),
+        "reproject-image": lambda vectors: plain_interpolator(RenderedMotion(vectors), Reproject()),
+        "reproject-scene": lambda vectors: plain_interpolator(ZeroMotion(), SceneAssisted(vectors)),
     }
 )
-"""The methods that need a renderer's motion vectors, by name."""
+"""Methods that need a renderer's motion vectors, by name."""
 
 
 def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
-    """Look a method up by name.
+    """Return the method of a name.
 
     Parameters
     ----------
     name : str
     vectors : VectorFolder, optional
-        For the methods that need a renderer's motion vectors, and for those that choose their search radius by them.
+        A renderer's motion vectors, for methods that need them or choose their search radius by them.
 
     Raises
     ------
     OptionError
-        Unknown, and the message lists the known ones; or vectors are missing, or given in vain.
+        The method is unknown, and the message lists the known ones; or vectors are missing, or do not apply.
     """
     if name in vector_methods:
         if vectors is None:
@@ -132,7 +132,7 @@ def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any
 
 
 def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, str]) -> dict[str, Any]:
-    """Turn options that a user wrote into what `configure` takes.
+    """Parse options written by a user into values for `configure`.
 
     Parameters
     ----------
@@ -140,18 +140,18 @@ def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, st
     method : str
         Its name, for messages.
     texts : mapping of str to str
-        Values by option, named like the fields of the estimator or of the synthesizer; ``patch-radius`` is
+        Values by option, named like the fields of the estimator or of the synthesizer; ``patch-radius`` means
         ``patch_radius``.
 
     Returns
     -------
     dict of str to value
-        By field, each of the field's type.
+        Values by field, each of the field's type.
 
     Raises
     ------
     OptionError
-        The method has no such option, which the message lists, or a value is of another type.
+        The method has no such option, and the message lists those it has; or a value is of another type.
 
     Examples
     --------
@@ -172,7 +172,7 @@ def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, st
 
 
 def _settable(part: object) -> dict[str, tuple[Any, ...]]:
-    """The fields of an estimator or synthesizer that a text can set, and the types that each may have."""
+    """Return the fields of an estimator or synthesizer that can be set from text, with their possible types."""
     found = {}
     for name, hint in get_type_hints(type(part)).items():
         kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
@@ -211,7 +211,7 @@ def interpolate(
     method: str | Interpolator = "nlm",
     cuts: CutPolicy | None = None,
 ) -> Image:
-    """Make the image at time t between two images, whatever they show: never one of them again, unless `cuts` is given.
+    """Make the image at time t between two images; scene cuts are respected only if `cuts` is given.
 
     Parameters
     ----------
@@ -220,10 +220,10 @@ def interpolate(
     t : float or Fraction
         In [0, 1]; 0 is `frame0`, 1 is `frame1`.
     method : str or Interpolator
-        A name of `fpsboost.methods`, or an object, whose own policy for cuts is for sequences and not asked.
+        A name from `fpsboost.methods`, or an object, whose own cut policy is for sequences and not used.
     cuts : CutPolicy, optional
-        Says whether a scene ends between the two: ``cuts=fpsboost.CutDetector()``. Across a cut, the method's
-        ``at_cuts`` decides; with most the nearer image is repeated.
+        Decides whether a scene ends between the two: ``cuts=fpsboost.CutDetector()``. Across a cut, the method's
+        ``at_cuts`` applies; most methods repeat the nearer image.
 
     Returns
     -------
@@ -233,9 +233,9 @@ def interpolate(
     Raises
     ------
     InputError
-        The two are no images of one size and type.
+        The two are not images of one size and type.
     OptionError
-        Unknown method, or `t` out of range.
+        The method is unknown, or `t` is out of range.
 
     Warns
     -----
@@ -257,30 +257,30 @@ def interpolate(
 def interpolate_with_confidence(
     frame0: Image, frame1: Image, t: float | Fraction = 0.5, *, method: str | Interpolator = "nlm"
 ) -> InterpolatedImage:
-    """Like `interpolate`, with a map of how far each pixel can be trusted.
+    """Make the image at time t between two images, with a confidence map.
 
-    Where two frames have nothing alike to show for an in-between pixel, its confidence is low and its error high: such
-    regions are worth rendering, which the report leaves for the future.
+    Where no patches of the two frames match for an in-between pixel, its confidence is low and its error high: such
+    regions are worth rendering, which the report leaves to future work.
 
     Parameters
     ----------
     frame0, frame1, t
         As for `interpolate`; t lies between the frames, in (0, 1).
     method : str or Interpolator
-        One that fuses: ``nlm``, ``nlm-fast``, ``dis``, ``farneback`` or ``tvl1``. Scene cuts are not
+        A method that fuses hypotheses: ``nlm``, ``nlm-fast``, ``dis``, ``farneback`` or ``tvl1``. Scene cuts are not
         looked for.
 
     Returns
     -------
-    Fused
+    InterpolatedImage
         ``image``, and ``confidence``: (H, W) float32 in [0, 1].
 
     Raises
     ------
     InputError
-        The two are no images of one size and type.
+        The two are not images of one size and type.
     OptionError
-        Unknown method, one that does not know its confidence, or `t` out of range.
+        The method is unknown or has no confidence, or `t` is out of range.
 
     Examples
     --------
@@ -304,7 +304,7 @@ def interpolate_with_confidence(
 
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:
-    """The two as the library has images; gray ones may come without an axis for channels."""
+    """Return the two as images of the library; gray ones may come without a channel axis."""
     if frame0.ndim == 2 and frame1.ndim == 2:
         frame0, frame1 = frame0[..., np.newaxis], frame1[..., np.newaxis]
     return np.ascontiguousarray(frame0), np.ascontiguousarray(frame1)

@@ -1,4 +1,4 @@
-"""What a clip is, and what a conversion with the defaults would do with it, as plain data."""
+"""Properties of a clip, and of a conversion of it with the default options, as plain data."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ transfers = {
     **{1: "bt709", 4: "gamma22", 5: "gamma28", 6: "smpte170m", 7: "smpte240m", 8: "linear", 11: "iec61966-2-4"},
     **{13: "srgb", 14: "bt2020-10", 15: "bt2020-12", 16: "pq", 18: "hlg"},
 }
-"""FFmpeg's numbers of colour tags by the names people know; what is not in here is shown as its number."""
+"""Common names of FFmpeg's colour tags, by number; a tag without a name is shown as its number."""
 
 UNSPECIFIED = 2
 
 
 @dataclass(frozen=True)
 class Look:
-    """How pictures are meant to be shown.
+    """Format and colour tags of a video.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Look:
     rotation : float
         Degrees clockwise for display.
     matrix, primaries, transfer : str or None
-        Colour tags, None where they are not said.
+        Colour tags, None if unspecified.
     full_range : bool
         Black is 0 rather than 16 (in 8 bits).
     """
@@ -71,18 +71,18 @@ class Look:
 
 @dataclass(frozen=True)
 class Conversion:
-    """What a conversion with the defaults would do.
+    """Result that a conversion with the default options would have.
 
     Attributes
     ----------
     frames : int
-        Frames written.
+        Number of frames written.
     rate : float
         Nominal frames per second of the output.
     refused : str or None
-        Why there would be no conversion to an .mp4.
+        Reason why a conversion to an .mp4 would be refused; None if it would not.
     remarks : list of str
-        What it would say is lost.
+        Remarks on what would be lost.
     """
 
     frames: int
@@ -93,7 +93,7 @@ class Conversion:
 
 @dataclass(frozen=True)
 class Probe:
-    """A clip, read once from its first frame to its last.
+    """Properties of a clip that was read once from its first frame to its last.
 
     Attributes
     ----------
@@ -102,31 +102,31 @@ class Probe:
     width, height : int
         Pixels, as stored.
     look : Look or None
-        For video.
+        Format and colour tags of video; None otherwise.
     streams : list of StreamFacts
-        For video.
+        Streams of a video file; empty otherwise.
     rate, exact_rate : float, str
         Nominal frames per second.
     varies : bool
-        The intervals between frames differ by more than a clock's rounding.
+        Whether the intervals between frames differ by more than a clock's rounding.
     shortest, median, longest : float
-        Those intervals, seconds.
+        Intervals between frames, seconds.
     start, duration : float
         Seconds.
     number_step : int or None
-        By how much the numbers of images rise; None for what has none.
+        Step between the numbers of images; None without numbers.
     frames : int
-        Frames that could be read.
+        Number of frames that could be read.
     declared_frames : int or None
-        Frames that the header promises.
+        Number of frames that the header declares; None if it does not.
     duplicates : int
-        Frames that show the same as the one before, stills not counted.
+        Number of duplicate frames, stills not counted.
     cuts : list of float
         Times of the first frames of new scenes.
     interlaced : int
-        Frames flagged as two fields.
+        Number of frames flagged as interlaced.
     remarks : list of str
-        What the source says about damage, and about what is guessed or left out.
+        Remarks of the source on damage, and on what is guessed or left out.
     conversion : Conversion
     """
 
@@ -153,13 +153,13 @@ class Probe:
     conversion: Conversion
 
     def as_json(self) -> dict[str, Any]:
-        """Everything in plain numbers, texts, lists and dictionaries."""
+        """Return everything as plain numbers, texts, lists and dictionaries."""
         return asdict(self)
 
 
 @dataclass
 class _Findings:
-    """What is gathered while frames pass by."""
+    """Facts collected while frames are read."""
 
     times: list[Fraction] = field(default_factory=list)
     end: Fraction = Fraction(0)
@@ -168,7 +168,7 @@ class _Findings:
     moments: list[Fraction] = field(default_factory=list)
 
     def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
-        """The frames, noted down."""
+        """Yield the frames and record their facts."""
         for frame in frames:
             self.times.append(frame.time)
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)
@@ -176,7 +176,7 @@ class _Findings:
             yield SourceFrame(frame, FrameCache(frame.image))
 
     def pairs(self, frames: FrameSource) -> Iterator[Pair]:
-        """The pairs that a conversion would make frames for."""
+        """Yield the pairs between which a conversion would make frames."""
         interpolator = methods["nlm"]
         last: SourceFrame | None = None
         for held in group_duplicates(self.shown(frames), DuplicateDetector()):
@@ -188,16 +188,16 @@ class _Findings:
 
 
 def probe(path: str, input_fps: Fraction | None = None, stream: int | None = None) -> Probe:
-    """Read a clip to its end and say what it is.
+    """Read a clip to its end and return its properties.
 
     Parameters
     ----------
     path : str
         A video file, an animation, a folder of images, or a pattern of images.
     input_fps : Fraction, optional
-        Frames per second of images; 24 where it is not said.
+        Frames per second of images; 24 by default.
     stream : int, optional
-        Number of a video file's stream; the one that a conversion takes where it is not said.
+        Number of a video file's stream; by default the one that a conversion takes.
 
     Returns
     -------
@@ -208,7 +208,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     OptionError, InputError
         See `fpsboost.io.opening.open_source`.
     """
-    # A size that changes is a fact to be told, though a conversion would stop there.
+    # A size that changes is to be reported, though a conversion would stop there.
     may_change = Path(path).is_file() and animation_format(Path(path)) is None
     decoding = DecodeOptions(stream, size_change="scale" if may_change else "stop")
     with open_source(path, input_fps, decoding=decoding) as source:
@@ -220,7 +220,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
         if video is not None and refused is None:
             refused, losses = _try_sink(video, schedule)
         findings = _Findings()
-        # `moments` runs ahead of the pair that is looked at: the pair's place says which of them it ends with
+        # `moments` runs ahead of the current pair: the pair's index tells which of them it ends with
         cuts = [
             findings.moments[place + 1]
             for place, (before, pair, after) in enumerate(with_neighbours(findings.pairs(source)))
@@ -259,19 +259,19 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
 
 
 def _plan(info: ClipInfo, *, has_clock: bool) -> tuple[Schedule, str | None]:
-    """Where a conversion's frames would lie, and why there would be none; then the rate is kept out of it."""
+    """Return a conversion's schedule, and why it would be refused; the schedule is then that of --keep-timing."""
     try:
         return OutputRate().schedule(info, has_clock=has_clock), None
     except FpsboostError as error:
         return OutputRate(keep_timing=True).schedule(info, has_clock=has_clock), str(error)
 
 
-class _EnoughError(Exception):
-    """Leaves a sink without writing."""
+class _AbortSinkError(Exception):
+    """Exception that leaves a sink without writing."""
 
 
 def _try_sink(source: VideoSource, schedule: Schedule) -> tuple[str | None, list[str]]:
-    """Why an .mp4 would be refused, and what it would lose: asked of a real one, which is thrown away at once."""
+    """Return why an .mp4 would be refused, and remarks on what it would lose, by opening a temporary one."""
     info = source.info
     timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
     remarks: list[str] = []
@@ -281,9 +281,9 @@ def _try_sink(source: VideoSource, schedule: Schedule) -> tuple[str | None, list
             sink = open_sink(
                 path, source=source, timing=timing, encoding=Encoding(), expected_frames=None, overwrite=False
             )
-            with suppress(_EnoughError), sink:
+            with suppress(_AbortSinkError), sink:
                 remarks += sink.remarks
-                raise _EnoughError
+                raise _AbortSinkError
         except FpsboostError as error:
             return str(error).replace(path, "out.mp4"), []
     return None, [remark.replace(path, "out.mp4") for remark in remarks]
@@ -296,14 +296,14 @@ def _look(traits: VideoTraits) -> Look:
         pixel_format=traits.pixel_format,
         pixel_aspect=str(traits.sample_aspect_ratio or 1).replace("/", ":"),
         rotation=rotation,
-        matrix=_named(matrices, traits.tagged_color_space),
-        primaries=_named(primaries, traits.color_primaries),
-        transfer=_named(transfers, traits.color_transfer),
+        matrix=_tag_name(matrices, traits.tagged_color_space),
+        primaries=_tag_name(primaries, traits.color_primaries),
+        transfer=_tag_name(transfers, traits.color_transfer),
         full_range=traits.full_range,
     )
 
 
-def _named(names: dict[int, str], number: int) -> str | None:
+def _tag_name(names: dict[int, str], number: int) -> str | None:
     return None if number == UNSPECIFIED else names.get(number, str(number))
 
 

@@ -1,8 +1,7 @@
-"""The loop: source frames to pairs, pairs through the interpolator, output frames in order.
+"""Conversion loop: groups source frames into pairs, interpolates them, and writes the output frames in order.
 
-Everything is a stream over a few frames, so memory does not grow with length. Source frames that fall on an output time
-go to the sink as they are, decoder's picture and all; but those that only show again what was there before give way to
-frames that are made.
+All steps stream over a few frames, so memory does not grow with length. Source frames that fall on an output time go to
+the sink unchanged, with the decoder's own frame; but duplicate frames are replaced by interpolated ones.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from fpsboost.timing.rate import FrameIntervals, stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time
 
 FRAMES_PER_TASK = 4
-"""Output frames that are made in one go, at most."""
+"""Maximum number of output frames that one task makes."""
 
 READ_AHEAD = 4
 WRITE_BEHIND = 4
@@ -40,18 +39,18 @@ Duplicates = Literal["interpolate", "keep"]
 
 @dataclass
 class Summary:
-    """What a conversion did.
+    """Counts and remarks of a conversion.
 
     Attributes
     ----------
     frames_in, frames_out : int
         Frames read and written.
     frames_made : int
-        Frames written that are none of the source's: interpolated, or repeated across a cut.
+        Frames written that are not from the source: interpolated, or repeated across a cut.
     scene_cuts : int
         Pairs in which a scene ends; they were not interpolated across.
     duplicates : int
-        Frames that showed the same as the one before, and were interpolated across.
+        Duplicate frames that were interpolated across.
     completed_frames : int
         Frames of `frames_out` that an earlier run had finished.
     seconds : float
@@ -59,11 +58,11 @@ class Summary:
     remarks : list of str
         Sentences about everything that was lost or guessed.
     details : str
-        How the target was written, for someone who wants to know; empty where there was no choice.
+        How the target was written, for verbose output; empty if there was no choice.
     frame_intervals : FrameIntervals
-        How far apart the frames of the source are.
+        Intervals between the frames of the source.
     search_radii : set of int
-        Search radii that were chosen for pairs of frames, pixels; empty where the method has none.
+        Search radii that were chosen for pairs of frames, pixels; empty if the method has none.
     """
 
     frames_in: int = 0
@@ -80,23 +79,23 @@ class Summary:
 
 
 class Observer(Protocol):
-    """Contract: told how a conversion goes."""
+    """Contract: is informed of the progress of a conversion."""
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        """Source and target are open; `expected_frames` will be written if the source's header is right."""
+        """Handle that source and target are open; `expected_frames` will be written if the source's header is right."""
         ...
 
     def ready(self) -> None:
-        """The kernels are compiled, or loaded from the cache; the first frame comes next."""
+        """Handle that the kernels are compiled, or loaded from the cache; the first frame comes next."""
         ...
 
     def wrote(self, summary: Summary) -> None:
-        """Another frame is on its way to the target."""
+        """Handle that another frame was passed to the target."""
         ...
 
 
 class SilentObserver:
-    """An `Observer` that keeps quiet."""
+    """Observer that does nothing."""
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
         """See `Observer.opened`."""
@@ -129,19 +128,19 @@ def run_conversion(
     sink : FrameSink
         Entered already.
     schedule : Schedule
-        Which output times there are.
+        Determines the output times.
     observer : Observer, optional
-        Told how it goes.
+        Informed of the progress.
     duplicates : {'interpolate', 'keep'}
         See `convert`.
     skip : int
-        Output frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are counted and
-        handed over in their turn, but where an image would have to be made, one of the source stands in for it.
+        Number of output frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are
+        counted and passed on in order, but instead of an interpolated image they carry one of the source.
     stretch : Fraction
-        How many times as long the output lasts; the schedule does not know of it.
+        Duration of the output as a multiple of the source's; not included in the schedule.
     threads : int, optional
-        Pairs of frames that are worked on side by side; as many as there are cores without it. Frames are the same
-        with any number.
+        Pairs of frames processed in parallel; as many as there are cores by default. Frames are the same with any
+        number.
 
     Returns
     -------
@@ -150,9 +149,9 @@ def run_conversion(
     Raises
     ------
     OptionError
-        There is no such way to treat duplicates, or `threads` is below 1.
+        `duplicates` is unknown, or `threads` is below 1.
     InputError
-        Fewer than two frames, and whatever source and sink raise.
+        The source has fewer than two frames. Errors of source and sink are passed on.
     """
     summary = Summary(completed_frames=skip)
     observer = observer or SilentObserver()
@@ -195,14 +194,14 @@ def making_frames(
     skip: int = 0,
     threads: int | None = None,
 ) -> Generator[Iterator[Frame]]:
-    """Read ahead and make frames, for as long as the block lasts.
+    """Read ahead and make frames while the block lasts.
 
     Parameters
     ----------
     source, interpolator, schedule, duplicates, stretch, skip, threads
         See `run_conversion`.
     summary : Summary
-        What is read and made is counted in it.
+        Updated with the numbers of frames read and made.
     holds_last_frame : bool
         See `fpsboost.io.FrameSink`.
 
@@ -223,17 +222,17 @@ def making_frames(
         if first is not None:
             interpolator.compile_for(first.image)
         frames = arriving if first is None else chain([first], arriving)
-        clip = _Clip(source.info, schedule, interpolator, summary, beginning(source), skip)
+        clip = _LoopState(source.info, schedule, interpolator, summary, beginning(source), skip)
         yield stretched(_with_durations(_output_frames(frames, clip, detector, holds_last_frame, in_order)), stretch)
 
 
 def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:
-    """How to stop a source or sink that waits for another program."""
+    """Return the function that stops a source or sink that waits for another program."""
     return end.cancel if isinstance(end, Cancellable) else nothing
 
 
 class _Interval(NamedTuple):
-    """From a held picture, nearly always one frame, to the next: the frames, and what falls into each one's time."""
+    """Interval from a held picture, nearly always one frame, to the next: its frames, and each one's output steps."""
 
     held: FrameGroup
     steps: list[list[Step]]
@@ -241,25 +240,25 @@ class _Interval(NamedTuple):
     pair: Pair
 
 
-class _Made(NamedTuple):
-    """Output frames of a part of an interval."""
+class _OutputPart(NamedTuple):
+    """Output frames of a part of an interval, made by one task."""
 
     interval: _Interval
     frames: list[Frame]
     new: int
-    """How many of them are none of the source's."""
+    """Number of frames that are not from the source."""
     scene_cut: bool
     duplicates: int
     """Frames of the interval that are interpolated across."""
     begins: bool
-    """It is the first part of the interval."""
+    """Whether it is the first part of the interval."""
     ends: bool
-    """It is the last one."""
+    """Whether it is the last part of the interval."""
 
 
 @dataclass
-class _Clip:
-    """What stays the same throughout the loop, and where it is."""
+class _LoopState:
+    """Constants and current state of the loop."""
 
     info: ClipInfo
     schedule: Schedule
@@ -267,15 +266,15 @@ class _Clip:
     summary: Summary
     beginning: SourcePosition
     skip: int = 0
-    """Output frames still to come that nobody looks at."""
+    """Number of output frames still to come that the sink has already."""
     start: Fraction = Fraction(0)
     index: int = 0
-    """Number of the next frame to become part of an interval."""
+    """Number of the next source frame to become part of an interval."""
     last: FrameGroup | None = None
-    """What was shown last."""
+    """Previous group of frames."""
 
     def shown(self, frames: Iterator[Frame]) -> Iterator[SourceFrame]:
-        """The source's frames with their places, counted, at the times that the schedule takes them to have."""
+        """Yield the source's frames with their positions, at the schedule's presentation times, and count them."""
         last: Fraction | None = None
         for frame in frames:
             if last is None:
@@ -292,20 +291,20 @@ class _Clip:
             yield SourceFrame(replace(frame, time=moment), FrameCache(frame.image, place, shown))
 
     def intervals(self, moments: Iterable[FrameGroup]) -> Iterator[_Interval]:
-        """From each held picture to the next."""
+        """Yield the interval from each held picture to the next."""
         for held in moments:
             if self.last is not None:
                 yield self.interval(self.last, held)
             self.last = held
 
     def skipped(self, frames: int) -> int:
-        """How many of the next frames nobody looks at; asked for in order."""
+        """Return how many of the next frames the sink has already; must be called in order."""
         count = min(self.skip, frames)
         self.skip -= count
         return count
 
     def interval(self, held: FrameGroup, following: FrameGroup) -> _Interval:
-        """From one held picture to the next; asked for in order."""
+        """Return the interval from one held picture to the next; must be called in order."""
         frames = [*(shown.frame for shown in held), following[0].frame]
         steps = []
         for frame, after in pairwise(frames):
@@ -319,15 +318,15 @@ class _Clip:
 
 def _output_frames(
     frames: Iterator[Frame],
-    clip: _Clip,
+    clip: _LoopState,
     detector: DuplicateDetector | None,
     holds_last_frame: bool,
-    in_order: Callable[[Iterable[Callable[[], _Made]]], Iterator[_Made]],
+    in_order: Callable[[Iterable[Callable[[], _OutputPart]]], Iterator[_OutputPart]],
 ) -> Generator[Frame, None, Fraction]:
     """Yield the output frames without durations; return when the clip ends."""
     shown, summary = clip.shown(frames), clip.summary
     moments = group_singly(shown) if detector is None else group_duplicates(shown, detector)
-    for made in in_order(_jobs(clip, moments)):
+    for made in in_order(_tasks(clip, moments)):
         summary.frames_made += made.new
         if made.begins:
             summary.duplicates += made.duplicates
@@ -351,10 +350,10 @@ def _output_frames(
     return end
 
 
-def _jobs(clip: _Clip, moments: Iterable[FrameGroup]) -> Iterator[Callable[[], _Made]]:
-    """What there is to be made, in order: a part of an interval each, so that many frames between two take no memory.
+def _tasks(clip: _LoopState, moments: Iterable[FrameGroup]) -> Iterator[Callable[[], _OutputPart]]:
+    """Yield the tasks in order, one per part of an interval, so that many frames between two take no extra memory.
 
-    Runs one pair behind the source: how a pair's motion goes on is seen in the next.
+    Lags one pair behind the source, because the motion of a pair depends on the next one.
     """
     for before, interval, after in with_neighbours(clip.intervals(moments)):
         count = sum(map(len, interval.steps))
@@ -371,15 +370,15 @@ def _make(
     interpolator: Interpolator,
     part: range,
     skipped: int,
-) -> _Made:
-    """The output frames of a part of an interval; in place of the first `skipped`, any image."""
+) -> _OutputPart:
+    """Make the output frames of a part of an interval; the first `skipped` of the interval may carry any image."""
     is_discontinuous = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
     if is_discontinuous:
-        # nothing leads on from it, so it stays held until the last of its frames ends in the cut
+        # no motion follows the held picture, so it stays held until its last frame, at which the cut is
         shown = [(each, step) for each, steps in zip(interval.held, interval.steps, strict=True) for step in steps]
         first_to_move = len(shown) - len(interval.steps[-1])
     else:
-        shown, first_to_move = [(interval.held[0], step) for step in _in_one(interval)], 0
+        shown, first_to_move = [(interval.held[0], step) for step in _merge_steps(interval)], 0
     moves = [index >= first_to_move and step.t > 0 for index, (_, step) in enumerate(shown)]
     inner = [shown[index][1].t for index in part if moves[index] and index >= skipped]
     images, scene_cut = interpolator.between(interval.pair, inner, *neighbours) if any(moves) else (iter(()), False)
@@ -392,11 +391,11 @@ def _make(
             frames.append(replace(each.frame, time=step.time))
     new = sum(shown[index][1].time != shown[index][0].frame.time for index in part)
     duplicates = 0 if is_discontinuous else len(interval.held) - 1
-    return _Made(interval, frames, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown))
+    return _OutputPart(interval, frames, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown))
 
 
-def _in_one(interval: _Interval) -> list[Step]:
-    """The steps of all frames of a held picture, each at its place on the way to the next."""
+def _merge_steps(interval: _Interval) -> list[Step]:
+    """Merge the steps of all frames of a held picture, with t relative to the whole interval to the next picture."""
     if len(interval.held) == 1:
         return interval.steps[0]
     begin = interval.held[0].frame.time
@@ -405,7 +404,7 @@ def _in_one(interval: _Interval) -> list[Step]:
 
 
 def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]:
-    """Every frame lasts until the next one, and the last one until the clip ends."""
+    """Set the duration of every frame to last until the next one, and of the last one until the clip ends."""
     held: Frame | None = None
     while True:
         try:

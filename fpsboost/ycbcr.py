@@ -1,6 +1,6 @@
-"""Images as video codes them: a plane of luma and two of chroma, which often have half the size.
+"""YCbCr images: a plane of luma and two planes of chroma, which are often subsampled.
 
-Pictures that come from a video and go into one stay as they are: no colour matrix, no rounding between, and half as
+Images read from a video and written to one keep their planes: no colour matrix, no intermediate rounding, and half as
 many samples to compute with.
 """
 
@@ -27,24 +27,24 @@ luma_weights = MappingProxyType(
         9: (0.2627, 0.0593),
     }
 )
-"""(red, blue) share of luma by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
+"""Luma weights (red, blue) by AVColorSpace: BT.709, FCC, BT.601 (625 and 525 lines), SMPTE 240M, BT.2020."""
 
 
 class Levels(NamedTuple):
-    """Code values that have a meaning."""
+    """Reference code values of luma and chroma."""
 
     black: float
-    """Of luma."""
+    """Luma of black."""
     luma_span: float
-    """From black to white."""
+    """Range of luma, from black to white."""
     neutral: float
-    """Of the chroma of gray."""
+    """Chroma of gray."""
     chroma_span: float
-    """From the lowest chroma of a colour to the highest."""
+    """Range of chroma, from the lowest of a colour to the highest."""
 
 
 def code_levels(full_range: bool, bits: int) -> Levels:
-    """Code values of YCbCr by range and depth (ITU-T H.273, 8.3)."""
+    """Return the reference code values of YCbCr by range and bit depth (ITU-T H.273, 8.3)."""
     unit = 2.0 ** (bits - 8)
     if full_range:
         return Levels(0.0, 2.0**bits - 1, 128 * unit, 2.0**bits - 1)
@@ -52,7 +52,7 @@ def code_levels(full_range: bool, bits: int) -> Levels:
 
 
 def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: float) -> NDArray[np.float64]:
-    """The matrix from BGR in [0, top] to the code values of Y, Cb, Cr.
+    """Return the matrix from BGR in [0, top] to the code values of Y, Cb, Cr.
 
     Returns
     -------
@@ -70,20 +70,20 @@ def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: float) -> NDA
 
 @dataclass(frozen=True)
 class Coding:
-    """What the code values of YCbCr mean.
+    """Meaning of the code values of YCbCr.
 
     Parameters
     ----------
     bits : int
-        Of a sample, 8 to 16.
+        Bits per sample, 8 to 16.
     color_space : int
-        AVColorSpace, the matrix; a key of `luma_weights`.
+        Matrix, an AVColorSpace; a key of `luma_weights`.
     full_range : bool
-        Black is 0 rather than 16 (in 8 bits).
+        Whether black is 0 rather than 16 (in 8 bits).
     chroma_location : str
-        Where a subsampled chroma sample sits: ``left``, ``center``, ``topleft``...
+        Location of subsampled chroma samples: ``left``, ``center``, ``topleft``...
     pixel_format : str
-        FFmpeg's name, ``yuv420p``.
+        FFmpeg's name of the pixel format, ``yuv420p``.
     """
 
     bits: int
@@ -99,11 +99,11 @@ class Coding:
 
     @property
     def levels(self) -> Levels:
-        """Code values that have a meaning."""
+        """Reference code values."""
         return code_levels(self.full_range, self.bits)
 
     def to_bgr(self) -> NDArray[np.float64]:
-        """The matrix from code values of Y, Cb, Cr to BGR in [0, 1], as `bgr_to_ycc` has it."""
+        """Return the matrix from code values of Y, Cb, Cr to BGR in [0, 1], in the form of `bgr_to_ycc`."""
         forward = bgr_to_ycc(self.color_space, self.full_range, self.bits, 1)
         inverse = np.linalg.inv(forward[:, :3])
         return np.column_stack([inverse, -inverse @ forward[:, 3]])
@@ -111,7 +111,7 @@ class Coding:
 
 @dataclass(frozen=True, eq=False)
 class YCbCrImage:
-    """A picture in its own planes.
+    """Image in planes of luma and chroma.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class YCbCrImage:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """(H, W, 3), as of an array of BGR."""
+        """Shape (H, W, 3), as of a BGR array."""
         height, width = self.planes[0].shape
         return height, width, 3
 
@@ -145,20 +145,20 @@ class YCbCrImage:
 
     @property
     def subsampling(self) -> tuple[int, int]:
-        """Rows and columns of pixels for each sample of chroma."""
+        """Chroma subsampling: rows and columns of pixels per chroma sample."""
         (height, width), (rows, columns) = self.planes[0].shape, self.planes[1].shape
         return (1 if rows == height else 2), (1 if columns == width else 2)
 
     @property
     def has_full_chroma(self) -> bool:
-        """Whether every pixel has chroma of its own."""
+        """Whether chroma is not subsampled."""
         return self.planes[1].shape == self.planes[0].shape
 
     def mapped(self, function: Callable[..., Plane], *others: Self) -> Self:
-        """What a function makes of each plane, or of each and the same one of other images."""
+        """Return the image with a function applied to each plane, or to each with the same plane of other images."""
         y, cb, cr = (function(*planes) for planes in zip(self.planes, *(other.planes for other in others), strict=True))
         return replace(self, planes=(y, cb, cr))
 
     def copy(self) -> Self:
-        """The same samples in planes of their own."""
+        """Return a copy with planes of its own."""
         return self.mapped(np.copy)

@@ -1,1 +1,1 @@
-"""What frames tell before motion is estimated: scene cuts, duplicates, illumination, overlays."""
+"""Analysis of frames before motion estimation: scene cuts, duplicate frames, illumination changes, overlays."""

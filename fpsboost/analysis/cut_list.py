@@ -1,4 +1,4 @@
-"""Scene cuts that somebody else has found: a list of times or frames."""
+"""Scene cuts read from a list of times or frame numbers."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from fpsboost.errors import InputError, explained
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.timing.position import Position, parse_position
 
-ROUNDED = Fraction(1, 1000)
-"""Lists are written with three decimals, which may lie behind the frame that is meant."""
+TIME_TOLERANCE = Fraction(1, 1000)
+"""Seconds by which a listed time may lie after the frame that it refers to: lists are written with three decimals."""
 SECONDS_COLUMN = "Start Time (seconds)"
-"""Of PySceneDetect's lists of scenes. Their column of frames counts from 1."""
+"""Column of PySceneDetect's scene lists with the start of each scene. Their column of frames counts from 1."""
 
 
 @dataclass(frozen=True)
 class CutList:
-    """Cuts are where a list says so, and nowhere else; takes the place of a `CutDetector`.
+    """Cut policy with the scene cuts of a list and no others; takes the place of a `CutDetector`.
 
     Parameters
     ----------
@@ -37,30 +37,32 @@ class CutList:
 
     @property
     def counts_frames(self) -> bool:
-        """Whether any of them is the number of a frame."""
+        """Whether any position is a frame number."""
         return bool(self._frames)
 
     def match_score(self, image0: FrameCache, image1: FrameCache) -> float:
-        """0 where a listed cut lies behind the one frame and not behind the other, else 1."""
+        """Return 0 if a listed cut lies between the two frames, else 1; 1 if a source position is unknown."""
         if image0.source_position is None or image1.source_position is None:
             return 1.0
-        return float(self._count_until(image0.source_position) == self._count_until(image1.source_position))
+        return float(self._count_cuts_until(image0.source_position) == self._count_cuts_until(image1.source_position))
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
-        """Whether a scene ends in a pair, whatever its neighbours are like."""
+        """Return whether a scene ends within a pair, regardless of its neighbours."""
         return match_score == 0
 
     def is_gradual(self, match_score: float, *across: float) -> bool:
-        """Never: a listed cut is one."""
+        """Return False: every listed cut is a cut."""
         return False
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
-        """Never: a listed cut is one."""
+        """Return False: every listed cut is a cut."""
         return False
 
-    def _count_until(self, position: SourcePosition) -> int:
-        """How many of the cuts lie before a frame."""
-        return bisect_right(self._frames, position.number) + bisect_right(self._seconds, position.seconds + ROUNDED)
+    def _count_cuts_until(self, position: SourcePosition) -> int:
+        """Return the number of cuts at or before a frame."""
+        return bisect_right(self._frames, position.number) + bisect_right(
+            self._seconds, position.seconds + TIME_TOLERANCE
+        )
 
     @cached_property
     def _frames(self) -> list[Fraction]:
@@ -77,26 +79,26 @@ def read_cuts(path: str | os.PathLike[str]) -> CutList:
     Parameters
     ----------
     path : str or path
-        A text with a place on each line, as `parse_position` reads it, and comments behind ``#``; or the list of scenes
-        that PySceneDetect writes as CSV.
+        A text file with one position per line, as `parse_position` reads it, and comments after ``#``; or the list of
+        scenes that PySceneDetect writes as CSV.
 
     Raises
     ------
     InputError
         The file cannot be read.
     OptionError
-        A line is no place in a clip.
+        A line is not a position in a clip.
     """
     name = os.fspath(path)
     with explained(InputError, "read", name, "check --cuts"):
         try:
             with open(path, encoding="utf-8-sig", newline="") as file:
-                return CutList(tuple(_positions(file, name)))
+                return CutList(tuple(_read_positions(file, name)))
         except UnicodeDecodeError:
             raise InputError(f"{name} is no text; give --cuts a file with a time or frame on each line.") from None
 
 
-def _positions(lines: Iterable[str], name: str) -> Iterator[Position]:
+def _read_positions(lines: Iterable[str], name: str) -> Iterator[Position]:
     column: int | None = None
     for number, line in enumerate(lines, 1):
         text = line.partition("#")[0].strip()

@@ -1,4 +1,4 @@
-"""Frames that show one moment: animation on twos and threes, repeats of pulldown, what a capture missed."""
+"""Detection of duplicate frames: animation on twos and threes, pulldown, frames that a capture missed."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from fpsboost.ycbcr import YCbCrImage
 
 @dataclass(frozen=True)
 class DuplicateDetector:
-    """A duplicate is a frame that shows the same as one before, up to the noise of an encoder.
+    """Detector of duplicate frames: frames that show the same as an earlier one, up to the noise of an encoder.
 
-    Two frames differ by as much as their most different block does, so that a mouth that moves in a still picture
-    counts. What encoders do to a repeated frame reaches a few levels there and is not to be told from a slow fade by
-    itself; but where a picture is held between moves, those are several times as large.
+    The difference of two frames is that of their most different block, so that a mouth that moves in a still picture
+    counts. Encoder noise in a duplicate reaches a few levels there and cannot be told from a slow fade by itself; but
+    where a picture is held between moves, the differences of the moves are several times as large.
 
     Parameters
     ----------
     noise : float
-        Largest difference of a duplicate, in levels of 8 bits. Of the duplicates of two clips found in the wild,
-        the noisiest differed by 5 levels, and pairs in motion by 10 and more.
+        Maximum difference of a duplicate, in 8-bit levels. Of the duplicates of two clips found in the wild, the
+        noisiest differed by 5 levels, and pairs in motion by 10 and more.
     share : float
-        Largest difference of a duplicate, as a share of the steps before and after it. Same clips: below 0.1.
+        Maximum difference of a duplicate, as a fraction of the differences before and after it. Same clips: below 0.1.
     smallest_step : float
-        Levels by which a picture that moves on differs at least; below it, nobody sees the difference.
+        Minimum difference of two different pictures, in 8-bit levels; a smaller difference is invisible.
     block : int
-        Side of the blocks, pixels.
+        Side of the blocks in pixels.
     longest : Fraction
-        Seconds that a held picture may last; one that lasts longer is a still. Animation on fours lasts 1/6.
+        Maximum duration of a held picture in seconds; a longer one is a still. Animation on fours lasts 1/6.
     most : int
-        Frames that a held picture may consist of; so many are kept in memory.
+        Maximum number of frames of a held picture; this many are kept in memory.
 
     Raises
     ------
@@ -67,37 +67,37 @@ class DuplicateDetector:
             raise OptionError("block and most must be at least 1, and longest not below 0; change the detector.")
 
     def difference(self, image0: FrameCache, image1: FrameCache) -> float:
-        """Mean difference of brightness in the block where it is largest, in levels of 8 bits."""
+        """Return the mean difference of gray levels in the block where it is largest, in 8-bit levels."""
         difference = cv2.absdiff(image0.cached(brightness), image1.cached(brightness))
         return float(cv2.boxFilter(difference, cv2.CV_32F, (self.block, self.block)).max())
 
     def is_held(self, noise: float, before: float, after: float) -> bool:
-        """Whether frames show one picture that was held.
+        """Return whether frames show one held picture.
 
         Parameters
         ----------
         noise : float
-            The largest difference of one of them from the first; see `difference`.
+            Largest difference of any of the frames from the first; see `difference`.
         before, after : float
-            The differences to where the picture came from, and to where it moves on.
+            Differences from the previous picture and to the next one.
         """
         return noise <= self.noise and noise <= self.share * min(before, after) and self.smallest_step <= after
 
     def repeats_still(self, noise: float, before: float) -> bool:
-        """Whether frames that go on to differ little repeat one picture; in slow motion they differ as little.
+        """Return whether frames that differ little repeat one picture; frames in slow motion differ as little.
 
         Parameters
         ----------
         noise : float
-            The largest difference of one of them from the first; see `difference`.
+            Largest difference of any of the frames from the first; see `difference`.
         before : float
-            The difference to where the picture came from; infinite where the clip begins with it.
+            Difference from the previous picture; infinite if the clip begins with this one.
         """
         return noise <= (self.smallest_step if math.isinf(before) else min(self.noise, self.share * before))
 
 
 def brightness(image: Pixels) -> Components:
-    """Levels of 8 bits; whole ones for images of 8 bits, exact and beyond white for others."""
+    """Return gray levels on the 8-bit scale: integers for 8-bit images, unrounded and unclipped for others."""
     if image.dtype == np.uint8:
         return gray(image)
     if isinstance(image, YCbCrImage):
@@ -109,24 +109,24 @@ def brightness(image: Pixels) -> Components:
 
 
 class SourceFrame(NamedTuple):
-    """A frame of the source, and what is computed from it."""
+    """Frame of the source, and the cache of its results."""
 
     frame: Frame
     image: FrameCache
 
 
 FrameGroup = tuple[SourceFrame, ...]
-"""Frames that follow each other and show the same; nearly always one."""
+"""Consecutive frames that show the same picture; nearly always one."""
 
 
 def group_singly(frames: Iterable[SourceFrame]) -> Iterator[FrameGroup]:
-    """Every frame is a moment of its own."""
+    """Yield every frame as a group of its own."""
     for shown in frames:
         yield (shown,)
 
 
 def group_duplicates(frames: Iterable[SourceFrame], detector: DuplicateDetector) -> Iterator[FrameGroup]:
-    """Put the frames together that show the same; a still, and whatever the clip ends with, come one by one.
+    """Group duplicate frames; those of a still, and those at the end of the clip, form groups of one.
 
     Parameters
     ----------
@@ -135,28 +135,28 @@ def group_duplicates(frames: Iterable[SourceFrame], detector: DuplicateDetector)
 
     Yields
     ------
-    tuple of Shown
-        All frames, in order. No more are read ahead than a held picture may consist of.
+    tuple of SourceFrame
+        All frames, in order. At most as many are read ahead as a held picture may have.
     """
     for picture in find_pictures(frames, detector):
         yield from group_singly(picture.frames) if picture.is_still else [picture.frames]
 
 
 class Picture(NamedTuple):
-    """Frames that follow each other and show one picture, or a part of them where it lasts long."""
+    """Consecutive frames that show one picture, or a part of them if it lasts long."""
 
     frames: FrameGroup
     is_still: bool
-    """It lasts longer than the detector allows, or until the clip ends, so that nothing moves on from it."""
+    """Whether it lasts longer than the detector allows, or until the clip ends, so that no motion follows it."""
     repeats: int
-    """So many of the frames, the last ones, show again what the frame before each of them shows."""
+    """Number of frames, at the end of `frames`, that repeat the frame before them."""
 
 
 def find_pictures(frames: Iterable[SourceFrame], detector: DuplicateDetector) -> Iterator[Picture]:
-    """Tell which frames show the same.
+    """Find the frames that show the same picture.
 
-    Frames are compared with the first of their kind and not with the one before, so that a slow fade or pan does not
-    pass for a held picture.
+    Frames are compared with the first one of the picture and not with the previous one, so that a slow fade or pan is
+    not taken for a held picture.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def find_pictures(frames: Iterable[SourceFrame], detector: DuplicateDetector) ->
     Yields
     ------
     Picture
-        All frames, in order. No more are read ahead than a held picture may consist of.
+        All frames, in order. At most as many are read ahead as a held picture may have.
     """
     arriving = iter(frames)
     waiting: deque[SourceFrame] = deque()
@@ -175,7 +175,7 @@ def find_pictures(frames: Iterable[SourceFrame], detector: DuplicateDetector) ->
         first = waiting.popleft() if waiting else next(arriving, None)
         if first is None:
             return
-        found = _length(first, step, waiting, arriving, detector)
+        found = _find_run(first, step, waiting, arriving, detector)
         step = found.step
         repeats = [waiting.popleft() for _ in range(found.frames - 1)]
         yield Picture((first, *repeats), found.is_still, len(repeats) if found.repeats else 0)
@@ -183,43 +183,54 @@ def find_pictures(frames: Iterable[SourceFrame], detector: DuplicateDetector) ->
             step = yield from _rest_of_still(first, found.repeats, waiting, arriving, detector)
 
 
-class _Length(NamedTuple):
-    """How many frames show the same, the first included, whether they are a still, and the step after them."""
+class _Run(NamedTuple):
+    """Number of frames that show one picture, the first included; whether it is a still; the difference after it."""
 
     frames: int
     is_still: bool
     step: float
     repeats: bool
-    """Whether they repeat the first, and do not just differ too little from it, as in slow motion."""
+    """Whether the frames repeat the first one, rather than differ slightly from it, as in slow motion."""
 
 
-def _length(
+def _find_run(
     first: SourceFrame,
     step: float,
     waiting: deque[SourceFrame],
     arriving: Iterator[SourceFrame],
     detector: DuplicateDetector,
-) -> _Length:
-    """How many frames show the same as `first`; `step` is the one that led to it. What is read waits."""
+) -> _Run:
+    """Find how many frames show the same picture as `first`.
+
+    Parameters
+    ----------
+    first : SourceFrame
+    step : float
+        Difference of `first` from the previous picture.
+    waiting : deque of SourceFrame
+        Frames read ahead; those that are read here are appended.
+    arriving : iterator of SourceFrame
+    detector : DuplicateDetector
+    """
     differences: list[float] = []
     while True:
         count = len(differences) + 1
         noise = max(differences, default=0.0)
         if count > len(waiting):
             following = next(arriving, None)
-            if following is None:  # nothing moves on any more
-                return _Length(count, True, 0.0, detector.repeats_still(noise, step))
+            if following is None:  # the clip ends, and no motion follows
+                return _Run(count, True, 0.0, detector.repeats_still(noise, step))
             waiting.append(following)
         following = waiting[count - 1]
         lasts = following.frame.time - first.frame.time
         difference = detector.difference(first.image, following.image)
         if differences and detector.is_held(noise, step, difference):
-            return _Length(count, lasts > detector.longest, difference, True)
+            return _Run(count, lasts > detector.longest, difference, True)
         differences.append(difference)
         if difference > detector.noise:  # motion, or a slow change that has added up
-            return _Length(1, False, differences[0], True)
+            return _Run(1, False, differences[0], True)
         if count == detector.most or lasts > detector.longest:
-            return _Length(count, True, difference, detector.repeats_still(max(differences), step))
+            return _Run(count, True, difference, detector.repeats_still(max(differences), step))
 
 
 def _rest_of_still(
@@ -229,7 +240,7 @@ def _rest_of_still(
     arriving: Iterator[SourceFrame],
     detector: DuplicateDetector,
 ) -> Generator[Picture, None, float]:
-    """The frames that still show the same as `first`, one by one; return the step after them."""
+    """Yield the frames that still show the same picture as `first`, one by one; return the difference after them."""
     while True:
         if not waiting:
             following = next(arriving, None)

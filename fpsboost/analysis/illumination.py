@@ -1,8 +1,8 @@
-"""Fades, flashes and exposure: when the light changes between two frames, motion is searched for in the same light.
+"""Illumination compensation: fades, flashes and exposure changes are removed before motion is estimated.
 
-The report's similarity compares colours, so that under a flash everything looks most like something else and tears. A
-gain and an offset for each colour say what a fade, a flash or a camera's exposure does. They are believed only where
-they make the frames more alike than they were.
+The report's similarity compares colours, so that under a flash every patch matches a wrong one best, and the picture
+tears. A gain and an offset for each colour model a fade, a flash or a change of exposure. The model is used only where
+it makes the frames more similar.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from fpsboost.motion.colour import contrast_components, normalised, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 
-LONGER_SIDE = 40
-"""Of the small copies that are compared, pixels."""
+SMALL_COPY_SIDE = 40
+"""Longer side of the small copies that are compared, pixels."""
 
 MIN_CHANGE = 0.01
-"""Mean change of colour below which the light is taken for constant, with 1 for white."""
+"""Mean change of colour below which the illumination counts as constant; 1 is white."""
 
 MIN_SCORE_GAIN = 0.015
-"""What a change of light must add to the likeness of the frames to be believed."""
+"""Minimum increase of the mean similarity of two frames at which an illumination model is accepted."""
 
 MIN_SCORE = 0.6
-"""Likeness that frames of one scene have in one light, at least."""
+"""Minimum mean similarity, under equal illumination, of two frames of one scene."""
 
 MAX_GAIN = 8.0
-"""More would make patterns out of noise; so would less than its inverse."""
+"""Maximum gain; the minimum is its inverse. Gains beyond these would amplify noise into patterns."""
 
 
 @dataclass(frozen=True)
 class IlluminationModel:
-    """How colours change from frame 0 to frame 1: ``gain * colour + offset``.
+    """Change of colours from frame 0 to frame 1: ``gain * colour + offset``.
 
     Attributes
     ----------
@@ -50,12 +50,12 @@ class IlluminationModel:
     offset: NDArray[Any]
 
     def undo(self, image1: Image) -> Image:
-        """Frame 1 in the light of frame 0, float32."""
+        """Return frame 1 under the illumination of frame 0, float32."""
         matched: Image = (normalised(image1) - self.offset) / self.gain
         return matched
 
     def apply(self, image: Image, t: float, dtype: np.dtype[Any]) -> Image:
-        """An image in the light of frame 0, float32, as it looks at time t, in the frames' own type."""
+        """Return a float32 image under the illumination of frame 0 as it appears at time t, in the frames' `dtype`."""
         lit: Image = image * (1 + (self.gain - 1) * np.float32(t)) + self.offset * np.float32(t)
         if dtype == np.float32:
             return lit
@@ -64,24 +64,25 @@ class IlluminationModel:
 
 
 def estimate_illumination(image0: FrameCache, image1: FrameCache) -> IlluminationModel | None:
-    """How the light changes between two frames, or None where it does not.
+    """Estimate the illumination change between two frames; None if there is none.
 
     Parameters
     ----------
     image0, image1 : FrameCache
-        Two frames of one size and type. With alpha the light is taken for constant.
+        Two frames of one size and type. With alpha, the illumination counts as constant.
     """
     if has_alpha(image0.pixels):
         return None
-    small0, small1 = (image.cached(small_copy, LONGER_SIDE) for image in (image0, image1))
+    small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
     white = np.float32(max(1, small0.max(), small1.max()))
     small0, small1 = small0 / white, small1 / white
-    illumination = _same_spread(small0, small1)
+    illumination = _match_mean_and_deviation(small0, small1)
     if np.abs(illumination.apply(small0, 1, small0.dtype) - small0).mean() < MIN_CHANGE:
         return None
-    exact = _along_motion(small0, small1, _search(small0, illumination.undo(small1)))
+    exact = _fit_along_motion(small0, small1, _search(small0, illumination.undo(small1)))
     in_lights, illumination = max(
-        ((_likeness(small0, small1, each), each) for each in (illumination, exact)), key=lambda known: sum(known[0])
+        ((_measure_similarity(small0, small1, each), each) for each in (illumination, exact)),
+        key=lambda known: sum(known[0]),
     )
     before = _search(small0, small1).similarity.mean()
     believed = min(in_lights) > max(MIN_SCORE, before - MIN_SCORE_GAIN) and sum(in_lights) / 2 > before + MIN_SCORE_GAIN
@@ -91,8 +92,8 @@ def estimate_illumination(image0: FrameCache, image1: FrameCache) -> Illuminatio
 def compensate_either(
     image0: FrameCache, image1: FrameCache, illumination: IlluminationModel
 ) -> tuple[tuple[FrameCache, FrameCache], ...]:
-    """Small copies of two frames, in the light of frame 0, and in that of frame 1."""
-    small0, small1 = (image.cached(small_copy, LONGER_SIDE) for image in (image0, image1))
+    """Return small copies of two frames, under the illumination of frame 0 and under that of frame 1."""
+    small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
     in_light0, in_light1 = (small0, illumination.undo(small1)), (illumination.apply(small0, 1, small0.dtype), small1)
     return tuple(
         (
@@ -103,8 +104,8 @@ def compensate_either(
     )
 
 
-def _likeness(small0: Image, small1: Image, illumination: IlluminationModel) -> tuple[float, float]:
-    """How much of frame 0 is found in frame 1, in the light of each: dim frames all look alike, but not bright ones."""
+def _measure_similarity(small0: Image, small1: Image, illumination: IlluminationModel) -> tuple[float, float]:
+    """Return the frames' mean similarity under the illumination of each: dark frames look alike, bright ones do not."""
     if not 1 / MAX_GAIN < illumination.gain.min() <= illumination.gain.max() < MAX_GAIN:
         return 0.0, 0.0
     in_light0 = _search(small0, illumination.undo(small1))
@@ -114,12 +115,12 @@ def _likeness(small0: Image, small1: Image, illumination: IlluminationModel) -> 
 
 def _search(small0: Image, small1: Image) -> MotionField:
     components = contrast_components(small0), contrast_components(small1)
-    field01, _ = search_fused(*components, math.ceil(LONGER_SIDE / 6), 2, "box", 0.09)
+    field01, _ = search_fused(*components, math.ceil(SMALL_COPY_SIDE / 6), 2, "box", 0.09)
     return field01
 
 
-def _same_spread(small0: Image, small1: Image) -> IlluminationModel:
-    """The change that gives both frames the same mean and deviation."""
+def _match_mean_and_deviation(small0: Image, small1: Image) -> IlluminationModel:
+    """Return the model that gives both frames the same mean and standard deviation."""
     (mean0, deviation0), (mean1, deviation1) = (
         (small.mean(axis=(0, 1)), small.std(axis=(0, 1))) for small in (small0, small1)
     )
@@ -127,8 +128,8 @@ def _same_spread(small0: Image, small1: Image) -> IlluminationModel:
     return IlluminationModel(gain.astype(np.float32), (mean1 - gain * mean0).astype(np.float32))
 
 
-def _along_motion(small0: Image, small1: Image, field01: MotionField) -> IlluminationModel:
-    """The same by least squares over the pixels that were found again."""
+def _fit_along_motion(small0: Image, small1: Image, field01: MotionField) -> IlluminationModel:
+    """Fit the model by least squares over pixels and their matches, weighted by similarity."""
     height, width, channels = small0.shape
     y, x = np.mgrid[:height, :width]
     moved_x = (x + np.rint(field01.flow[..., 0]).astype(int)).clip(0, width - 1)

@@ -1,4 +1,4 @@
-"""Where time stands still or breaks off: frames shown again, and pairs that no motion leads across."""
+"""Detection of scene cuts: pairs of frames that no motion connects."""
 
 from __future__ import annotations
 
@@ -17,83 +17,85 @@ from fpsboost.motion.colour import Components, contrast_components, small_copy
 from fpsboost.motion.field import MotionField, forward_backward_error
 from fpsboost.motion.full_search import search_fused
 
-CERTAIN_CUT = 0.3
-"""Share of the threshold below which a pair is a cut whatever its neighbours are like, or if it has none."""
+CERTAIN_CUT_FRACTION = 0.3
+"""Fraction of the threshold below which a pair is a cut regardless of its neighbours, or if it has none."""
 
-ISOLATED_CUT = 1.5
-"""Multiple of the threshold below which a pair is a cut if it is far more unlike than both its neighbours."""
+ISOLATED_CUT_FACTOR = 1.5
+"""Multiple of the threshold below which a pair is a cut if it matches far worse than both its neighbours."""
 
-GRADUAL_CHANGE = 0.55
-"""Share of a pair's likeness below which that of frames farther apart tells a change that takes time from a cut. Chosen
-on nine constructed sets of 581 cuts and 4,800 other pairs: 0.993 of what is found are cuts, 0.979 of them are found."""
+GRADUAL_CHANGE_FRACTION = 0.55
+"""Fraction of a pair's match score below which the match score of frames farther apart shows a gradual change, not a
+cut. Chosen on nine constructed sets of 581 cuts and 4,800 other pairs: precision 0.993, recall 0.979."""
 
 SEARCH_RANGE = 1 / 3
-"""Largest motion that is looked for, as a share of the longer side; a pan that is faster shows another scene anyway."""
+"""Search range, as a fraction of the longer side; a faster pan shows another scene anyway."""
 
 BANDWIDTH = 0.1
-"""Width of the similarity of thumbnails: what blurs or glitters from frame to frame still counts for something."""
+"""Bandwidth of the similarity of thumbnails, at which patches that blur or glitter from frame to frame still count."""
 
 MOTION_PENALTY = 0.002
-"""What a pixel of motion costs in units of similarity: among patches that are equally alike, as those of a wall, the
-nearest is found, in both directions the same one."""
+"""Reduction of the similarity per pixel of motion: among equally similar patches, such as those of a wall, the nearest
+is found, the same one in both directions."""
 
 CONSISTENCY_TOLERANCE = 1.5
-"""Pixels of a thumbnail by which a way there and back may miss its beginning: one in x and one in y, as zooms do."""
+"""Limit of the forward-backward error of a consistent vector, thumbnail pixels: allows one in x and one in y, as zooms
+have."""
 
 STRICT_BANDWIDTH = 0.04
-"""Width of the similarity where a way there and back ends elsewhere: only what looks nearly the same, as places of one
-wall or of a black frame do, is as good as the beginning."""
+"""Bandwidth of the similarity for inconsistent vectors: only patches that look nearly the same, such as those of one
+wall or of a black frame, count as the starting point."""
 
 PATCH_RADIUS = 5
-"""A quarter of a thumbnail's width a patch: smaller ones find something alike in any picture."""
+"""Patch radius in thumbnail pixels; a patch is a quarter of a thumbnail wide. Smaller patches match in any picture."""
 
 
 class CutPolicy(Protocol):
-    """Contract: says where scenes end, pair by pair.
+    """Contract: decides where scenes end, pair by pair.
 
-    `CutDetector` finds out, `fpsboost.analysis.cut_list.CutList` knows.
+    `CutDetector` detects cuts, `fpsboost.analysis.cut_list.CutList` has a list of them.
     """
 
     def match_score(self, image0: FrameCache, image1: FrameCache) -> float:
-        """How much of two frames that follow each other speaks for one scene, 0 to 1."""
+        """Return how well two consecutive frames match as frames of one scene, 0 to 1."""
         ...
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
-        """Whether a scene ends in a pair, given its likeness and those of the pairs before and after."""
+        """Return whether a scene ends within a pair, given its match score and those of the pairs before and after."""
         ...
 
     def is_gradual(self, match_score: float, *across: float) -> bool:
-        """Whether a pair that is unlike belongs to a change that takes time, given how alike frames beyond it are."""
+        """Return whether a poorly matching pair is part of a gradual change, given scores of frames farther apart."""
         ...
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
-        """Whether the scene goes on behind a frame that hides it, given how alike the frames around that one are."""
+        """Return whether a frame only hides a scene that continues, given the match score of the frames around it."""
         ...
 
 
 @dataclass(frozen=True)
 class CutDetector:
-    """A cut is where hardly anything can be followed from one frame to the other and back.
+    """Detector of scene cuts: pairs in which hardly any motion is consistent forward and backward.
 
-    Both frames are reduced to thumbnails, and every patch of either is searched for in the other with the similarity of
-    the method itself. By chance, something alike is often found; but from a patch that has moved the way back leads
-    to where it was, and from one that is alike by chance it leads to something else. The mean over all pixels of how
-    alike both ends of the way there and of the way there and back are is high under any motion and low across a cut.
-    What moves fast, is blurred or is hidden for a moment makes it lower in the pairs around, too: a cut must stand out.
+    Both frames are reduced to thumbnails, and every patch of either is searched for in the other with the similarity
+    of the method itself. Similar patches are often found by chance; but the backward vector of a patch that has moved
+    leads to where it was, and that of a chance match leads elsewhere. The match score is the mean over all pixels of
+    the similarity of the match, times the similarity of the patch at which the backward vector ends. It is high under
+    any motion and low across a cut. Fast motion, blur and short occlusions lower it in the surrounding pairs, too: a
+    cut must stand out.
 
     Parameters
     ----------
     threshold : float
-        Pairs whose likeness lies below it are cuts if they stand out, 0 (none) to 1 (all).
+        Match score below which pairs are cuts if they stand out, 0 (none) to 1 (all).
     drop : float
-        A cut has at most this share of the likeness of the better neighbour: where all pairs are hard to follow, behind
+        Maximum match score of a cut, as a fraction of the better neighbour's: where all pairs match poorly, behind
         turning glass or among trees that rush past, no scene ends.
     times : float
-        If a pair is so many times as unlike as the worse of both neighbours, it is a cut even where it is more alike
-        than the threshold: slides and rooms in the same colours are. A figure that strikes another pose in an animation
-        differs less from what it does around.
+        Ratio of a pair's dissimilarity (1 minus the match score) to that of the worse neighbour from which the pair is
+        a cut even if its match score exceeds the threshold, as with slides and rooms in the same colours. A figure that
+        strikes another pose in an animation stays below it.
     thumbnail_side : int
-        Longer side of the thumbnails, pixels.
+        Longer side of the thumbnails in pixels.
 
     Raises
     ------
@@ -117,80 +119,82 @@ class CutDetector:
             raise OptionError(f"thumbnail_side must be at least 1 pixel, not {self.thumbnail_side}.")
 
     def is_cut(self, match_score: float, *neighbours: float) -> bool:
-        """Whether a scene ends in a pair.
+        """Return whether a scene ends within a pair.
 
-        Alone, a pair is a cut only if nothing is alike: how much of a scene can be followed at all is known from the
-        pairs around, and what is interpolated in vain does less harm than motion that stops.
+        Without neighbours, a pair is a cut only if nothing matches: only the surrounding pairs show how well a scene
+        can be followed at all, and a needless interpolation does less harm than motion that stops.
 
         Parameters
         ----------
         match_score : float
-            Of its frames; see `match_score`.
+            Match score of the pair; see `match_score`.
         *neighbours : float
-            The same for the pairs before and after, where they are known.
+            Match scores of the pairs before and after, where they are known.
         """
-        if self.threshold == 1 or match_score < CERTAIN_CUT * self.threshold:
+        if self.threshold == 1 or match_score < CERTAIN_CUT_FRACTION * self.threshold:
             return self.threshold > 0
         if not neighbours:
             return False
         drops = match_score < self.threshold and match_score <= self.drop * max(neighbours)
-        # one neighbour may be a moment's rest before motion goes on
+        # a single neighbour may be a short rest before motion continues
         far_out = len(neighbours) > 1 and 1 - match_score >= self.times * (1 - min(neighbours))
-        return drops or (far_out and match_score < ISOLATED_CUT * self.threshold)
+        return drops or (far_out and match_score < ISOLATED_CUT_FACTOR * self.threshold)
 
     def is_gradual(self, match_score: float, *across: float) -> bool:
-        """Whether a pair that is unlike belongs to a change that takes time, as the end of a fade.
+        """Return whether a poorly matching pair is part of a gradual change, such as the end of a fade.
 
-        A cut is as great from the frame before, and to the frame after; in such a change, frames farther apart are more
-        unlike still. What has nothing alike is a cut all the same.
+        Across a cut, frames farther apart match as poorly as the pair; in a gradual change, they match even worse. A
+        pair in which nothing matches is a cut in any case.
 
         Parameters
         ----------
         match_score : float
-            Of the pair.
+            Match score of the pair.
         *across : float
-            Of each of its frames and the one beyond the other, where they are known.
+            Match scores of each of its frames and the one beyond the other, where they are known.
         """
-        some_alike = CERTAIN_CUT * self.threshold <= match_score and self.threshold < 1
-        return some_alike and min(across, default=1.0) < GRADUAL_CHANGE * match_score
+        some_alike = CERTAIN_CUT_FRACTION * self.threshold <= match_score and self.threshold < 1
+        return some_alike and min(across, default=1.0) < GRADUAL_CHANGE_FRACTION * match_score
 
     def find_cuts(self, match_scores: Sequence[float]) -> list[bool]:
-        """`is_cut` for each of the pairs of a sequence."""
+        """Return `is_cut` for each pair of a sequence."""
         neighbours = (
             [*match_scores[max(k - 1, 0) : k], *match_scores[k + 1 : k + 2]] for k in range(len(match_scores))
         )
         return [self.is_cut(each, *around) for each, around in zip(match_scores, neighbours, strict=True)]
 
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
-        """Whether a frame that is unlike the one beside it hides a scene that goes on behind it.
+        """Return whether a frame that matches the next one poorly only hides a scene that continues.
 
         Parameters
         ----------
         match_score : float
-            Of the frame and the one beside it.
+            Match score of the frame and the one beside it.
         across : float
-            Of the frames on both of its sides.
+            Match score of the frames on both sides of it.
         *neighbours : float
-            Of the pairs before and after, where they are known.
+            Match scores of the pairs before and after, where they are known.
         """
         goes_on = across >= self.threshold and not self.is_cut(across, *neighbours)
         return goes_on and self.is_cut(match_score, across)
 
     def match_score(self, image0: FrameCache, image1: FrameCache) -> float:
-        """How much of the frames can be followed there and back, 0 to 1: the worse of both directions.
+        """Return how much of the frames can be followed forward and backward, 0 to 1: the worse of both directions.
 
-        A picture in which little is to be seen can be found in nearly any other, but not the other in it.
+        A frame with little content can be found in nearly any other, but not the other in it.
         """
         thumbnails = [contrast_components(image.cached(small_copy, self.thumbnail_side)) for image in (image0, image1)]
         search_radius = math.ceil(SEARCH_RANGE * self.thumbnail_side)
         field01, field10 = search_fused(
             thumbnails[0], thumbnails[1], search_radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY
         )
-        return min(_followed(thumbnails[0], field01, field10), _followed(thumbnails[1], field10, field01))
+        return min(
+            _measure_consistency(thumbnails[0], field01, field10), _measure_consistency(thumbnails[1], field10, field01)
+        )
 
 
-def _followed(thumbnail: Components, there: MotionField, back: MotionField) -> float:
-    """Mean similarity of the pixels of a frame to where they are found, times that to where the way back ends."""
+def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> float:
+    """Return the mean over pixels of the match's similarity times that of the patch where the backward vector ends."""
     height, width = there.similarity.shape
     y, x = np.mgrid[:height, :width]
     end_y, end_x = y, x

@@ -1,7 +1,7 @@
-"""The command line: parse, build objects, call the library, show progress, choose the exit code.
+"""Command line: parses arguments, builds objects, calls the library, shows progress and chooses the exit code.
 
-Exit codes: 0 done, 1 failed (without a word if the reader of standard output has gone), 2 wrong usage, 3 a comparison
-that ends below --fail-under, 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 failed (without a message if the reader of standard output has closed it), 2 wrong usage, 3 a
+comparison that ends below --fail-under, 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ EXAMPLES = """
 """
 
 PIPE = "pipe:"
-"""What a lone dash is called from here on, which the parser would take for an option without a name."""
+"""Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
 
 app = App(
     name="fpsboost",
@@ -94,7 +94,7 @@ def convert(
     more
         Further names; the last one is the folder.
     """
-    # only now: --help and --version need not wait for OpenCV, numba and FFmpeg
+    # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost import conversion  # noqa: PLC0415
     from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
 
@@ -148,7 +148,7 @@ def convert(
 
 
 def check_encodes(output: str, encoding: Encoding) -> None:
-    """Raise `OptionError` where options of encoders were given for what no encoder writes."""
+    """Raise `OptionError` if encoder options were given for an output that no encoder writes."""
     from fpsboost.io.opening import makes_animation, makes_video, stands_for_images  # noqa: PLC0415
 
     if encoding.given and (stands_for_images(output) or not makes_video(output)):
@@ -168,21 +168,21 @@ app.command("fpsboost.cli.tune:tune", help="Say which options of the report's me
 
 
 def stop(number: int, frame: FrameType | None) -> None:
-    """Treat a request to terminate like Ctrl-C, so that nothing half-written stays behind."""
+    """Treat a request to terminate like Ctrl-C, so that no incomplete output remains."""
     raise KeyboardInterrupt
 
 
 def main() -> None:
-    """Run the command line and exit; `fpsboost.__main__` is where it begins."""
+    """Run the command line and exit; called by `fpsboost.__main__`."""
     signal.signal(signal.SIGTERM, stop)
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as nohup and a shell's & have it
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # which nohup and a shell's & set
         signal.signal(signal.SIGINT, stop)
     with LibraryTexts() as texts:
         run_command(texts)
 
 
 def run_command(texts: LibraryTexts) -> None:
-    """Run the command line; exit unless all went well."""
+    """Run the command line; exit with a code above 0 unless it succeeds."""
     errors = console()
     verbose = "--verbose" in sys.argv
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]
@@ -195,9 +195,9 @@ def run_command(texts: LibraryTexts) -> None:
         nothing = "Stopped." if PIPE in tokens else "Stopped; nothing was written."
         errors.print(f"Stopped; {shown(left)}" if left else nothing)
         sys.exit(130)
-    except ReaderGoneError:  # as other filters, without a word
+    except ReaderGoneError:  # without a message, like other filters
         sys.exit(1)
-    except CompleteAlreadyError as error:  # what a batch that is started again wants
+    except CompleteAlreadyError as error:  # not a failure, so that a batch can be started again
         if not {"--quiet", "-q"} & set(tokens):
             errors.print(shown(str(error)))
     except CycloptsError as error:
@@ -210,7 +210,7 @@ def run_command(texts: LibraryTexts) -> None:
                 errors.print(shown(line))
         say_error(errors, error)
         sys.exit(2 if isinstance(error, OptionError) else 1)
-    except OSError as error:  # a name or a place that nobody looked at
+    except OSError as error:  # from a path that was not checked before
         if verbose:
             say_traceback()
         place = error.filename or "A file"

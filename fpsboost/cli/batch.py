@@ -1,4 +1,4 @@
-"""Several inputs into one folder: each gets a place there, and one that fails does not stop the rest."""
+"""Conversion of several inputs into one folder; an input that fails does not stop the rest."""
 
 from __future__ import annotations
 
@@ -16,72 +16,72 @@ from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.opening import PIPES
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 
-WRITTEN = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
-OTHER_VIDEOS_BECOME = ".mkv"
-"""Which holds every sound and every subtitle, so that no input fails for its ending."""
+OUTPUT_SUFFIXES = (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES)
+FALLBACK_SUFFIX = ".mkv"
+"""Suffix of the output if the input's cannot be written; Matroska holds every kind of audio and subtitles."""
 
 Convert = Callable[[str, str | None, str], None]
-"""Convert an input to an output, None for beside it; the third text says which of how many it is."""
+"""Function that converts an input to an output, None for beside it; the third text numbers it, such as ``2/5``."""
 
 
 def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
-    """Choose a path for what becomes of each input.
+    """Choose an output path for each input.
 
     Parameters
     ----------
     inputs : sequence of str
         Video files, folders and patterns of images.
     folder : str
-        It need not exist.
+        Folder of the outputs; it need not exist.
 
     Returns
     -------
     list of str
-        A video keeps its name, and its ending if that can be written; images go into a folder of their folder's name.
+        A video keeps its name, and its suffix if that can be written; images go into a folder of their folder's name.
 
     Raises
     ------
     OptionError
-        There is a pipe among the paths, `folder` is none, or two inputs would have one name.
+        A path is a pipe, `folder` is not a folder, or two outputs would have the same name.
     """
     if folder in PIPES or any(path in PIPES for path in inputs):
         raise OptionError("A pipe is one clip; convert several inputs with names, into a folder.")
-    is_folder = os.path.isdir(folder)  # unlike pathlib's, without an exception for names that cannot be
+    is_folder = os.path.isdir(folder)  # unlike pathlib's, without an exception for impossible names
     is_file = os.path.exists(folder) and not is_folder
-    looks_like_file = not is_folder and extension_of(folder) in (*WRITTEN, *IMAGE_SUFFIXES)
+    looks_like_file = not is_folder and extension_of(folder) in (*OUTPUT_SUFFIXES, *IMAGE_SUFFIXES)
     if is_file or looks_like_file or is_pattern(folder):
         raise OptionError(f"{folder} is no folder, and {len(inputs)} inputs need one; name a folder last.")
     outputs: dict[str, str] = {}
     taken: dict[str, str] = {}
     for path in inputs:
-        output = _place_of(path, Path(folder))
-        clash = taken.setdefault(output.casefold(), path)  # on many disks capital letters make no difference
+        output = _choose_output(path, Path(folder))
+        clash = taken.setdefault(output.casefold(), path)  # many file systems ignore case
         if path in outputs or clash != path:
             raise OptionError(f"{clash} and {path} would both become {output}; convert one of them by itself.")
         outputs[path] = output
     return list(outputs.values())
 
 
-def _place_of(path: str, folder: Path) -> str:
+def _choose_output(path: str, folder: Path) -> str:
     if os.path.isdir(path) or (is_pattern(path) and not os.path.isfile(path)):
         images = Path(path) if os.path.isdir(path) else Path(path).parent
         return f"{folder / images.resolve().name}/"
-    suffix = Path(path).suffix if extension_of(path) in WRITTEN else OTHER_VIDEOS_BECOME
+    suffix = Path(path).suffix if extension_of(path) in OUTPUT_SUFFIXES else FALLBACK_SUFFIX
     return str(folder / f"{Path(path).stem}{suffix}")
 
 
 def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet: bool, verbose: bool) -> None:
-    """Convert every input into a folder and say how many failed, with exit code 1 if any did.
+    """Convert every input into a folder and print how many failed; exit with code 1 if any did.
 
     Parameters
     ----------
     inputs : sequence of str
     folder : str
-        Made if it is missing, and removed again if nothing came into it.
+        Created if it is missing, and removed again if it is still empty at the end.
     convert : callable
-        Does one; what it raises is printed, and the next one goes on.
+        Converts one input; an error that it raises is printed, and the next input follows.
     quiet : bool
-        Only say what fails.
+        Print failures only.
     verbose : bool
         Show tracebacks.
 
@@ -92,7 +92,7 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
     OutputError
         The folder cannot be made.
     KeyboardInterrupt
-        With a note about what is done.
+        With a note on how many inputs were converted.
     """
     outputs = plan_outputs(inputs, folder)
     is_new = not os.path.isdir(folder)
@@ -105,11 +105,11 @@ def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet:
     finally:
         if is_new:
             with suppress(OSError):
-                Path(folder).rmdir()  # which only works while it is empty
+                Path(folder).rmdir()  # fails unless it is empty
 
 
 def convert_in_place(inputs: Sequence[str], convert: Convert, *, quiet: bool, verbose: bool) -> None:
-    """Convert several sequences of images, each beside its own; otherwise like `convert_each`."""
+    """Convert several image sequences, each into its own folder; otherwise like `convert_each`."""
     _convert_all(inputs, [None] * len(inputs), convert, quiet=quiet, verbose=verbose)
 
 

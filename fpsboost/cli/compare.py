@@ -1,4 +1,4 @@
-"""The command `fpsboost compare`: a table on the terminal, a page, plain data."""
+"""Command `fpsboost compare`: prints tables, and writes a report page and data files."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 DEFAULT_METHODS = ("nlm,nlm-fast,dis,minterpolate,blend",)
 
-BELOW = 3
-"""Exit code where a comparison ends below ``--fail-under``."""
+EXIT_BELOW_LIMIT = 3
+"""Exit code of a comparison that ends below ``--fail-under``."""
 
 what = Group("What is compared", sort_key=2)
 results = Group("Results", sort_key=3)
@@ -40,7 +40,7 @@ results = Group("Results", sort_key=3)
 @Parameter(name="*", group=Group("Which frames", sort_key=1))
 @dataclass(frozen=True)
 class FrameOptions(InputOptions):
-    """Which frames of a clip are shown, which are hidden and made again, and how the clip is read.
+    """Options for the frames of a clip that are shown or hidden and made again, and for how the clip is read.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class FrameOptions(InputOptions):
     duplicates: Annotated[Literal["interpolate", "keep"], Parameter(metavar="HOW")] = "interpolate"
 
     def hiding(self) -> Hiding:
-        """What is hidden, and how the clip is read."""
+        """Return which frames are hidden, and how the clip is read."""
         from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
 
         first, last = parse_range(self.range)
@@ -145,7 +145,7 @@ def compare(
     for path, option in ((report, "--report"), (json, "--json"), (csv, "--csv")):
         check_new(path, option)
     rate = frames.image_rate()
-    with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # a report shows what a peer wrote there
+    with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
         with Progressing(quiet=quiet) as progress:
             makers |= others.makers(lambda: hiding.intervals(input, rate), Path(scratch), progress.begun)
             comparison = run(
@@ -172,7 +172,7 @@ def compare(
         if csv is not None:
             write_csv(Path(csv), comparison)
         if report is not None:
-            from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (what draws is slow to import)
+            from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (the drawing code is slow to import)
 
             with Console(stderr=True, quiet=quiet).status("writing the page"):
                 page = write_report(Path(report), comparison, makers, input_fps=rate)
@@ -182,7 +182,7 @@ def compare(
 
 
 def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
-    """The options that were given, as words of the command line; True stands for one without a value."""
+    """Return the given options as words of the command line; True stands for an option without a value."""
     given = {option: value for option, value in options.items() if value is not None and value is not False}
     return tuple(
         word for option, value in given.items() for word in ((option,) if value is True else (option, str(value)))
@@ -190,7 +190,7 @@ def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def with_cuts(makers: Mapping[str, Maker], at_cuts: CutOptions) -> dict[str, Maker]:
-    """The methods, those of this package told where scenes end."""
+    """Return the makers, with the scene-cut options applied to the methods of this package."""
     from fpsboost.evaluation.making import InterpolatorMaker  # noqa: PLC0415
 
     return {
@@ -202,7 +202,7 @@ def with_cuts(makers: Mapping[str, Maker], at_cuts: CutOptions) -> dict[str, Mak
 
 
 def check_limit(limit: float, methods: Sequence[str], compared: Sequence[str], skipped: Mapping[str, str]) -> None:
-    """Raise `OptionError` if ``--fail-under`` is no number, or asks about a method that cannot be run."""
+    """Raise `OptionError` if ``--fail-under`` is not a finite number, or its method cannot be run."""
     if not math.isfinite(limit):
         raise OptionError(f"--fail-under must be a number of decibels, not {limit}.")
     first = split_methods(methods)[0].text
@@ -211,17 +211,17 @@ def check_limit(limit: float, methods: Sequence[str], compared: Sequence[str], s
 
 
 def check_is_reached(comparison: Comparison, limit: float) -> None:
-    """Exit with `BELOW` if the first method's mean PSNR is lower than a limit."""
+    """Exit with `EXIT_BELOW_LIMIT` if the first method's mean PSNR is lower than a limit."""
     first = comparison.methods[0]
     psnr = comparison.means(first).psnr
     if psnr < limit:
         sentence = f"{first.name} reaches {psnr:.2f} dB, below the {limit:g} dB of --fail-under."
         messages.console().print(f"[red]fpsboost:[/] {shown(sentence)}")
-        sys.exit(BELOW)
+        sys.exit(EXIT_BELOW_LIMIT)
 
 
 def open_vectors(clip: str, vectors: str, depth: str | None) -> VectorFolder:
-    """A renderer's vectors for the frames of a clip, by number where both have some."""
+    """Open a renderer's vectors for the frames of a clip, matched by number if both have numbers."""
     from fpsboost.io.images.numbering import find_numbers  # noqa: PLC0415
     from fpsboost.io.vector_folder import VectorFolder  # noqa: PLC0415
 
@@ -230,7 +230,7 @@ def open_vectors(clip: str, vectors: str, depth: str | None) -> VectorFolder:
 
 
 def check_new(path: str | None, option: str) -> None:
-    """Raise `OutputError` if a file or folder to be written exists, or has no folder to be in."""
+    """Raise `OutputError` if a file or folder to be written exists, or its parent folder does not."""
     if path is None:
         return
     if Path(path).exists():
@@ -240,7 +240,7 @@ def check_new(path: str | None, option: str) -> None:
 
 
 def tables(comparison: Comparison) -> list[Table]:
-    """Overall figures, the best method first, and the error by areas, where any is large enough."""
+    """Return tables: overall figures, best method first; errors by area, if one is large enough; further metrics."""
     from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
 
     ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
@@ -270,7 +270,7 @@ def tables(comparison: Comparison) -> list[Table]:
 
 
 def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Table:
-    """What was measured beside, methods in the order of the overall figures."""
+    """Return the table of further metrics, methods in the order of the overall figures."""
     from fpsboost.evaluation.further_metrics import figures_of  # noqa: PLC0415
     from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
 
@@ -287,7 +287,7 @@ def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Tab
 
 
 def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
-    """Quality and price of a method."""
+    """Return a method's quality and cost, as cells of the table."""
     scores, seconds = comparison.means(method), comparison.mean_seconds(method)
     return [
         f"{scores.psnr:.2f}",
@@ -300,7 +300,7 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
 
 
 def remarks(comparison: Comparison, makers: Mapping[str, Maker]) -> list[str]:
-    """What a reader of the table must know."""
+    """Return the remarks below the tables."""
     from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
 
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in comparison.shares.items())
@@ -315,7 +315,7 @@ def remarks(comparison: Comparison, makers: Mapping[str, Maker]) -> list[str]:
 
 
 class Progressing:
-    """Shows a long run to a person: what is being done, a bar and the time left, on a terminal."""
+    """Progress display of a long run on a terminal: the current task, a bar and the time left."""
 
     def __init__(self, *, quiet: bool) -> None:
         console = Console(stderr=True)

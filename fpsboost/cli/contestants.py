@@ -1,4 +1,4 @@
-"""Who takes part in a comparison, as the command line names them: methods with options, and other tools' frames."""
+"""Methods of a comparison as the command line names them: methods with options, and frames of other tools."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 
 
 class NamedMethod(NamedTuple):
-    """A method of ``--methods``."""
+    """Method given by ``--methods``."""
 
     text: str
-    """As the user wrote it: how it is called in tables."""
+    """Text as the user wrote it, which names the method in tables."""
     name: str
     options: dict[str, str]
 
 
 def split_methods(texts: Sequence[str]) -> list[NamedMethod]:
-    """Read ``--methods``: names with commas between them, each with options behind a colon.
+    """Parse ``--methods``: names separated by commas, each with options after a colon.
 
-    No name holds an equals sign and every option does, so a comma may stand between methods and between options alike.
+    No name contains an equals sign and every option does, so commas can separate both methods and options.
 
     Parameters
     ----------
     texts : sequence of str
-        One for each time that the option was given.
+        One text for each time that the option was given.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def _with_option(method: NamedMethod, text: str, part: str) -> NamedMethod:
 
 
 def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:
-    """The methods of ``--methods``, and those that cannot be run, with the reason.
+    """Return the methods of ``--methods``, and those that cannot be run with the reason.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
 
     if method.name == MINTERPOLATE:
         return Minterpolate.with_options(method.options)
-    # as in conversions, the report's search takes the renderer's largest motion where that is known
+    # as in conversions, the report's search uses the renderer's largest motion if that is known
     unaware = method.name in methods and not hasattr(methods[method.name].estimator, "vectors")
     interpolator = find_method(method.name, None if unaware else vectors)
     options = read_options(interpolator, method.name, method.options)
@@ -125,13 +125,13 @@ def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
 
 
 class Others(NamedTuple):
-    """What ``--frames`` and ``--peer`` name."""
+    """Other tools given by ``--frames`` and ``--peer``."""
 
     folders: dict[str, str]
     commands: dict[str, str]
 
     def words(self) -> tuple[str, ...]:
-        """The options again, as words of a command line."""
+        """Return the options as words of a command line."""
         return tuple(
             word
             for option, given in (("--frames", self.folders), ("--peer", self.commands))
@@ -142,16 +142,16 @@ class Others(NamedTuple):
     def makers(
         self, intervals: Callable[[], Iterable[Interval]], scratch: Path, begun: Callable[[str, None], None]
     ) -> Iterator[tuple[str, Maker]]:
-        """Match the folders to the clip, and run the commands: before anything else, because what fails fails here.
+        """Match the folders to the clip and run the commands, before anything else because failures occur here.
 
         Parameters
         ----------
         intervals : callable
             Reads the clip.
         scratch : Path
-            A folder for what commands read and write, which stays as long as the frames are needed.
+            Folder for the files that commands read and write; it must exist as long as the frames are needed.
         begun : callable
-            Is told whose turn it is.
+            Called with the name of each tool at its turn.
         """
         from fpsboost.evaluation.peers import find_frames, run_peer  # noqa: PLC0415
 
@@ -164,12 +164,12 @@ class Others(NamedTuple):
 
 
 def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
-    """Read ``--frames NAME=FOLDER`` and ``--peer NAME=COMMAND``, each given any number of times.
+    """Parse ``--frames NAME=FOLDER`` and ``--peer NAME=COMMAND``, each given any number of times.
 
     Raises
     ------
     OptionError
-        A name is missing, taken twice or a method's, or a command lacks its folders.
+        A name is missing, given twice or that of a method, or a command lacks its folders.
     """
     from fpsboost.evaluation.making import known_methods  # noqa: PLC0415
     from fpsboost.evaluation.peers import split_command  # noqa: PLC0415

@@ -1,7 +1,7 @@
-"""What libraries print by themselves, such as libpng and OpenCV on a damaged file: kept back, and said at the end.
+"""Capture of texts that libraries print themselves, such as libpng and OpenCV on a damaged file.
 
-They write to the process's standard error from C, before anybody can say which file it is about. What Python writes
-there goes on to where it went.
+They write to the process's standard error from C, without the name of the file; the texts are printed at the end of the
+run. What Python writes to standard error still goes there.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _prefix_of_opencv = re.compile(r"^\[ *\w+:\d+@[\d.]+\] (global )?")
 
 
 class LibraryTexts:
-    """Keep the texts of libraries from the terminal, from entering to leaving."""
+    """Context manager that captures the texts of libraries instead of showing them on the terminal."""
 
     def __init__(self) -> None:
         self._texts: IO[bytes] | None = None
@@ -31,7 +31,7 @@ class LibraryTexts:
     def __enter__(self) -> Self:
         try:
             self._terminal = os.dup(STANDARD_ERROR)
-        except OSError:  # there is none
+        except OSError:  # there is no standard error
             return self
         self._texts = tempfile.TemporaryFile()
         if _is_standard_error(sys.stderr):
@@ -55,14 +55,14 @@ class LibraryTexts:
         os.dup2(self._terminal, STANDARD_ERROR)
         os.close(self._terminal)
         if self._before is not None:
-            with suppress(OSError):  # whoever read it has gone
+            with suppress(OSError):  # its reader has closed it
                 sys.stderr.close()
             sys.stderr = self._before
         self._texts.close()
         self._texts = None
 
     def lines(self) -> list[str]:
-        """Each different line so far, without OpenCV's clock and place."""
+        """Return each distinct line so far, without OpenCV's timestamp and source location."""
         if self._texts is None:
             return []
         self._texts.seek(0)
@@ -72,7 +72,7 @@ class LibraryTexts:
         )
 
     def sentence(self) -> str:
-        """The first of them in one line; empty where there are none."""
+        """Return the first lines as one sentence; empty if there are none."""
         lines = self.lines()
         more = f"; and {len(lines) - MAX_SHOWN} more" if len(lines) > MAX_SHOWN else ""
         return f"A library that reads files says: {'; '.join(lines[:MAX_SHOWN])}{more}." if lines else ""
@@ -83,5 +83,5 @@ def _is_standard_error(stream: TextIO | None) -> bool:
         return False
     try:
         return stream.fileno() == STANDARD_ERROR
-    except (OSError, ValueError):  # closed, or none of the system's
+    except (OSError, ValueError):  # closed, or not a file of the system
         return False

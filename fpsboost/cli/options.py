@@ -1,6 +1,6 @@
-"""The options of a conversion, a class for each group of them: how they are called, and what the library makes of them.
+"""Options of a conversion, one class per group, and the library objects that they stand for.
 
-Nothing heavy is imported before an option is used, because --help need not wait for OpenCV, numba and FFmpeg.
+Heavy modules are imported only when an option is used, so that --help need not wait for OpenCV, numba and FFmpeg.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @Parameter(name="*", group=Group("Input", sort_key=1))
 @dataclass(frozen=True)
 class InputOptions:
-    """Which part of the input is converted, and how it is read.
+    """Options for the part of the input that is converted, and for how it is read.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class InputOptions:
     fill_gaps: bool = False
 
     def trim(self) -> Trim:
-        """The part of the input."""
+        """Return the part of the input to convert."""
         from fpsboost.io.trim import Trim  # noqa: PLC0415
         from fpsboost.timing.position import parse_position  # noqa: PLC0415
 
@@ -66,13 +66,13 @@ class InputOptions:
         )
 
     def decoding(self) -> DecodeOptions:
-        """How a video is read."""
+        """Return the options for decoding video."""
         from fpsboost.io.video.decode_options import DecodeOptions  # noqa: PLC0415
 
         return DecodeOptions(self.stream, self.deinterlace, self.size_change, self.decoder)
 
     def image_rate(self) -> Fraction | None:
-        """Frames per second of images."""
+        """Return the frames per second of images, None if not given."""
         from fpsboost.timing.schedule import parse_rate  # noqa: PLC0415
 
         return None if self.input_fps is None else parse_rate(self.input_fps, "--input-fps")
@@ -81,7 +81,7 @@ class InputOptions:
 @Parameter(name="*", group=Group("Rate", sort_key=2))
 @dataclass(frozen=True)
 class RateOptions:
-    """How fast the output plays.
+    """Options for the frame rate of the output.
 
     Parameters
     ----------
@@ -104,13 +104,13 @@ class RateOptions:
     slow_motion_sound: Annotated[Literal["drop", "stretch"] | None, Parameter(metavar="HOW")] = None
 
     def multiple(self) -> Fraction | None:
-        """Output frames per input frame."""
+        """Return the output frames per input frame, None if not given."""
         from fpsboost.timing.schedule import parse_number  # noqa: PLC0415
 
         return None if self.factor is None else parse_number(self.factor, "--factor")
 
     def rate(self) -> Fraction | None:
-        """Output frames per second."""
+        """Return the output frames per second, None if not given."""
         from fpsboost.timing.schedule import parse_rate  # noqa: PLC0415
 
         return None if self.fps is None else parse_rate(self.fps, "--fps")
@@ -119,7 +119,7 @@ class RateOptions:
 @Parameter(name="*", group=Group("Method options", sort_key=8))
 @dataclass(frozen=True)
 class TuningOptions:
-    """What some methods can be told.
+    """Options of single methods.
 
     Parameters
     ----------
@@ -158,14 +158,14 @@ class TuningOptions:
 
     @property
     def given(self) -> dict[str, Any]:
-        """Those that were given, by the names of the fields of estimators and synthesizers."""
+        """Options that were given, by the field names of estimators and synthesizers."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 @Parameter(name="*", group=Group("Method", sort_key=3))
 @dataclass(frozen=True)
 class MotionOptions:
-    """How frames are made.
+    """Options for how frames are made.
 
     Parameters
     ----------
@@ -190,12 +190,12 @@ class MotionOptions:
     depth: Annotated[str | None, Parameter(metavar="DIR")] = None
 
     def interpolator(self, tuning: TuningOptions) -> Interpolator:
-        """The method with its options.
+        """Return the method with its options.
 
         Raises
         ------
         OptionError
-            It is unknown, or has no such option.
+            The method is unknown, or has no such option.
         InputError
             The vectors cannot be read.
         """
@@ -211,7 +211,7 @@ class MotionOptions:
 @Parameter(name="*", group=Group("Scenes", sort_key=4))
 @dataclass(frozen=True)
 class CutOptions:
-    """Where scenes end, and what is shown there.
+    """Options for where scenes end, and for what is shown there.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ class CutOptions:
 
     @property
     def given(self) -> dict[str, Any]:
-        """Those that differ from the defaults, as the command line calls them."""
+        """Options that differ from the defaults, by their names on the command line."""
         values = {
             "--at-cuts": self.at_cuts if self.at_cuts != "repeat" else None,
             "--no-cuts": self.no_cuts or None,
@@ -242,14 +242,14 @@ class CutOptions:
         return {name: value for name, value in values.items() if value is not None}
 
     def applied_to(self, interpolator: Interpolator) -> Interpolator:
-        """The interpolator with these.
+        """Return the interpolator with these options applied.
 
         Raises
         ------
         OptionError
-            They contradict each other, or the list of cuts is none.
+            Options contradict each other, or the file of cuts is not a list of positions.
         InputError
-            That cannot be read.
+            The file of cuts cannot be read.
         """
         from fpsboost.analysis.cut_list import read_cuts  # noqa: PLC0415
         from fpsboost.analysis.scene_cuts import CutDetector  # noqa: PLC0415
@@ -273,7 +273,7 @@ STREAMS = Group("Streams", sort_key=6)
 @Parameter(name="*", group=Group("Encoding", sort_key=5))
 @dataclass(frozen=True)
 class VideoOptions:
-    """How video is encoded, and what comes along.
+    """Options for how video is encoded, and for the streams that are kept.
 
     Parameters
     ----------
@@ -311,7 +311,7 @@ class VideoOptions:
     no_subtitles: Annotated[bool, Parameter(group=STREAMS)] = False
 
     def encoding(self) -> Encoding:
-        """How to encode."""
+        """Return the options for encoding video."""
         from fpsboost.io.video.encoding import Encoding, parse_bitrate, parse_encoder_options  # noqa: PLC0415
 
         return Encoding(
@@ -331,7 +331,7 @@ class VideoOptions:
 @Parameter(name="*", group=Group("Run", sort_key=7))
 @dataclass(frozen=True)
 class RunOptions:
-    """What may be replaced and taken, and what is said.
+    """Options for what may be overwritten, for resources, and for messages.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ class RunOptions:
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"])] = False
 
     def limit(self) -> MemoryLimit | None:
-        """What may be taken."""
+        """Return the limit of memory, None if not given."""
         from fpsboost.io.memory_limit import parse_memory  # noqa: PLC0415
 
         return None if self.max_memory is None else parse_memory(self.max_memory)

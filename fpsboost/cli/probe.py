@@ -1,4 +1,4 @@
-"""The command `fpsboost probe`: what a clip is, on the terminal or as plain data."""
+"""Command `fpsboost probe`: prints the properties of a clip, as tables or as JSON."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from fpsboost.io.video.listing import StreamFacts
     from fpsboost.probing import Look, Probe
 
-WIDEST = 80
+MAX_WIDTH = 80
 MAX_CUTS = 24
-"""Times of cuts that are printed; --json has them all."""
+"""Maximum number of cuts whose times are printed; --json has them all."""
 
 options = Group("Options", sort_key=1)
 
@@ -53,7 +53,7 @@ def probe(
         print(plain.dumps(found.as_json(), indent=1))
         return
     console = Console(highlight=False)
-    console.width = min(console.width, WIDEST)
+    console.width = min(console.width, MAX_WIDTH)
     console.print(f"[bold]{shown(found.name)}[/]")
     if found.streams:
         console.print(stream_table(found.streams))
@@ -63,7 +63,7 @@ def probe(
 
 
 def stream_table(streams: list[StreamFacts]) -> Table:
-    """One line a stream, and whether an .mp4 will hold it."""
+    """Return a table with one row per stream, which says whether an .mp4 can hold it."""
     table = Table(box=None, pad_edge=False, header_style="dim")
     for name in ("stream", "kind", "codec", "", "language", "title", "in .mp4"):
         table.add_column(name, overflow="fold")
@@ -74,7 +74,7 @@ def stream_table(streams: list[StreamFacts]) -> Table:
 
 
 def fact_table(found: Probe) -> Table:
-    """Everything else, a name and a value a line."""
+    """Return a table of everything else, one name and value per row."""
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
@@ -84,7 +84,7 @@ def fact_table(found: Probe) -> Table:
 
 
 def facts(found: Probe) -> dict[str, str]:
-    """Names and values as people read them."""
+    """Return names and values as readable text."""
     conversion = found.conversion
     every = "" if found.declared_frames in (None, found.frames) else f" of the {found.declared_frames} declared"
     lines = {"size": f"{found.width}x{found.height}", **(look_lines(found.look) if found.look else {})}
@@ -104,7 +104,7 @@ def facts(found: Probe) -> dict[str, str]:
 
 
 def look_lines(look: Look) -> dict[str, str]:
-    """How the pictures are stored and to be shown."""
+    """Return how the frames are stored and to be displayed, as names and values."""
     tags = [
         f"{name} {tag}" for name, tag in zip(("matrix", "primaries", "transfer"), tags_of(look), strict=True) if tag
     ]
@@ -115,12 +115,12 @@ def look_lines(look: Look) -> dict[str, str]:
 
 
 def tags_of(look: Look) -> tuple[str | None, str | None, str | None]:
-    """The colour tags."""
+    """Return the colour tags: matrix, primaries, transfer."""
     return look.matrix, look.primaries, look.transfer
 
 
 def cut_times(cuts: list[float]) -> str:
-    """How many, and when."""
+    """Return the number of cuts and their times as text."""
     if not cuts:
         return "none"
     listed = ", ".join(f"{cut:.3f}" for cut in cuts[:MAX_CUTS])

@@ -1,4 +1,4 @@
-"""How a conversion is shown to a person while it runs, and what is said at its end."""
+"""Progress display of a conversion, and its summary at the end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class FramesPerSecondColumn(ProgressColumn):
-    """Output frames per second so far."""
+    """Progress column with the output frames per second so far."""
 
     def render(self, task: Task) -> Text:
         """See `rich.progress.ProgressColumn.render`."""
@@ -28,7 +28,7 @@ class FramesPerSecondColumn(ProgressColumn):
 
 
 class Reporter:
-    """Shows a conversion to a person: a bar on a terminal, nothing when piped, a summary at the end."""
+    """Observer that shows a conversion: a bar on a terminal, nothing when piped, a summary at the end."""
 
     def __init__(self, output: str, *, quiet: bool, verbose: bool) -> None:
         self._console = console(quiet=quiet)
@@ -82,14 +82,14 @@ class Reporter:
             self._progress.update(self._task, completed=summary.frames_out)
 
     def say_settings(self, method: str, interpolator: Interpolator) -> None:
-        """With --verbose: every option in use."""
+        """Print every option in use, if --verbose is given."""
         if self._verbose:
             self._say(f"fpsboost {__version__}, method {method}")
             for part in (interpolator.estimator, interpolator.synthesizer, interpolator.cuts or "no scene cuts"):
                 self._say(f"  {part}")
 
     def say_summary(self, summary: Summary) -> None:
-        """What was done, and every remark."""
+        """Print what was done, and every remark."""
         assert self._info is not None, "a summary comes after opening"
         frames = f"{summary.frames_in} -> {summary.frames_out} frames"
         if summary.duplicates:
@@ -116,5 +116,5 @@ class Reporter:
 
 
 def readable(number: Any) -> str:
-    """A rate as people write it: 24, 23.976."""
+    """Return a rate as people write it: 24, 23.976."""
     return f"{float(number):.3f}".rstrip("0").rstrip(".")

@@ -1,4 +1,4 @@
-"""The command `fpsboost tune`: which options of the report's method suit a clip."""
+"""Command `fpsboost tune`: finds the options of the report's method that suit a clip."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 what = Group("What is tried", sort_key=2)
 results = Group("Results", sort_key=3)
 
-BAR = 24
-"""Longest bar, characters."""
+MAX_BAR_LENGTH = 24
+"""Length of the longest bar, characters."""
 
 
 def tune(
@@ -73,7 +73,7 @@ def tune(
 
 
 def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
-    """One sweep, with bars."""
+    """Return the table of one sweep, with bars."""
     shown = Table(name.replace("_", " "), box=None, title=None, pad_edge=False)
     windowed = name == "patch_radius" and "window" in trials[0].options
     if windowed:
@@ -89,7 +89,7 @@ def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
             str(trial.options[name]),
             *([trial.options["window"]] if windowed else []),
             f"{trial.mse:.2f}",
-            "█" * max(1, round(BAR * trial.mse / largest)),
+            "█" * max(1, round(MAX_BAR_LENGTH * trial.mse / largest)),
             f"{trial.cpu_seconds:.2f}",
             style="bold green" if chosen else "",
         )
@@ -97,7 +97,7 @@ def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
 
 
 def beside_the_default(tuning: Tuning) -> str:
-    """What the method gives with the options that were found, and the default method as it is, in one sentence."""
+    """Return a sentence that compares the method with the options found and the default method."""
     from fpsboost.evaluation.tune import DEFAULT  # noqa: PLC0415
 
     best, default = tuning.best, tuning.default
@@ -109,12 +109,12 @@ def beside_the_default(tuning: Tuning) -> str:
 
 
 def as_method(tuning: Tuning) -> str:
-    """The method with its options, for ``compare --methods``."""
+    """Return the method with its options, as text for ``compare --methods``."""
     options = ",".join(f"{name.replace('_', '-')}={value}" for name, value in tuning.best.options.items())
     return f"{tuning.method}:{options}"
 
 
 def as_options(tuning: Tuning) -> str:
-    """The method with its options, for a conversion."""
+    """Return the method with its options, as text for a conversion."""
     options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in tuning.best.options.items())
     return f"--method {tuning.method} {options}"

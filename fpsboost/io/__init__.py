@@ -1,8 +1,8 @@
-"""Where frames come from and go to.
+"""Sources and sinks of frames.
 
-Two contracts, `FrameSource` and `FrameSink`. `fpsboost.io.opening` picks an implementation by looking at a path,
-which names a video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``),
-or a pipe (``-``).
+Two contracts, `FrameSource` and `FrameSink`. `fpsboost.io.opening` chooses an implementation by the path, which names a
+video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``), or a pipe
+(``-``).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fpsboost.frame import ClipInfo, Frame
 
 
 class FrameSource(Protocol):
-    """Contract: a clip that is read once, in presentation order.
+    """Contract: source of the frames of a clip, read once in presentation order.
 
     Opening reads only headers. Iterating yields frames whose times strictly increase and whose images all have one
     shape and dtype, and raises `InputError` where the material does not allow that. A source is a context manager;
@@ -42,10 +42,10 @@ class FrameSource(Protocol):
 
 
 class Closing:
-    """A context manager that closes what it is when it is left."""
+    """Context manager that calls `close` on exit."""
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Release all resources."""
         raise NotImplementedError
 
     def __enter__(self) -> Self:
@@ -58,16 +58,16 @@ class Closing:
 
 
 class FrameSink(Protocol):
-    """Contract: a target that appears whole or not at all; only what goes into a pipe cannot be taken back.
+    """Contract: sink that writes the whole output or none; only data written to a pipe cannot be undone.
 
     Frames are written in order, each with its time and duration set. A sink is a context manager: leaving it normally
-    finishes the output and gives it its final name; leaving it by an exception removes every trace, but for finished
-    frames that a later run can go on with. What stood under the final name before stays untouched until then. Raises
+    finishes the output and gives it its final name; leaving it by an exception removes everything except finished
+    frames from which a later run can resume. An existing file of the final name stays untouched until then. Raises
     `OutputError`, never a bare OSError.
     """
 
     holds_last_frame: bool
-    """True where the last frame must be shown for its duration (video); False where a clip ends with it (images)."""
+    """Whether the last frame must be shown for its duration (video), or the clip ends with it (images)."""
 
     @property
     def remarks(self) -> list[str]:
@@ -85,21 +85,21 @@ class FrameSink(Protocol):
 
 @runtime_checkable
 class Resumable(Protocol):
-    """Contract: a sink that can go on with what an earlier run of the same job has finished.
+    """Contract: sink that can resume an earlier run of the same job.
 
-    Frames that are there are written again in their turn, with their times and durations; only their pixels are not
-    looked at, so that nobody need make them.
+    Frames that the earlier run finished are written again in order, with their times and durations; only their pixels
+    are ignored, so that they need not be made.
     """
 
     @property
     def completed_frames(self) -> int:
-        """How many frames, from the first, an earlier run has finished; known when the sink is entered."""
+        """Number of frames, from the first, that an earlier run has finished; known when the sink is entered."""
         ...
 
 
 @runtime_checkable
 class Cancellable(Protocol):
-    """Contract: a source or sink that waits for another program, perhaps forever."""
+    """Contract: source or sink that waits for another program, possibly forever."""
 
     def cancel(self) -> None:
         """Stop waiting: a call in another thread ends with an exception."""

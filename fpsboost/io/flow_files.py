@@ -1,8 +1,8 @@
-"""Motion in files: Middlebury's ``.flo``, one vector a pixel (Baker et al., "A Database and Evaluation Methodology for
-Optical Flow", 2011).
+"""Reading and writing of optical flow in Middlebury's ``.flo`` format, one vector per pixel (Baker et al., "A Database
+and Evaluation Methodology for Optical Flow", 2011).
 
 Little-endian: the float 202021.25, width and height as 32-bit integers, then ``dx, dy`` as float32 row by row, y down.
-A number beyond 1e9 says that the motion is unknown.
+A value with a magnitude above 1e9 means that the motion is unknown.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def read_flow(path: Path) -> NDArray[Any]:
     Raises
     ------
     InputError
-        It cannot be read, is of another kind, or is longer or shorter than its size says.
+        The file cannot be read, is of another format, or its length does not match its size.
     """
     with explained(InputError, "read", path, "check that it exists and that you may read it"):
         data = path.read_bytes()
@@ -58,7 +58,7 @@ def write_flow(path: Path, flow: NDArray[Any]) -> None:
     Raises
     ------
     OutputError
-        It cannot be written.
+        The file cannot be written.
     """
     height, width = flow.shape[:2]
     vectors = np.where(np.isnan(flow), UNKNOWN, flow).astype("<f4")

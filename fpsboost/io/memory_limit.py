@@ -1,7 +1,7 @@
-"""How much memory a clip may take, told from its size before any of it is decoded: a few bytes can promise any size.
+"""Limit of the memory for a clip, checked by its frame size before decoding, because a short file can declare any size.
 
-Measured peaks of whole conversions, 8 to 16 bits a channel: 90 to 270 bytes a pixel where frames are only mixed, 190 to
-520 with motion; the estimate takes one number for all, because only what is beyond the machine is to be refused.
+Measured peaks of whole conversions, 8 to 16 bits per channel: 90 to 270 bytes per pixel if frames are only blended, 190
+to 520 with motion; the estimate uses one number for all, because only what exceeds the machine is to be refused.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from fpsboost.errors import InputError, OptionError
 
 AT_LEAST = 300_000_000
 BYTES_PER_PIXEL = 400
-"""Of all frames that are alive at a time, what is computed from them, and the encoder's own."""
+"""Bytes per pixel for all frames in memory at a time, the results computed from them, and the encoder's frames."""
 
 BYTES_PER_PIXEL_OF_A_THREAD = 100
-"""Of every thread beyond the first that works on a pair of frames; measured: 70 with `nlm`."""
+"""Bytes per pixel for every thread beyond the first that processes a pair of frames; measured: 70 with `nlm`."""
 
 UNKNOWN_MACHINE = 8_000_000_000
 
@@ -26,32 +26,32 @@ multiples = {"": 1, "K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 
 
 def available_memory() -> int:
-    """Bytes that can be taken without swapping; where that is unknown, three quarters of the machine's, or 8 GB."""
+    """Return the bytes available without swapping; if unknown, three quarters of the machine's memory, or 8 GB."""
     try:
         found = re.search(r"^MemAvailable: *([0-9]+) kB$", Path("/proc/meminfo").read_text(), re.MULTILINE)
         if found is not None:
             return int(found[1]) * 1024
-    except OSError:  # no Linux
+    except OSError:  # not Linux
         pass
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") * 3 // 4
-    except (AttributeError, ValueError, OSError):  # no Unix
+    except (AttributeError, ValueError, OSError):  # not Unix
         return UNKNOWN_MACHINE
 
 
 @dataclass(frozen=True)
 class MemoryLimit:
-    """The most memory that a conversion may need.
+    """Maximum memory that a conversion may need.
 
     Parameters
     ----------
     bytes : int
-        By default what is available now.
+        By default the memory that is available now.
 
     Raises
     ------
     OptionError
-        It is not above 0.
+        The value is not above 0.
     """
 
     bytes: int = field(default_factory=available_memory)
@@ -61,12 +61,12 @@ class MemoryLimit:
             raise OptionError(f"--max-memory must be above 0, not {self.bytes}.")
 
     def check(self, name: str | os.PathLike[str], width: int, height: int) -> None:
-        """Raise `InputError` where pictures of this size need more.
+        """Raise `InputError` if frames of this size need more.
 
         Parameters
         ----------
         name : str or path
-            Of what has this size, for the message.
+            Name of the input, for the message.
         width, height : int
             Pixels.
         """
@@ -78,14 +78,14 @@ class MemoryLimit:
             )
 
     def affordable_threads(self, width: int, height: int, most: int) -> int:
-        """How many pairs of frames of this size can be worked on side by side, at least 1.
+        """Return how many pairs of frames of this size can be processed in parallel, at least 1.
 
         Parameters
         ----------
         width, height : int
             Pixels.
         most : int
-            More are not wanted.
+            Maximum of the result.
 
         Examples
         --------
@@ -103,12 +103,12 @@ def _needed(width: int, height: int) -> int:
 
 
 def parse_memory(text: str) -> MemoryLimit:
-    """Read a size as people write it.
+    """Parse a size of memory as people write it.
 
     Raises
     ------
     OptionError
-        It is none.
+        The text is not a size.
 
     Examples
     --------

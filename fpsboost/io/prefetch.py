@@ -1,6 +1,6 @@
-"""What runs beside each other: decoder, encoder and computation, in bounded queues.
+"""Threads that run decoder, encoder and computation in parallel, connected by bounded queues.
 
-An error in any thread surfaces in the caller, and no thread outlives the ``with`` block, however it is left.
+An error in any thread is raised in the caller, and no thread outlives the ``with`` block, however it is left.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 POLL_INTERVAL = 0.1
-"""Seconds between two looks at whether the other side has stopped."""
+"""Seconds between checks whether the other thread has stopped."""
 
 
 def nothing() -> None:
@@ -24,10 +24,10 @@ def nothing() -> None:
 
 
 def available_cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
-    except AttributeError:  # no Linux
+    except AttributeError:  # not Linux
         return os.cpu_count() or 1
 
 
@@ -101,14 +101,14 @@ def run_in_parallel(
     threads : int
         1 runs every job in the caller's own thread, when its result is asked for.
     cancel : callable
-        Called when the block is left by an exception, so that jobs that wait for another program's data stop coming.
+        Called when the block is left by an exception, so that an iterable of jobs that waits for another program stops.
 
     Yields
     ------
     callable
-        Takes an iterable of jobs, which is asked for the next one in a thread of its own when there is room for it: one
-        more than there are threads are under way or wait to be fetched. Yields their results in order, each as soon as
-        it is there; raises what a job or the iterable raised.
+        Takes an iterable of jobs, which is advanced in a thread of its own when there is room for the next job: one
+        more than there are threads are running or wait to be fetched. Yields their results in order, each as soon as
+        it is available; raises what a job or the iterable raised.
     """
     if threads == 1:
         yield lambda jobs: (job() for job in jobs)
@@ -118,7 +118,7 @@ def run_in_parallel(
         stack.callback(pool.shutdown, cancel_futures=True)
 
         def in_order(jobs: Iterable[Callable[[], T]]) -> Iterator[T]:
-            # beside those in the queue, one waits for room in it and one is fetched
+            # in addition to those in the queue, one job waits for room in it and one is being fetched
             running = stack.enter_context(read_ahead((pool.submit(job) for job in jobs), threads - 1, cancel))
             for future in running:
                 yield future.result()
@@ -142,8 +142,8 @@ def write_behind(
     Yields
     ------
     callable
-        Takes one item; raises what `write` raised on an earlier one. Leaving the block waits for the rest, or drops it
-        where the block is left by an exception.
+        Takes one item; raises what `write` raised on an earlier one. Leaving the block waits for the remaining items,
+        or drops them if the block is left by an exception.
     """
     queue: Queue[T] = Queue(depth)
     stopped, closed = Event(), Event()

@@ -1,7 +1,7 @@
-"""What of an output is finished already: a hidden folder beside it, which outlives a run that is stopped.
+"""Staging of unfinished outputs in a hidden folder beside the output, which remains if a run is stopped.
 
-The folder is locked while a run writes there; the system lets go of the lock when the run ends, however it ends. Its
-manifest says which job it belongs to, so that `--resume` goes on with the same job or not at all.
+The folder is locked while a run writes there; the system releases the lock when the run ends, however it ends. Its
+manifest identifies the job, so that `--resume` continues only the same job.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-LOCK, MANIFEST, WHOLE = "lock", "manifest.json", "whole"
-MAX_WORDING = 60
-MAX_NAME = 230
-"""Bytes of a name that leave room for what is put around it; file systems end at 255."""
-SHORTENED = 50
-"""Letters that are left of a longer one."""
+LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
+MAX_FACT_LENGTH = 60
+MAX_NAME_BYTES = 230
+"""Maximum bytes of a name, which leaves room for prefix and suffix; the limit of file systems is 255."""
+SHORT_NAME_LENGTH = 50
+"""Number of characters to which a longer name is cut."""
 
 
 @dataclass(frozen=True)
 class JobFingerprint:
-    """What an output is made of and how, so that a later run can tell whether it would make the same.
+    """Inputs and options of an output, by which a later run can tell whether it would make the same.
 
     Parameters
     ----------
     facts : mapping of str to str
-        Everything that shapes the output; see `fingerprint_options`.
+        Everything that determines the output; see `fingerprint_options`.
     resume : bool
-        Go on with what an earlier run of the same job has finished.
+        Resume an earlier run of the same job.
     """
 
     facts: Mapping[str, str]
@@ -52,23 +52,23 @@ class JobFingerprint:
 
 @runtime_checkable
 class ReadsFiles(Protocol):
-    """Contract: an option that stands for files, whose content shapes the output."""
+    """Contract: option that refers to files whose content determines the output."""
 
     @property
     def files(self) -> Sequence[Path]:
-        """All of them."""
+        """All files."""
         ...
 
 
 def fingerprint_options(**values: Any) -> dict[str, str]:
-    """What a job consists of, as words: the fields of dataclasses one by one, everything else as it prints.
+    """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
 
-    Of what reads files their state is told too.
+    Options that read files contribute the state of the files, too.
 
     Raises
     ------
     OSError
-        One of those cannot be looked at.
+        A file's state cannot be read.
 
     Examples
     --------
@@ -90,12 +90,12 @@ def _facts(name: str, value: Any) -> Iterator[tuple[str, str]]:
 
 
 def fingerprint_files(files: Iterable[Path]) -> str:
-    """A digest of names, sizes and times of change, which differs where a file was replaced.
+    """Return a digest of names, sizes and modification times, which changes if a file is replaced.
 
     Raises
     ------
     OSError
-        One cannot be looked at.
+        A file's state cannot be read.
     """
     states = [(file.name, file.stat()) for file in files]
     listed = json.dumps([(name, state.st_size, state.st_mtime_ns) for name, state in states])
@@ -103,24 +103,24 @@ def fingerprint_files(files: Iterable[Path]) -> str:
 
 
 def hidden_place(folder: Path, name: str) -> Path:
-    """Where in a folder an output of some name grows: always the same place, so that a later run finds it."""
-    if len(os.fsencode(name)) > MAX_NAME:
-        name = f"{name[:SHORTENED]}.{hashlib.sha256(os.fsencode(name)).hexdigest()[:16]}"
+    """Return the path of the staging folder of an output, always the same so that a later run finds it."""
+    if len(os.fsencode(name)) > MAX_NAME_BYTES:
+        name = f"{name[:SHORT_NAME_LENGTH]}.{hashlib.sha256(os.fsencode(name)).hexdigest()[:16]}"
     return folder / f".{name}.unfinished"
 
 
 class StagingDirectory:
-    """The hidden folder in which an output grows.
+    """Hidden folder in which an output is written.
 
     Parameters
     ----------
     folder : Path
     staged : str
-        Name, in the folder, of what gets the output's name at the end.
+        Name, in the folder, of the file or folder that gets the output's name at the end.
     name : str
-        What messages call the output.
+        Name of the output in messages.
     job : JobFingerprint or None
-        None where no later run can go on; nothing is left behind then.
+        None if no later run can resume; then nothing is kept.
     """
 
     def __init__(self, folder: Path, staged: str, name: str, job: JobFingerprint | None) -> None:
@@ -130,22 +130,22 @@ class StagingDirectory:
 
     @property
     def can_be_resumed(self) -> bool:
-        """Whether this run holds the folder, and a later one can know that it is of the same job."""
+        """Whether this run holds the folder, and a later one can tell that it is of the same job."""
         return self._lock is not None and self._job is not None
 
     @property
     def is_pending(self) -> bool:
-        """Whether an earlier run has left something that another could go on with."""
-        is_published = (self.folder / WHOLE).exists() and not self.staged.exists()
+        """Whether an earlier run has left an unfinished output that another could resume."""
+        is_published = (self.folder / COMPLETE).exists() and not self.staged.exists()
         return (self.folder / MANIFEST).exists() and not is_published
 
     @property
     def goes_on(self) -> bool:
-        """Whether this run would go on with that, if it is of the same job."""
+        """Whether this run would resume that output, if it is of the same job."""
         return self._job is not None and self._job.resume and self.is_pending
 
     def open(self) -> None:
-        """Take the folder for this run; what is there is kept where the job goes on with it, and else removed.
+        """Lock the folder for this run; keep its content if the job resumes it, otherwise remove it.
 
         Raises
         ------
@@ -158,7 +158,7 @@ class StagingDirectory:
             before = self._read_manifest() if self.is_pending else None
             if self.goes_on and before is not None and self._job is not None:
                 self._check_same(before, self._job.facts)
-                (self.folder / WHOLE).unlink(missing_ok=True)
+                (self.folder / COMPLETE).unlink(missing_ok=True)
                 return
             if before is not None:
                 self.remarks.append(
@@ -173,26 +173,26 @@ class StagingDirectory:
             raise
 
     def publish(self, path: Path) -> None:
-        """Give what is staged, whole and on the disk, its final name.
+        """Give the staged output, complete and synced to disk, its final name.
 
         Raises
         ------
         OSError
         """
-        write_safely(self.folder / WHOLE, b"")
+        write_safely(self.folder / COMPLETE, b"")
         rename_safely(self.staged, path)
 
     def leave(self, error: BaseException | None, frames: int, expected: int | None, *, stays: bool = False) -> None:
-        """Let go of the folder; where a run is cut short and another can go on, keep it and note that on the error.
+        """Release the folder; if the run was interrupted and another can resume it, keep it and note that on the error.
 
-        Of a faulty input or option nothing is kept: what mends it makes another job.
+        After an error in an input or option nothing is kept: its correction makes another job.
 
         Parameters
         ----------
         error : BaseException or None
-            What ends the run.
+            Exception that ends the run.
         frames, expected : int, int or None
-            How many frames are finished, and how many there were to be.
+            Number of finished frames, and of frames expected.
         stays : bool
             Keep the folder in any case.
         """
@@ -203,7 +203,7 @@ class StagingDirectory:
             error.add_note(note_on_resuming(frames, expected))
 
     def close(self, *, keep: bool) -> None:
-        """Let go of the folder, and remove it unless it is to be kept."""
+        """Release the folder, and remove it unless it is to be kept."""
         if self._lock is None:
             return
         if not keep:
@@ -217,12 +217,12 @@ class StagingDirectory:
             try:
                 self.folder.mkdir(exist_ok=True)
                 lock = (self.folder / LOCK).open("a+b")
-            except FileNotFoundError:  # the run that was here has just finished
+            except FileNotFoundError:  # another run has just removed it
                 if not self.folder.parent.is_dir():
                     raise
                 continue
             except KeyboardInterrupt:
-                with contextlib.suppress(OSError):  # another run's is not empty
+                with contextlib.suppress(OSError):  # that of another run is not empty
                     self.folder.rmdir()
                 raise
             try:
@@ -265,14 +265,14 @@ class StagingDirectory:
         return facts if isinstance(facts, dict) else None
 
     def _check_same(self, before: Mapping[str, str], now: Mapping[str, str]) -> None:
-        """Raise `OutputError` that names the first difference."""
+        """Raise an OutputError that names the first difference, if there is one."""
         for key in [*now, *(key for key in before if key not in now)]:
             old, new = before.get(key, "nothing"), now.get(key, "nothing")
             if old == new:
                 continue
             what = key.rpartition(".")[2].replace("_", " ")
             wording = f"with {what} {old} and not {new}"
-            if max(len(old), len(new)) > MAX_WORDING:
+            if max(len(old), len(new)) > MAX_FACT_LENGTH:
                 wording = f"with {what} that {'have' if what.endswith('s') else 'has'} changed since"
             raise OutputError(
                 f"{self._name} was begun {wording}; say the same as then, or leave --resume out to start anew."
@@ -280,18 +280,18 @@ class StagingDirectory:
 
 
 def complete_already(name: str) -> str:
-    """What to say where a run was to go on and there is an output, but nothing unfinished."""
+    """Return the message for a run to be resumed whose output exists and has no unfinished part."""
     return f"{name} exists already and no run of it is unfinished, so it was left as it is."
 
 
 def note_on_resuming(frames: int, expected: int | None) -> str:
-    """What to add to the word of a run's end: how much is finished, and how to go on."""
+    """Return the note for an interrupted run: how much is finished, and how to resume."""
     of_all = "" if expected is None else f" of {expected}"
     return f"{frames}{of_all} frames are finished, and --resume goes on from there."
 
 
 def write_safely(path: Path, data: bytes) -> None:
-    """Write a file that is there whole or not at all, even after a power cut.
+    """Write a file atomically, even in case of a power cut.
 
     Raises
     ------
@@ -306,7 +306,7 @@ def write_safely(path: Path, data: bytes) -> None:
 
 
 def rename_safely(here: Path, there: Path) -> None:
-    """Give a file, whose content is on the disk, its name for good.
+    """Rename a file whose content is synced to disk, and sync its name.
 
     Raises
     ------
@@ -317,7 +317,7 @@ def rename_safely(here: Path, there: Path) -> None:
 
 
 def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are on the disk.
+    """Wait until a file, or the names in a folder, are written to disk.
 
     Raises
     ------
@@ -333,7 +333,7 @@ def sync(path: Path) -> None:
 
 
 def _lock(file: BufferedRandom) -> None:
-    """Lock a file until it is closed; OSError where another has done so."""
+    """Lock a file until it is closed; raise OSError if another process has locked it."""
     if sys.platform == "win32":
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
     else:

@@ -1,4 +1,4 @@
-"""Whether a file can be written under a path, asked before any work is done."""
+"""Check that a file can be written under a path, before any work is done."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def check_target(path: Path, name: str, inputs: Collection[Path], overwrite: boo
     ----------
     path : Path
     name : str
-        What to call it in messages.
+        Name of the file in messages.
     inputs : collection of Path
         Files that are being read.
     overwrite : bool
-        Replace what exists.
+        Allow an existing file to be replaced.
     """
     if path.is_dir():
         raise OutputError(f"{name} is a folder; name a file in it.")

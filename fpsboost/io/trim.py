@@ -1,4 +1,4 @@
-"""A part of a clip: from one place to another, as a source of its own."""
+"""Trimming of a clip to the frames from one position to another, as a source of its own."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import Closing, FrameSource
 from fpsboost.timing.position import Position
 
-ROUNDED = Fraction(1, 1000)
-"""Clocks that count in milliseconds put a frame up to so much before its place."""
+TIME_TOLERANCE = Fraction(1, 1000)
+"""Maximum seconds by which a clock that counts in milliseconds puts a frame before its position."""
 
 
 @dataclass(frozen=True)
 class Trim:
-    """Which part of a clip: the frames from `start` to before `end`.
+    """Part of a clip: the frames from `start` to before `end`.
 
     Parameters
     ----------
     start, end : Position, optional
-        The clip's own where they are not given.
+        By default the clip's own.
 
     Raises
     ------
     OptionError
-        The end does not come after the start.
+        The end does not lie after the start.
     """
 
     start: Position | None = None
@@ -48,17 +48,17 @@ class Trim:
 
     @property
     def needs_rate(self) -> bool:
-        """Whether seconds are asked for."""
+        """Whether a position is given in seconds."""
         return any(place is not None and not place.is_frame for place in (self.start, self.end))
 
     def seconds(self, info: ClipInfo) -> tuple[Fraction, Fraction | None]:
-        """When it begins and ends, counted from the first frame, at the nominal rate; None for the clip's end."""
+        """Return start and end in seconds from the first frame, at the nominal rate; None for the clip's end."""
         begin = Fraction(0) if self.start is None else self.start.seconds(info.rate)
         end = None if self.end is None else self.end.seconds(info.rate)
         return begin, end
 
     def of_info(self, info: ClipInfo) -> ClipInfo:
-        """What is known of the excerpt, if the header of the clip is right."""
+        """Return the information about the trimmed clip, if the header of the clip is right."""
         begin, end = self.seconds(info)
         duration, count = info.duration, info.frame_count
         if duration is not None:
@@ -71,22 +71,22 @@ class Trim:
 
 @dataclass
 class Window:
-    """Which part of a clip becomes the output, on the clip's own clock, seconds.
+    """Part of a clip that becomes the output, on the clip's own clock, seconds.
 
     Attributes
     ----------
     begin : Fraction
-        Time that becomes 0: of the first frame of the excerpt. What the options say until that has been read.
+        Time that becomes 0: of the first frame of the part. Until that has been read, the time by the options.
     end : Fraction or None
-        Where the excerpt ends; None where that is the clip's own end, or a frame that has not been read yet.
+        End of the part; None if that is the clip's own end, or a frame that has not been read yet.
     planned_end : Fraction or None
-        Where it ends by the options and the nominal rate.
+        End of the part by the options and the nominal rate; None for the clip's end.
     origin : Fraction
         Time of the clip's first frame.
     skipped : int
-        Frames before the excerpt, as far as they were read.
+        Number of frames before the part that were read.
     stretch : Fraction
-        How many times as long it lasts in the output.
+        Duration in the output as a multiple of that in the clip.
     """
 
     begin: Fraction
@@ -97,28 +97,28 @@ class Window:
     stretch: Fraction = Fraction(1)
 
     def frames_before(self, rate: Fraction) -> int:
-        """How many frames of this rate lie before it."""
-        return max(0, math.ceil((self.begin - self.origin - ROUNDED) * rate))
+        """Return how many frames of this rate lie before the part."""
+        return max(0, math.ceil((self.begin - self.origin - TIME_TOLERANCE) * rate))
 
 
 @runtime_checkable
 class Seekable(Protocol):
-    """Contract: a source that can leave out what comes before a time without reading it."""
+    """Contract: source that can seek, and so skip what comes before a time without reading it."""
 
     def first_time(self) -> Fraction:
-        """Time of the clip's first frame, seconds."""
+        """Return the time of the clip's first frame, seconds."""
         ...
 
     def skip_to(self, time: Fraction) -> None:
-        """Begin at or before a time, as near to it as the source can; before the first frame is read.
+        """Seek to a time, or as little before it as the source can; must be called before the first frame is read.
 
-        All frames from that time on are the same as without.
+        All frames from that time on are the same as without seeking.
         """
         ...
 
 
 class TrimmedSource(Closing):
-    """The frames of a source that lie in an excerpt; the first one is shown at 0.
+    """Source of the frames that lie in a part of another source; the first one has time 0.
 
     Parameters
     ----------
@@ -126,9 +126,9 @@ class TrimmedSource(Closing):
         The whole clip, not read yet.
     trim : Trim
     may_skip : bool
-        Go to the start at once where the source can; else every frame before it is read and counted.
+        Seek to the start if the source can; otherwise every frame before it is read and counted.
     stretch : Fraction
-        For `window`; the frames keep their distances.
+        Stretch for `window`; the frames keep their intervals.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class TrimmedSource(Closing):
     Raises
     ------
     InputError
-        While iterating: the clip ends before the excerpt begins.
+        While iterating: the clip ends before the part begins.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class TrimmedSource(Closing):
         origin = source.first_time() if isinstance(source, Seekable) else Fraction(0)
         begin, end = trim.seconds(source.info)
         planned_end = None if end is None else origin + end
-        self._rounding = min(source.info.time_base, ROUNDED)
+        self._rounding = min(source.info.time_base, TIME_TOLERANCE)
         self._is_cut_short = False
         self.window = Window(
             origin + begin, None if counts_frames else planned_end, planned_end, origin, stretch=stretch
@@ -166,9 +166,9 @@ class TrimmedSource(Closing):
 
     @property
     def beginning(self) -> SourcePosition:
-        """When the first frame of the excerpt is shown in its clip; asked for when that has been read.
+        """Position of the part's first frame in its clip; valid when that has been read.
 
-        Where frames before it were left out without reading them, its number is that of the nominal rate.
+        If frames before it were skipped without reading them, its number is that of the nominal rate.
         """
         left_out = self._excerpt.start is not None and self._may_skip and isinstance(self._source, Seekable)
         number = self.window.frames_before(self._source.info.rate) if left_out else self.window.skipped
@@ -179,7 +179,7 @@ class TrimmedSource(Closing):
 
     def __iter__(self) -> Iterator[Frame]:
         last: Frame | None = None
-        for frame in self._from_start():
+        for frame in self._trimmed_frames():
             if last is not None:
                 yield replace(last, time=last.time - self.window.begin)
             last = frame
@@ -192,8 +192,8 @@ class TrimmedSource(Closing):
             last = replace(last, duration=self.window.end - last.time)
         yield replace(last, time=last.time - self.window.begin)
 
-    def _from_start(self) -> Iterator[Frame]:
-        """The frames of the excerpt at their own times."""
+    def _trimmed_frames(self) -> Iterator[Frame]:
+        """Yield the frames of the part at their times in the clip."""
         start, end, window = self._excerpt.start, self._excerpt.end, self.window
         if start is not None and self._may_skip and isinstance(self._source, Seekable):
             self._source.skip_to(window.begin - self._rounding)

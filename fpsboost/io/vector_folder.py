@@ -1,11 +1,11 @@
-"""Motion that a renderer knows: vectors, and depth, for every frame of the output.
+"""Motion vectors and depth of a renderer, for every frame of the output.
 
-The vectors of a frame go to its neighbours in time, one output frame far; where frames are known by their numbers, from
-one number to the next, whatever the step that was rendered with. Renderers write them as
+The vectors of a frame lead to the previous and the next output frame; if frames are known by their numbers, from one
+number to the next, whatever the step that was rendered with. Renderers write them as
 
 OpenEXR
-    Blender's vector pass, four channels: X and Y are the place in the previous frame minus the place in this one, Z and
-    W the place in this one minus the place in the next, in pixels, x to the right and y *up*.
+    Blender's vector pass, four channels: X and Y are the position in the previous frame minus that in this one, Z and W
+    the position in this one minus that in the next, in pixels, x to the right and y *up*.
 ``.flo``
     ``NAME_backward.flo`` and ``NAME_forward.flo``, to the previous and to the next frame, y down.
 """
@@ -37,24 +37,24 @@ from fpsboost.io.images.sequence import (
 )
 
 KEPT_FRAMES = 4
-"""A pair's two frames, and two between them."""
+"""Number of frames whose vectors are cached: a pair's two frames, and two between them."""
 
 BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
 
 
 class FrameVectors(NamedTuple):
-    """What a renderer knows of one output frame."""
+    """Motion vectors and depth of one output frame."""
 
     backward: NDArray[Any]
     """(H, W, 2) float32, to the previous output frame, y down."""
     forward: NDArray[Any]
     """(H, W, 2) float32, to the next output frame, y down."""
     depth: NDArray[Any] | None
-    """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None where it is not known."""
+    """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None if it is not known."""
 
 
 class VectorFolder:
-    """A folder with motion vectors for every frame of the output rate.
+    """Folder with motion vectors for every frame at the output rate.
 
     The first file is for the first frame, unless `matched` has found the frames' numbers in the names of the files.
 
@@ -70,16 +70,16 @@ class VectorFolder:
     Raises
     ------
     InputError
-        The folder is missing, empty, or holds something else or several sequences; a ``.flo`` has no partner.
+        The folder is missing, empty, or holds other files or several sequences; a ``.flo`` has no partner.
 
     Attributes
     ----------
     files : list of Path
-        All that is read from, in the order of frames.
+        All files of vectors and depth, each in the order of frames.
     step : int
-        How many vectors lead from one output frame to the next: the distance of their numbers, or 1.
+        Number of vectors from one output frame to the next: the difference of their numbers, or 1.
     remarks : list of str
-        What was guessed when the frames were matched.
+        Remarks on what was guessed when the frames were matched.
     """
 
     def __init__(self, path: str | Path, depth: str | Path | None = None) -> None:
@@ -98,18 +98,17 @@ class VectorFolder:
         return f"VectorFolder({str(self.path)!r}, depth={None if self.depth_path is None else str(self.depth_path)!r})"
 
     def matched(self, numbers: Sequence[int], *, must_match: bool) -> VectorFolder:
-        """The same vectors for frames that are known by their numbers.
+        """Return the same vectors for frames that are known by their numbers.
 
-        A frame takes the files with its number where all frames have some, and the files have numbers. Where they have
-        none, or others, the first file stays that of the first frame.
+        A frame takes the files with its number if the files have numbers, and those of all frames are there. If they
+        have no numbers, or others, the first file remains that of the first frame.
 
         Parameters
         ----------
         numbers : sequence of int
-            Of the output's frames, at one distance.
+            Equidistant numbers of the output's frames.
         must_match : bool
-            Whether the renderer has given the frames their numbers: then a file that is missing is an error, when it is
-            asked for.
+            Whether the renderer has given the frames their numbers: then a missing file is an error when it is read.
 
         Returns
         -------
@@ -131,12 +130,12 @@ class VectorFolder:
         return folder
 
     def at(self, number: int) -> FrameVectors:
-        """The vectors of an output frame, counted from 0.
+        """Return the vectors of an output frame, counted from 0.
 
         Raises
         ------
         InputError
-            There are none for it, they cannot be read, are no numbers, or differ from the depth in size.
+            There are none for it, they cannot be read, are not finite numbers, or differ from the depth in size.
         """
         if number not in self._kept:
             self._kept[number] = self._read(number)
@@ -146,12 +145,12 @@ class VectorFolder:
         return self._kept[number]
 
     def for_image(self, number: int, image: Image) -> FrameVectors:
-        """Like `at`, for frames like this image.
+        """Return the vectors of an output frame like `at`, and check that they have the size of an image.
 
         Raises
         ------
         InputError
-            As `at`, and where the vectors are of another size.
+            As for `at`, or the vectors are of another size.
         """
         vectors = self.at(number)
         (height, width), (image_height, image_width) = vectors.backward.shape[:2], image.shape[:2]
@@ -177,7 +176,7 @@ class VectorFolder:
         return FrameVectors(backward, forward, depth)
 
     def _file_of(self, found: FileSequence, number: int, path: Path, what: str) -> Path:
-        """The file of an output frame, counted from 0."""
+        """Return the file of an output frame, counted from 0."""
         if self._numbers is None or found.numbering is None:
             found.check_complete(1, "render it, too")
             if not 0 <= number < len(found.files):
@@ -199,7 +198,7 @@ VectorReader = Callable[[Path], tuple[NDArray[Any], NDArray[Any]]]
 
 
 def _find_vectors(path: Path) -> tuple[FileSequence, VectorReader]:
-    """The file of each frame, of a pair the one that leads backward, and what reads it."""
+    """Return the file of each frame, of a pair the one with backward vectors, and the function that reads it."""
     names = _names_in(path, "motion vectors", (".exr", ".flo"))
     kinds = {Path(name).suffix.lower() for name in names}
     if len(kinds) > 1:
@@ -210,12 +209,12 @@ def _find_vectors(path: Path) -> tuple[FileSequence, VectorReader]:
 
 
 def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
-    """The files with these endings in a folder; none for a pattern.
+    """Return the names of the files with these suffixes in a folder; none for a pattern.
 
     Raises
     ------
     InputError
-        It is neither, or there are none.
+        The path is neither a folder nor a pattern, or the folder has no such files.
     """
     if not path.is_dir():
         if find_placeholder(path.name) is not None and path.suffix.lower() == ".exr":
@@ -238,7 +237,7 @@ def _find_exr(path: Path, what: str) -> FileSequence:
 
 
 def _find_pairs(folder: Path, names: Iterable[str]) -> FileSequence:
-    """The files to the previous frame, each of which has a partner to the next."""
+    """Return the files of backward vectors, each of which has a partner with forward vectors."""
     names = set(names)
     for name in sorted(names):
         if not name.endswith((BACKWARD, FORWARD)):
@@ -251,7 +250,7 @@ def _find_pairs(folder: Path, names: Iterable[str]) -> FileSequence:
 
 
 def _partners(path: Path) -> list[Path]:
-    """All files of a frame, by the first of them."""
+    """Return all files of a frame, given the first of them."""
     if not path.name.endswith(BACKWARD):
         return [path]
     return [path, path.with_name(path.name.removesuffix(BACKWARD) + FORWARD)]
@@ -292,7 +291,7 @@ def _check_numbers(path: Path, *flows: NDArray[Any]) -> None:
 
 
 def _read_depth(path: Path) -> NDArray[Any]:
-    """(H, W) float32; infinite where it is no number."""
+    """Return the depth, (H, W) float32; infinite where it is not a number."""
 
     def choose(names: Collection[str]) -> list[str]:
         layers = [name for name in names if name.endswith(("Depth.Z", "Depth.V"))]

@@ -1,1 +1,1 @@
-"""When frames are shown: output rates, positions, exact schedules."""
+"""Timing of frames: output rates, positions, exact schedules."""

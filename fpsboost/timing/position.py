@@ -1,4 +1,4 @@
-"""A place in a clip as people say it: a time, or the number of a frame."""
+"""Positions in a clip as users write them: a time, or the number of a frame."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from fpsboost.errors import OptionError
 
 @dataclass(frozen=True)
 class Position:
-    """A place in a clip, counted from its first frame.
+    """Position in a clip, counted from its first frame.
 
     Parameters
     ----------
     value : Fraction
-        Seconds, or a frame's number, counted from 0.
+        Seconds, or a frame number counted from 0.
     is_frame : bool
-        Which of the two.
+        Whether the value is a frame number.
     """
 
     value: Fraction
@@ -28,31 +28,31 @@ class Position:
         return f"{self.value}f" if self.is_frame else f"{float(self.value):g} s"
 
     def as_option(self) -> str:
-        """As `parse_position` reads it."""
+        """Return the position as text for `parse_position`."""
         return f"{self.value}f" if self.is_frame else f"{float(self.value):.9f}".rstrip("0").rstrip(".")
 
     def is_reached(self, number: int, seconds: Fraction) -> bool:
-        """Whether a frame lies there or behind."""
+        """Return whether a frame lies at or after the position."""
         return self.value <= (number if self.is_frame else seconds)
 
     def seconds(self, rate: Fraction) -> Fraction:
-        """When that is at a constant rate."""
+        """Return the position in seconds, at a constant frame rate."""
         return self.value / rate if self.is_frame else self.value
 
 
 def parse_position(text: str, option: str) -> Position:
-    """Read ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``.
+    """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``.
 
     Parameters
     ----------
     text : str
     option : str
-        What the message calls it.
+        Name of the option in the error message.
 
     Raises
     ------
     OptionError
-        None of these.
+        The text is none of these.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How fast the output plays: what is asked for, what that means for a clip, and how evenly the clip itself plays."""
+"""Output rate: the options that set it, the schedule that they give for a clip, and the frame intervals of the clip."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from fpsboost.timing.schedule import (
     representable,
 )
 
-DOUBLE = Fraction(2)
+DEFAULT_FACTOR = Fraction(2)
 
 SlowSound = Literal["drop", "stretch"]
 
 
 @dataclass(frozen=True)
 class OutputRate:
-    """How fast the output plays; twice the source's rate, and constant, unless told.
+    """Frame rate of the output; by default constant, and twice the source's.
 
     Parameters
     ----------
@@ -38,17 +38,17 @@ class OutputRate:
     keep_timing : bool
         Multiply the frames of each interval, so that a variable rate stays variable.
     slow_motion : bool
-        Last `factor` times as long, at the source's rate or at `fps`.
+        Play `factor` times as long, at the source's rate or at `fps`.
     slow_motion_sound : {'drop', 'stretch'}, optional
-        Whether sound is left out then, as it is unless told, or lasts as long at its own pitch.
+        Whether the audio of slow motion is dropped, the default, or stretched at its own pitch.
     fill_gaps : bool
-        The source is images whose numbers are their clock: a factor counts frames per number, 1 unless told, and
-        nothing is held, however many are missing.
+        Whether the source is images whose numbers are their clock: a factor then counts frames per number, 1 by
+        default, and no frame is held, however many are missing.
 
     Raises
     ------
     OptionError
-        They contradict each other, or one is out of range.
+        Options contradict each other, or one is out of range.
     """
 
     factor: Fraction | None = None
@@ -76,32 +76,32 @@ class OutputRate:
 
     @property
     def multiple(self) -> Fraction:
-        """Output frames per source frame, where no rate is given."""
+        """Output frames per source frame, if no rate is given."""
         if self.factor is not None:
             return self.factor
-        return Fraction(1) if self.fill_gaps else DOUBLE
+        return Fraction(1) if self.fill_gaps else DEFAULT_FACTOR
 
     @property
     def stretch(self) -> Fraction:
-        """How many times as long the output lasts."""
+        """Duration of the output as a multiple of the source's."""
         return self.multiple if self.slow_motion else Fraction(1)
 
     def schedule(self, info: ClipInfo, *, has_clock: bool = True) -> Schedule:
-        """Where output frames lie, on the source's clock; slow motion comes after.
+        """Return the schedule of the output frames on the source's clock, before slow motion is applied.
 
         Parameters
         ----------
         info : ClipInfo
-            Of the source.
+            Information about the source.
         has_clock : bool
-            Whether the output says when its frames are shown; among images, a factor means frames and not time.
+            Whether the output stores presentation times; for images, a factor counts frames and not time.
 
         Raises
         ------
         OptionError
             The rate of the output would be out of range.
         InputError
-            Nobody has said a rate, and the source's own is absurd.
+            No rate is given, and the source's own is implausible.
         """
         factor = self.multiple
         if self.fps is None and not self.fill_gaps and (self.keep_timing or not has_clock):
@@ -117,22 +117,22 @@ class OutputRate:
         return ByRate(rate) if self.fill_gaps else ByRate.forgiving(rate, info.rate, info.time_base)
 
     def timing(self, info: ClipInfo, schedule: Schedule) -> OutputTiming:
-        """The clock of the output."""
+        """Return the rate and time base of the output."""
         base = schedule.time_base(info.time_base)
         return OutputTiming(
             schedule.rate(info.rate) / self.stretch, representable(base / self.stretch.denominator, base)
         )
 
     def remarks(self, info: ClipInfo, schedule: Schedule, frame_intervals: FrameIntervals) -> list[str]:
-        """What to say where the output does not play as the source does.
+        """Return remarks for the user on how the timing of the output differs from the source's.
 
         Parameters
         ----------
         info : ClipInfo
         schedule : Schedule
-            Came from `schedule`.
+            Result of `schedule`.
         frame_intervals : FrameIntervals
-            Of the source, to its end.
+            Intervals of the source, complete to its end.
         """
         if not isinstance(schedule, ByRate) or self.fill_gaps:
             return []
@@ -161,7 +161,7 @@ class OutputRate:
 
 
 def _check_density(info: ClipInfo) -> None:
-    """Refuse a source's rate where nearly all frames would be made where nothing moves on."""
+    """Raise InputError if the source's rate is implausible: nearly all frames would be made where nothing moves."""
     mean = info.mean_rate
     if mean is None or not is_implausible(info.rate, mean):
         return
@@ -173,7 +173,7 @@ def _check_density(info: ClipInfo) -> None:
 
 
 def stretched(frames: Iterable[Frame], stretch: Fraction) -> Iterator[Frame]:
-    """The same frames for `stretch` times as long, from the time of the first on."""
+    """Yield the frames with times and durations multiplied by `stretch`, counted from the time of the first one."""
     start: Fraction | None = None
     for frame in frames:
         start = frame.time if start is None else start
@@ -182,14 +182,14 @@ def stretched(frames: Iterable[Frame], stretch: Fraction) -> Iterator[Frame]:
 
 @dataclass
 class FrameIntervals:
-    """How far apart frames are.
+    """Shortest and longest interval between consecutive frames.
 
     Attributes
     ----------
     shortest, longest : Fraction
-        Seconds from one frame to the next; 0 for fewer than two frames.
+        Intervals in seconds; 0 for fewer than two frames.
     begin : Fraction
-        When the longest interval begins, seconds after the first frame.
+        Start of the longest interval, seconds after the first frame.
     """
 
     shortest: Fraction = Fraction(0)
@@ -199,7 +199,7 @@ class FrameIntervals:
     _last: Fraction = Fraction(0)
 
     def note(self, time: Fraction) -> None:
-        """Take another frame into account, the one after that before."""
+        """Add the presentation time of the next frame."""
         if self._first is None:
             self._first = time
         else:
@@ -210,5 +210,5 @@ class FrameIntervals:
         self._last = time
 
     def varies(self, info: ClipInfo) -> bool:
-        """Whether that is more than the rounding and jitter of a clock."""
+        """Return whether the intervals differ by more than the rounding and jitter of a clock."""
         return self.longest - self.shortest > max(2 * info.time_base, 1 / info.rate / 10)

@@ -1,10 +1,10 @@
-"""Which output frame falls between which two source frames, and where.
+"""Schedules: the presentation times of output frames, and their positions between source frames.
 
-Pure arithmetic on exact fractions: nothing here knows about images or files, and no rounding ever happens, so hours of
-23.976 frames per second stay exact.
+All arithmetic is on exact fractions, without rounding, so hours of 23.976 frames per second stay exact. Nothing here
+depends on images or files.
 
 A schedule is asked pair by pair for the output frames in the half-open interval [time0, time1), so that a stream needs
-to know no more than two frames at a time.
+only two frames at a time.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from typing import NamedTuple, Protocol, Self
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo
 
-FASTEST_SHOWN = 300
-"""Frames per second beyond which no display shows, and no camera films without keeping its rate."""
-MAX_MADE = 10
-"""Times as many frames as were asked for, above which nearly all of them would be made where nothing moves on."""
+MAX_DISPLAY_RATE = 300
+"""Frame rate above which no display shows frames, and no camera films without keeping its rate; frames per second."""
+MAX_RATE_RATIO = 10
+"""Ratio of the nominal to the mean rate above which nearly all frames would be made where nothing moves."""
 MAX_FACTOR = 1000
 MAX_RATE = 100_000
-MAX_TICKS_PER_SECOND = 2**31 - 1  # containers keep the time scale in 32 bits
+MAX_TICKS_PER_SECOND = 2**31 - 1  # containers store the time scale in 32 bits
 MAX_FILLED = Fraction(600)
-"""Seconds that a picture is repeated for at most; one that stands longer, most likely a damaged time, is one frame."""
+"""Maximum seconds for which a frame is repeated; a longer pause, probably a damaged timestamp, becomes one frame."""
 
 
 class Step(NamedTuple):
-    """One output frame: when it is shown, and how far it lies between its two source frames."""
+    """Output frame: its presentation time, and its position t between its two source frames."""
 
     time: Fraction
     t: Fraction
 
 
 class Schedule(Protocol):
-    """Contract: where output frames lie. Implementations are `ByFactor` and `ByRate`."""
+    """Contract: determines the times of output frames. Implementations are `ByFactor` and `ByRate`."""
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
-        """When a source frame is taken to be shown: at its time, or where that was meant to be.
+        """Return the presentation time of a source frame: its own time, or the nominal time that was meant.
 
-        All other methods take times that come from here.
+        All other methods take times returned by this one.
 
         Parameters
         ----------
         start, time : Fraction
-            Times of source frame 0 and of this one as the source says, seconds.
+            Times of source frame 0 and of this one as given by the source, seconds.
         """
         ...
 
@@ -71,29 +71,29 @@ class Schedule(Protocol):
         ...
 
     def output_position(self, index: int, start: Fraction, time: Fraction) -> Fraction:
-        """Where a source frame lies among the output frames, counted from 0.
+        """Return the position of a source frame among the output frames, counted from 0.
 
         Parameters
         ----------
         index : int
-            Its number among the source frames, counted from 0.
+            Number of the source frame, counted from 0.
         start, time : Fraction
             Times of source frame 0 and of this one, seconds.
         """
         ...
 
     def rate(self, source_rate: Fraction) -> Fraction:
-        """Nominal output frames per second."""
+        """Return the nominal output frames per second."""
         ...
 
     def time_base(self, source_time_base: Fraction) -> Fraction:
-        """Seconds per tick that represent every output time exactly (where 32 bits suffice)."""
+        """Return the seconds per tick that represent every output time exactly (where 32 bits suffice)."""
         ...
 
 
 @dataclass(frozen=True)
 class ByFactor:
-    """Multiply the frames: each source interval is divided evenly, whatever its length.
+    """Schedule that multiplies the frames: each source interval is divided evenly, whatever its length.
 
     Output frame k lies at source position k / factor, so variable frame rates keep their rhythm and every source frame
     that is hit keeps its exact time.
@@ -140,7 +140,7 @@ class ByFactor:
 
 @dataclass(frozen=True)
 class ByRate:
-    """A constant output rate, counted from the first source frame; real source times decide t.
+    """Schedule with a constant output rate, counted from the first source frame; real source times determine t.
 
     Parameters
     ----------
@@ -149,10 +149,10 @@ class ByRate:
     source_rate : Fraction, optional
         Nominal rate of the source, for `tolerance`.
     tolerance : Fraction
-        Seconds by which a source frame may miss its place in the nominal rate and still be taken to be shown there.
+        Maximum distance of a source frame from its nominal time, seconds, at which it is taken to be shown then.
     longest : Fraction, optional
-        Seconds between two source frames up to which frames are made between them; across a longer pause the first is
-        repeated. No limit where it is not given.
+        Maximum seconds between two source frames for which frames are made between them; across a longer pause the
+        first is repeated. No limit by default.
 
     Raises
     ------
@@ -176,16 +176,16 @@ class ByRate:
 
     @classmethod
     def forgiving(cls, frames_per_second: Fraction, source_rate: Fraction, tick: Fraction) -> Self:
-        """For a source whose clock rounds, jitters or pauses.
+        """Return a schedule for a source whose clock rounds, jitters or pauses.
 
-        A frame may miss its place by a tick of the clock, or by an eighth of a frame, as phones and browsers do; never
-        by half a frame of the source or of the output. Across more than a second that is ten frames too, nothing is
-        made: whatever happened there, it was no motion from the one picture to the other.
+        A frame may miss its nominal time by a tick of the clock, or by an eighth of a frame, as with phones and
+        browsers; never by half a frame of the source or of the output. Across a pause of more than a second that is
+        also longer than ten frames, no frames are made: there was no motion from one picture to the other.
 
         Parameters
         ----------
         frames_per_second, source_rate : Fraction
-            Of the output and of the source.
+            Rates of the output and of the source.
         tick : Fraction
             Seconds per tick of the source's clock.
         """
@@ -200,7 +200,7 @@ class ByRate:
         return nominal if abs(time - nominal) <= self.tolerance else time
 
     def is_pause(self, interval: Fraction) -> bool:
-        """Whether nothing is made between two frames, because they lie too far apart."""
+        """Return whether two frames lie too far apart for frames to be made between them."""
         return self.longest is not None and interval > self.longest
 
     def steps(self, index: int, start: Fraction, time0: Fraction, time1: Fraction) -> Iterator[Step]:
@@ -225,34 +225,34 @@ class ByRate:
 
 
 def rising_time(schedule: Schedule, start: Fraction, time: Fraction, last: Fraction | None) -> Fraction | None:
-    """`Schedule.presentation_time` of a source frame, but never before the one of the frame before.
+    """Return `Schedule.presentation_time` of a source frame, but always later than that of the previous frame.
 
     Parameters
     ----------
     schedule : Schedule
     start, time : Fraction
-        Times of source frame 0 and of this one as the source says, seconds.
+        Times of source frame 0 and of this one as given by the source, seconds.
     last : Fraction or None
-        What this function gave for the frame before; None for the first.
+        Result of this function for the previous frame; None for the first.
 
     Returns
     -------
     Fraction or None
-        None where there is no place left for it: two frames came at once.
+        None if no later time is possible: two frames came at once.
     """
     snapped = schedule.presentation_time(start, time)
     if last is None or snapped > last:
         return snapped
-    return time if time > last else None  # the second of two at one place comes late
+    return time if time > last else None  # the second of two frames with one nominal time keeps its own
 
 
 def is_implausible(rate: Fraction, mean_rate: Fraction) -> bool:
-    """Whether a rate is faster than anything is shown, and the frames are far from keeping it."""
-    return rate > FASTEST_SHOWN and rate > MAX_MADE * mean_rate
+    """Return whether a rate is higher than any display's, and the frames are far from keeping it."""
+    return rate > MAX_DISPLAY_RATE and rate > MAX_RATE_RATIO * mean_rate
 
 
 def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> int | None:
-    """How many frames the output will have, if the source's header is right; None where it does not say."""
+    """Return the number of output frames if the source's header is right; None if the header does not say."""
     if isinstance(schedule, ByRate) and info.duration is not None:
         end = schedule.presentation_time(Fraction(0), info.duration)
         if holds_last_frame:
@@ -266,25 +266,25 @@ def count_frames(schedule: Schedule, info: ClipInfo, holds_last_frame: bool) -> 
 
 
 def representable(*time_bases: Fraction) -> Fraction:
-    """The first of the time bases that fits 32 bits, else the finest that does."""
+    """Return the first of the time bases that fits 32 bits, else the finest that does."""
     fitting = (each for each in time_bases if each.denominator <= MAX_TICKS_PER_SECOND)
     return next(fitting, Fraction(1, MAX_TICKS_PER_SECOND))
 
 
 def parse_rate(text: str, option: str = "frame rate") -> Fraction:
-    """Read a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001.
+    """Parse a frame rate as people write it; 23.976, 29.97, 59.94 and 119.88 mean n x 1000/1001.
 
     Parameters
     ----------
     text : str
         ``60``, ``59.94`` or ``60000/1001``.
     option : str
-        What the message calls it.
+        Name of the value in the error message.
 
     Raises
     ------
     OptionError
-        Not a number.
+        The text is not a number.
 
     Examples
     --------
@@ -305,15 +305,15 @@ def parse_rate(text: str, option: str = "frame rate") -> Fraction:
 
 
 def parse_number(text: str, option: str) -> Fraction:
-    """Read a whole number, a decimal or a fraction such as ``5/2`` exactly.
+    """Parse a whole number, a decimal or a fraction such as ``5/2`` exactly.
 
     Raises
     ------
     OptionError
-        Not a number; `option` names it in the message.
+        The text is not a number; the message names it by `option`.
     """
     try:
-        if "e" in text.lower():  # an exponent of many digits would take all memory
+        if "e" in text.lower():  # a large exponent would take all memory
             raise ValueError
         value = Fraction(text.strip())
     except (ValueError, ZeroDivisionError):
@@ -324,7 +324,7 @@ def parse_number(text: str, option: str) -> Fraction:
 
 @dataclass(frozen=True)
 class OutputTiming:
-    """The clock of an output.
+    """Rate and time base of an output.
 
     Parameters
     ----------
