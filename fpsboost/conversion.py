@@ -78,7 +78,7 @@ def convert(
     slow_motion : bool
         Play `factor` times as long, at the source's rate or at `fps`.
     slow_motion_sound : {'drop', 'stretch'}, optional
-        Drop the audio of slow motion, the default, or stretch it to the same duration at its own pitch.
+        Drop the audio of slow motion, the default, or stretch it to the output's duration at its own pitch.
     method : str or Interpolator
         A name from `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
@@ -220,7 +220,7 @@ def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite
 def _match_vectors(
     interpolator: Interpolator, source: FrameSource, factor: Fraction, count: int | None
 ) -> tuple[Interpolator, list[str]]:
-    """Match a renderer's vectors to the numbers of the output's frames if both have numbers; remark if they differ."""
+    """Match a renderer's vectors to the output's frame numbers if both have numbers; return remarks if they differ."""
     if not isinstance(source, ImageSource) or not source.numbers or count is None:
         return interpolator, []
     kept = source.numbers_for(factor)

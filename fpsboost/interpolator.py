@@ -414,7 +414,7 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
 
 
 def _as_bgr(image: FrameCache) -> FrameCache:
-    """Return an image as a BGR array."""
+    """Return an image with its pixels as an array, converted to BGR from YCbCr."""
     if not isinstance(image.pixels, YCbCrImage):
         return image
     return FrameCache(bgr_of(image.pixels), image.output_position, image.source_position)

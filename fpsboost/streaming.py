@@ -82,15 +82,15 @@ class Observer(Protocol):
     """Contract: is informed of the progress of a conversion."""
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        """Handle that source and target are open; `expected_frames` will be written if the source's header is right."""
+        """Handle the opening of source and target; `expected_frames` follow if the source's header is right."""
         ...
 
     def ready(self) -> None:
-        """Handle that the kernels are compiled, or loaded from the cache; the first frame comes next."""
+        """Handle that kernels are compiled, or loaded from the cache; the first frame comes next."""
         ...
 
     def wrote(self, summary: Summary) -> None:
-        """Handle that another frame was passed to the target."""
+        """Handle another frame that was passed on to the target."""
         ...
 
 
@@ -374,7 +374,7 @@ def _make(
     """Make the output frames of a part of an interval; the first `skipped` of the interval may carry any image."""
     is_discontinuous = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
     if is_discontinuous:
-        # no motion follows the held picture, so it stays held until its last frame, at which the cut is
+        # no motion follows the held picture, so it stays held until the cut at the end of its last frame
         shown = [(each, step) for each, steps in zip(interval.held, interval.steps, strict=True) for step in steps]
         first_to_move = len(shown) - len(interval.steps[-1])
     else:

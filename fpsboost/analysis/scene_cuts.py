@@ -205,7 +205,7 @@ def _measure_consistency(thumbnail: Components, there: MotionField, back: Motion
     elsewhere = forward_backward_error(there.flow, y[:, 0], x[0], back) >= CONSISTENCY_TOLERANCE
     padded = cv2.copyMakeBorder(thumbnail, *(PATCH_RADIUS,) * 4, cv2.BORDER_REPLICATE)
     patches = sliding_window_view(padded, (2 * PATCH_RADIUS + 1,) * 2, axis=(0, 1))
-    samples = patches[..., ::PATCH_RADIUS, ::PATCH_RADIUS]  # centre, corners and edges are enough to tell patches apart
+    samples = patches[..., ::PATCH_RADIUS, ::PATCH_RADIUS]  # centre, corners and edges suffice to tell patches apart
     apart = np.square(samples[end_y[elsewhere], end_x[elsewhere]] - samples[elsewhere]).sum(axis=1)
     looks_the_same[elsewhere] = np.exp(-apart / (2 * STRICT_BANDWIDTH**2)).mean(axis=(1, 2))
     return float((there.similarity * looks_the_same).mean())

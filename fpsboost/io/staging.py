@@ -323,7 +323,7 @@ def sync(path: Path) -> None:
     ------
     OSError
     """
-    if path.is_dir() and os.name == "nt":  # which writes them at once and opens no folders
+    if path.is_dir() and os.name == "nt":  # Windows writes names at once and opens no folders
         return
     number = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:

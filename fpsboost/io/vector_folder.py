@@ -295,7 +295,7 @@ def _read_depth(path: Path) -> NDArray[Any]:
 
     def choose(names: Collection[str]) -> list[str]:
         layers = [name for name in names if name.endswith(("Depth.Z", "Depth.V"))]
-        taken = "XYZW" if find_layer(names, "XYZW", "") == "" else ""  # by vectors in the same file
+        taken = "XYZW" if find_layer(names, "XYZW", "") == "" else ""  # used by vectors in the same file
         plain = [name for name in ("Z", "Depth", "V", "Y") if name in names and name not in taken]
         for found in (layers, list(names), plain[:1]):
             if len(found) == 1:

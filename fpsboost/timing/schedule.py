@@ -180,7 +180,7 @@ class ByRate:
 
         A frame may miss its nominal time by a tick of the clock, or by an eighth of a frame, as with phones and
         browsers; never by half a frame of the source or of the output. Across a pause of more than a second that is
-        also longer than ten frames, no frames are made: there was no motion from one picture to the other.
+        also longer than ten frames, no frames are made: no motion connects the two.
 
         Parameters
         ----------
@@ -318,7 +318,7 @@ def parse_number(text: str, option: str) -> Fraction:
         value = Fraction(text.strip())
     except (ValueError, ZeroDivisionError):
         raise OptionError(f"{option} {text!r} is not a number; write it like 2, 2.5, 5/2 or 60000/1001.") from None
-    # programs print 15000/1001 as 14.985014985014985, and no container counts in such ticks
+    # programs print 15000/1001 as 14.985014985014985, and no container has such a time base
     return value if value.denominator < MAX_TICKS_PER_SECOND else value.limit_denominator(1_000_000)
 
 
