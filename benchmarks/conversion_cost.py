@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-from fpsboost.conversion import convert
+from fpsboost.conversion import RunOptions, convert
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo
 from fpsboost.io.video.encoding import Encoding
@@ -56,9 +56,7 @@ def main() -> None:
             arguments.output,
             method=arguments.method,
             encoding=Encoding(preset="veryfast"),
-            overwrite=True,
-            threads=arguments.workers,
-            observer=observer,
+            run=RunOptions(observer=observer, overwrite=True, threads=arguments.workers),
         )
     except FpsboostError as error:
         raise SystemExit(str(error)) from error

@@ -15,17 +15,26 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fpsboost.analysis.duplicates import DuplicateDetector
-    from fpsboost.analysis.scene_cuts import CutDetector
+    from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
     from fpsboost.array_stream import stream
-    from fpsboost.conversion import convert
+    from fpsboost.conversion import RunOptions, convert
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame
     from fpsboost.interpolator import Interpolator
+    from fpsboost.io import FrameSink, FrameSource
+    from fpsboost.io.memory_limit import MemoryLimit
+    from fpsboost.io.trim import Trim
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encoding import Encoding
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
-    from fpsboost.streaming import Summary, run_conversion
-    from fpsboost.timing.schedule import ByFactor, ByRate
+    from fpsboost.motion import MotionEstimator
+    from fpsboost.streaming import Observer, Summary, run_conversion
+    from fpsboost.synthesis import Synthesizer
+    from fpsboost.synthesis.multi_hypothesis import InterpolatedImage
+    from fpsboost.timing.position import Position
+    from fpsboost.timing.rate import FrameIntervals, OutputRate
+    from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
+    from fpsboost.ycbcr import Coding, YCbCrImage
 
 from fpsboost.version import __version__
 
@@ -33,18 +42,34 @@ __all__ = [
     "ByFactor",
     "ByRate",
     "ClipInfo",
+    "Coding",
     "CutDetector",
+    "CutPolicy",
     "DecodeOptions",
     "DuplicateDetector",
     "Encoding",
     "FpsboostError",
     "Frame",
+    "FrameIntervals",
+    "FrameSink",
+    "FrameSource",
     "InputError",
+    "InterpolatedImage",
     "Interpolator",
+    "MemoryLimit",
+    "MotionEstimator",
+    "Observer",
     "OptionError",
     "OutputError",
+    "OutputRate",
+    "Position",
+    "RunOptions",
     "SceneCutWarning",
+    "Schedule",
     "Summary",
+    "Synthesizer",
+    "Trim",
+    "YCbCrImage",
     "__version__",
     "convert",
     "interpolate",
@@ -58,24 +83,40 @@ _homes = {
     "ByFactor": "timing.schedule",
     "ByRate": "timing.schedule",
     "ClipInfo": "frame",
+    "Coding": "ycbcr",
     "CutDetector": "analysis.scene_cuts",
+    "CutPolicy": "analysis.scene_cuts",
+    "DecodeOptions": "io.video.decode_options",
     "DuplicateDetector": "analysis.duplicates",
     "Encoding": "io.video.encoding",
     "FpsboostError": "errors",
     "Frame": "frame",
+    "FrameIntervals": "timing.rate",
+    "FrameSink": "io",
+    "FrameSource": "io",
     "InputError": "errors",
+    "InterpolatedImage": "synthesis.multi_hypothesis",
     "Interpolator": "interpolator",
+    "MemoryLimit": "io.memory_limit",
+    "MotionEstimator": "motion",
+    "Observer": "streaming",
     "OptionError": "errors",
     "OutputError": "errors",
-    "DecodeOptions": "io.video.decode_options",
+    "OutputRate": "timing.rate",
+    "Position": "timing.position",
+    "RunOptions": "conversion",
     "SceneCutWarning": "errors",
+    "Schedule": "timing.schedule",
     "Summary": "streaming",
-    "run_conversion": "streaming",
-    "stream": "array_stream",
+    "Synthesizer": "synthesis",
+    "Trim": "io.trim",
+    "YCbCrImage": "ycbcr",
     "convert": "conversion",
     "interpolate": "method_table",
     "interpolate_with_confidence": "method_table",
     "methods": "method_table",
+    "run_conversion": "streaming",
+    "stream": "array_stream",
 }
 
 

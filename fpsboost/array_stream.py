@@ -13,8 +13,9 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io import FrameSource
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, open_source
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.method_table import find_method
-from fpsboost.streaming import Duplicates, Summary, making_frames
+from fpsboost.streaming import Summary, making_frames
 from fpsboost.timing.rate import OutputRate
 
 
@@ -25,7 +26,6 @@ def stream(
     fps: Fraction | int | None = None,
     method: str | Interpolator = "nlm",
     input_fps: Fraction | int | None = None,
-    duplicates: Duplicates = "interpolate",
     threads: int | None = None,
 ) -> Iterator[Image]:
     """Raise the frame rate of a source of frames, and yield frames as they are made.
@@ -47,8 +47,6 @@ def stream(
         A name from `fpsboost.methods`, or an object.
     input_fps : Fraction or int, optional
         Frames per second of images and arrays, and of a capture without a rate.
-    duplicates : {'interpolate', 'keep'}
-        See `fpsboost.convert`.
     threads : int, optional
         Pairs of frames processed in parallel; one per core by default. Frames are the same with any number.
 
@@ -68,7 +66,7 @@ def stream(
     --------
     >>> import numpy as np
     >>> frames = [np.full((32, 48, 3), level, np.uint8) for level in (0, 40, 80)]
-    >>> [int(frame.mean()) for frame in stream(frames, method="blend", duplicates="keep")]
+    >>> [int(frame.mean()) for frame in stream(frames, method="blend")]
     [0, 20, 40, 60, 80, 80]
     """
     interpolator = find_method(method) if isinstance(method, str) else method
@@ -81,7 +79,6 @@ def stream(
             schedule,
             Summary(),
             holds_last_frame=True,
-            duplicates=duplicates,
             threads=threads,
         )
         with making as frames:
@@ -94,7 +91,7 @@ def _as_source(
 ) -> FrameSource:
     """Return a path, capture or arrays as a frame source."""
     if isinstance(source, str):
-        return open_source(source, input_fps)
+        return open_source(source, decoding=DecodeOptions(input_fps=input_fps))
     if isinstance(source, cv2.VideoCapture):
         images, rate = captured(source), input_fps or rate_of(source)
     else:

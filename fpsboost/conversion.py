@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import get_args
 
 from fpsboost.analysis.cut_list import CutList
-from fpsboost.errors import OptionError, check_choice
+from fpsboost.errors import OptionError
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import FrameSource, Resumable
 from fpsboost.io.images.numbered import ImageSource
@@ -23,17 +22,56 @@ from fpsboost.io.opening import (
     trim_source,
 )
 from fpsboost.io.prefetch import available_cores
-from fpsboost.io.trim import Trim, TrimmedSource
+from fpsboost.io.trim import TrimmedSource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method
-from fpsboost.streaming import Duplicates, Observer, SilentObserver, Summary, run_conversion
-from fpsboost.timing.rate import OutputRate, SlowSound
+from fpsboost.streaming import Observer, SilentObserver, Summary, run_conversion
+from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
 
-NOT_IN_FINGERPRINT = ("input", "output", "overwrite", "resume", "limit", "threads", "observer")
-"""Arguments of `convert` that may differ when a run is resumed; every other one determines the output."""
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a conversion is run; nothing of it shapes the frames.
+
+    Parameters
+    ----------
+    overwrite : bool
+        Replace an existing output.
+    resume : bool
+        Resume an earlier run of the same input and options that was stopped, after the frames that it finished; start
+        anew if there is none.
+    in_place : bool
+        Write the frames that are made beside the images of the input; the output must not be given. Existing files are
+        never changed.
+    limit : MemoryLimit, optional
+        Memory that may be used: a clip that needs more is refused before it is decoded. By default what is available.
+    threads : int, optional
+        Pairs of frames processed in parallel; by default as many as there are cores and memory for. Frames are the
+        same with any number.
+    observer : Observer, optional
+        Informed of the progress.
+    """
+
+    overwrite: bool = False
+    resume: bool = False
+    in_place: bool = False
+    limit: MemoryLimit | None = None
+    threads: int | None = None
+    observer: Observer | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """Everything that shapes an output besides the input's files: only a run of the same job can be resumed."""
+
+    rate: OutputRate
+    method: Interpolator
+    decoding: DecodeOptions
+    encoding: Encoding
+    in_place: bool
 
 
 def convert(
@@ -41,23 +79,11 @@ def convert(
     output: str | None = None,
     *,
     factor: Fraction | int | None = None,
-    fps: Fraction | int | None = None,
-    keep_timing: bool = False,
-    slow_motion: bool = False,
-    slow_motion_sound: SlowSound | None = None,
+    rate: OutputRate | None = None,
     method: str | Interpolator = "nlm",
-    input_fps: Fraction | int | None = None,
-    trim: Trim | None = None,
-    duplicates: Duplicates = "interpolate",
-    fill_gaps: bool = False,
-    in_place: bool = False,
     decoding: DecodeOptions | None = None,
     encoding: Encoding | None = None,
-    overwrite: bool = False,
-    resume: bool = False,
-    limit: MemoryLimit | None = None,
-    threads: int | None = None,
-    observer: Observer | None = None,
+    run: RunOptions | None = None,
 ) -> Summary:
     """Convert a clip to a higher frame rate.
 
@@ -69,49 +95,17 @@ def convert(
         rise by a step of 2 or more were rendered with that step: if `factor` divides it, the frames made get the
         missing numbers.
     factor : Fraction or int, optional
-        Output frames per source frame; 2 if neither `factor` nor `fps` is given.
-    fps : Fraction or int, optional
-        Output frames per second, instead of `factor`.
-    keep_timing : bool
-        Multiply the frames of each interval by `factor`. Otherwise the output video has a constant rate, whatever the
-        source's timing, and frames are made for its times.
-    slow_motion : bool
-        Play `factor` times as long, at the source's rate or at `fps`.
-    slow_motion_sound : {'drop', 'stretch'}, optional
-        Drop the audio of slow motion, the default, or stretch it to the output's duration at its own pitch.
+        Output frames per source frame; 2 if `rate` says nothing else.
+    rate : OutputRate, optional
+        Frames per second instead of a factor, slow motion, or only the images that are missing.
     method : str or Interpolator
         A name from `fpsboost.methods`, or an object.
-    input_fps : Fraction or int, optional
-        Frames per second of input images.
-    trim : Trim, optional
-        Part of the input to convert; all of it by default.
-    duplicates : {'interpolate', 'keep'}
-        Duplicate frames, as in animation on threes, pulldown and captures that missed frames: interpolate motion at
-        their times, or keep them. Stills, and pictures held until a cut, are always kept. Duplicates are not looked for
-        if motion comes from a renderer's vectors, or if only the images missing between numbers are made.
-    fill_gaps : bool
-        Make only the images that are missing between numbered ones, each at the time of its number. `input_fps` then
-        counts numbers, and `factor`, frames per number, is 1 by default.
-    in_place : bool
-        Write the frames that are made beside the images of the input; `output` must not be given. Existing files are
-        never changed.
     decoding : DecodeOptions, optional
-        Which stream of a video file is read, whether its fields become frames first, and what happens if its size
-        changes.
+        Which part of the input is read, how fast images play, which stream of a video file is read, and how.
     encoding : Encoding, optional
         How to encode video, and which streams to keep.
-    overwrite : bool
-        Replace an existing output.
-    resume : bool
-        Resume an earlier run of the same input and options that was stopped, after the frames that it finished; start
-        anew if there is none.
-    limit : MemoryLimit, optional
-        Memory that may be used: a clip that needs more is refused before it is decoded. By default what is available.
-    threads : int, optional
-        Pairs of frames processed in parallel; by default as many as there are cores and memory for. Frames are the
-        same with any number.
-    observer : Observer, optional
-        Informed of the progress.
+    run : RunOptions, optional
+        What may be replaced and used, and who is told of the progress.
 
     Returns
     -------
@@ -127,40 +121,38 @@ def convert(
     Examples
     --------
     >>> convert("in.mp4", "out.mp4", factor=2)  # doctest: +SKIP
+    >>> convert("in.mp4", "out.mp4", rate=OutputRate(fps=60), run=RunOptions(overwrite=True))  # doctest: +SKIP
     """
-    options = {name: value for name, value in locals().items() if name not in NOT_IN_FINGERPRINT}
-    check_choice("--duplicates", duplicates, get_args(Duplicates))
-    output = _resolve_output(input, output, in_place=in_place, overwrite=overwrite)
-    output_rate = OutputRate(_fraction(factor), _fraction(fps), keep_timing, slow_motion, slow_motion_sound, fill_gaps)
+    run, encoding, decoding = run or RunOptions(), encoding or Encoding(), decoding or DecodeOptions()
+    output_rate = _resolve_rate(factor, rate)
     interpolator = find_method(method) if isinstance(method, str) else method
-    encoding = encoding or Encoding()
+    output = _resolve_output(input, output, in_place=run.in_place, overwrite=run.overwrite)
+    job = Job(output_rate, interpolator, decoding, encoding, run.in_place)
     to_video = makes_video(output)
     to_file = to_video or makes_animation(output)
-    trim = trim or Trim()
     requirements = requirements_of(
         output,
         encoding,
-        needs_rate=fps is not None or trim.needs_rate,
+        needs_rate=output_rate.fps is not None or decoding.trim.needs_rate,
         takes_planes=interpolator.takes_planes,
     )
     with open_source(
         input,
-        _fraction(input_fps),
         requirements=requirements,
         decoding=decoding,
-        fill_gaps=fill_gaps,
-        in_place=in_place,
-        limit=limit,
+        fill_gaps=output_rate.fill_gaps,
+        in_place=run.in_place,
+        limit=run.limit,
     ) as whole:
         may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
-        source = trim_source(whole, trim, may_skip=may_skip, stretch=output_rate.stretch)
+        source = trim_source(whole, decoding.trim, may_skip=may_skip, stretch=output_rate.stretch)
         info = source.info
         encoding, lost = _adapt_audio(encoding, whole, output_rate)
         schedule = output_rate.schedule(info, has_clock=to_video)
         multiple = schedule.rate(info.rate) / info.rate
         keeps_numbers = isinstance(whole, ImageSource) and not to_file and whole.numbers_for(multiple) is not None
-        if fill_gaps or keeps_numbers:  # an image that repeats another is not a missing one
-            duplicates = "keep"
+        if output_rate.fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
+            interpolator = replace(interpolator, duplicates=None)
         expected = count_frames(schedule, info, holds_last_frame=to_video)
         interpolator, on_vectors = _match_vectors(interpolator, whole, multiple, expected)
         sink = open_sink(
@@ -169,15 +161,16 @@ def convert(
             timing=output_rate.timing(info, schedule),
             encoding=encoding,
             expected_frames=expected,
-            overwrite=overwrite,
-            job=fingerprint_job(whole, resume=resume, **options),
+            overwrite=run.overwrite,
+            job=fingerprint_job(whole, job, resume=run.resume),
             window=source.window if isinstance(source, TrimmedSource) else None,
             factor=multiple,
-            in_place=in_place,
+            in_place=run.in_place,
         )
+        threads = run.threads
         if threads is None:
-            threads = (limit or MemoryLimit()).affordable_threads(info.width, info.height, available_cores())
-        observer = observer or SilentObserver()
+            threads = (run.limit or MemoryLimit()).affordable_threads(info.width, info.height, available_cores())
+        observer = run.observer or SilentObserver()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:
             there = sink.completed_frames if isinstance(sink, Resumable) else 0
@@ -187,7 +180,6 @@ def convert(
                 sink,
                 schedule,
                 observer,
-                duplicates=duplicates,
                 stretch=output_rate.stretch,
                 skip=there,
                 threads=threads,
@@ -201,6 +193,23 @@ def convert(
             f"it is 24/{whole.step}, or 24 with --fill-gaps."
         )
     return summary
+
+
+def _resolve_rate(factor: Fraction | int | None, rate: OutputRate | None) -> OutputRate:
+    """Return the rate with the factor in it.
+
+    Raises
+    ------
+    OptionError
+        Both say a factor.
+    """
+    if factor is None:
+        return rate or OutputRate()
+    if rate is None:
+        return OutputRate(factor)
+    if rate.factor is not None:
+        raise OptionError("factor and rate.factor say the same thing twice; give one of them.")
+    return replace(rate, factor=factor)
 
 
 def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:
@@ -242,7 +251,3 @@ def _adapt_audio(encoding: Encoding, source: FrameSource, output_rate: OutputRat
     has_sound = isinstance(source, VideoSource) and "sound" in source.companions
     lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []
     return replace(encoding, audio=False, audio_codec=None), lost
-
-
-def _fraction(value: Fraction | int | None) -> Fraction | None:
-    return None if value is None else Fraction(value)

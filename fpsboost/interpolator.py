@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
+from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
@@ -204,6 +205,10 @@ class Interpolator:
         If the illumination changes between two frames, estimate motion under equal illumination.
     overlays : bool
         Leave overlays unchanged that are static in front of a moving picture; needs the pair before or after.
+    duplicates : DuplicateDetector or None
+        Finds the frames of a sequence that show the same as the one before, as in animation on threes, pulldown and
+        captures that missed some; they are replaced by frames made for their times. None keeps them. Stills, and frames
+        held until a cut, are always kept. Not used with motion from a renderer's vectors.
 
     Examples
     --------
@@ -221,6 +226,7 @@ class Interpolator:
     curved: bool = True
     compensate_illumination: bool = True
     overlays: bool = True
+    duplicates: DuplicateDetector | None = DuplicateDetector()
 
     def __post_init__(self) -> None:
         check_choice("--at-cuts", self.at_cuts, get_args(AtCuts))

@@ -210,8 +210,8 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     """
     # A size that changes is to be reported, though a conversion would stop there.
     may_change = Path(path).is_file() and animation_format(Path(path)) is None
-    decoding = DecodeOptions(stream, size_change="scale" if may_change else "stop")
-    with open_source(path, input_fps, decoding=decoding) as source:
+    decoding = DecodeOptions(input_fps=input_fps, stream=stream, size_change="scale" if may_change else "stop")
+    with open_source(path, decoding=decoding) as source:
         video = source if isinstance(source, VideoSource) else None
         has_clock = isinstance(source, VideoSource | AnimationSource)
         schedule, refused = _plan(source.info, has_clock=has_clock)

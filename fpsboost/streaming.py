@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain, pairwise
-from typing import Literal, NamedTuple, Protocol, get_args
+from typing import NamedTuple, Protocol
 
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
-from fpsboost.errors import InputError, OptionError, check_choice
+from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
@@ -33,8 +33,6 @@ FRAMES_PER_TASK = 4
 
 READ_AHEAD = 4
 WRITE_BEHIND = 4
-
-Duplicates = Literal["interpolate", "keep"]
 
 
 @dataclass
@@ -114,7 +112,6 @@ def run_conversion(
     schedule: Schedule,
     observer: Observer | None = None,
     *,
-    duplicates: Duplicates = "interpolate",
     stretch: Fraction = Fraction(1),
     skip: int = 0,
     threads: int | None = None,
@@ -131,8 +128,6 @@ def run_conversion(
         Determines the output times.
     observer : Observer, optional
         Informed of the progress.
-    duplicates : {'interpolate', 'keep'}
-        See `convert`.
     skip : int
         Number of output frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are
         counted and passed on in order, but instead of an interpolated image they carry one of the source.
@@ -161,7 +156,6 @@ def run_conversion(
             interpolator,
             schedule,
             summary,
-            duplicates=duplicates,
             stretch=stretch,
             skip=skip,
             threads=threads,
@@ -189,7 +183,6 @@ def making_frames(
     summary: Summary,
     *,
     holds_last_frame: bool,
-    duplicates: Duplicates = "interpolate",
     stretch: Fraction = Fraction(1),
     skip: int = 0,
     threads: int | None = None,
@@ -198,7 +191,7 @@ def making_frames(
 
     Parameters
     ----------
-    source, interpolator, schedule, duplicates, stretch, skip, threads
+    source, interpolator, schedule, stretch, skip, threads
         See `run_conversion`.
     summary : Summary
         Updated with the numbers of frames read and made.
@@ -210,10 +203,9 @@ def making_frames(
     iterator of Frame
         The output frames in order, each as soon as it is made. Kernels are compiled already.
     """
-    check_choice("--duplicates", duplicates, get_args(Duplicates))
     if threads is not None and threads < 1:
         raise OptionError(f"--threads must be at least 1, not {threads}.")
-    detector = DuplicateDetector() if duplicates == "interpolate" and not interpolator.needs_every_frame else None
+    detector = None if interpolator.needs_every_frame else interpolator.duplicates
     with (
         read_ahead(source, READ_AHEAD, _cancel_of(source)) as arriving,
         run_in_parallel(threads or available_cores(), _cancel_of(source)) as in_order,

@@ -24,7 +24,9 @@ from fpsboost.io import prefetch
 from fpsboost.io.flow_files import write_flow
 from fpsboost.io.images.exr import read_exr, write_exr
 from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.method_table import find_method
+from fpsboost.timing.rate import OutputRate
 
 SECONDS_PER_COPY = 30
 SIZE = (32, 48)
@@ -121,7 +123,13 @@ def convert(sample: Path, kind: str, work: Path, chance: random.Random) -> str:
     output = work / chance.choice(["out.mkv", "out.mp4", "out"])
     fps, rate = chance.choice([None, Fraction(50)]), Fraction(25) if sample.is_dir() else None
     try:
-        conversion.convert(str(source), str(output), method=method, input_fps=rate, fps=None if kind == "flo" else fps)
+        conversion.convert(
+            str(source),
+            str(output),
+            method=method,
+            rate=OutputRate(fps=None if kind == "flo" else fps),
+            decoding=DecodeOptions(input_fps=rate),
+        )
     except FpsboostError as error:
         assert not output.exists(), "an output that failed has its name"
         kept = hidden(work) if not notes_of(error) else []

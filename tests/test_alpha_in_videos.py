@@ -10,10 +10,12 @@ import cv2
 import numpy as np
 import pytest
 from animation_truth import disc, write_animation
+from conversion_options import grouped
 from video_truth import samples_of
 
 import fpsboost
 from fpsboost.io.trim import Trim
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding, encodes_alpha
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import SMPTE170M, from_bgr, to_bgra
@@ -133,7 +135,7 @@ def test_videos_that_keep_alpha(tmp_path, kind, source):
                 image[..., :3] *= image[..., 3:]
             suffix = "tif" if source == "float images" else "png"
             (path / f"{index}.{suffix}").write_bytes(cv2.imencode(f".{suffix}", image)[1].tobytes())
-    summary = fpsboost.convert(str(path), str(tmp_path / name), method="blend", encoding=encoding, **options)
+    summary = fpsboost.convert(str(path), str(tmp_path / name), method="blend", encoding=encoding, **grouped(**options))
     assert not [remark for remark in summary.remarks if says_alpha(remark)]
     with VideoSource(tmp_path / name, keeps_alpha=True) as written:
         frames = list(written)
@@ -196,5 +198,7 @@ def test_lost_alpha_is_said_once(tmp_path):
     """Also where the file is read from several places."""
     clip = write_clip(tmp_path / "in.webm", "libvpx-vp9", "yuva420p", VP9)
     part = Trim(parse_position("0.1", "--start"))
-    summary = fpsboost.convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", trim=part)
+    summary = fpsboost.convert(
+        str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=DecodeOptions(trim=part)
+    )
     assert len([remark for remark in summary.remarks if says_alpha(remark)]) == 1

@@ -20,6 +20,8 @@ from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import open_source
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(10)
@@ -244,7 +246,7 @@ def test_gif_ends_at_fifty_frames(tmp_path):
     clip = write_clip(tmp_path / "in.mp4", times=range(4), time_base=Fraction(1, 30))
     with pytest.raises(OutputError, match=r"out\.gif cannot show 60 frames .* 50; use --fps 50 or less.*\.apng"):
         fpsboost.convert(str(clip), str(tmp_path / "out.gif"))
-    fpsboost.convert(str(clip), str(tmp_path / "out.gif"), fps=50, method="blend")
+    fpsboost.convert(str(clip), str(tmp_path / "out.gif"), method="blend", rate=OutputRate(fps=50))
     assert {seen.delay for seen in read_animation(tmp_path / "out.gif")} == {20}
 
 
@@ -310,7 +312,9 @@ def test_opaque_animations_have_no_alpha(tmp_path, suffix):
 def test_images_to_animation(tmp_path, save_images):
     """A sequence of images with alpha becomes an animation, at the rate that is said."""
     images = save_images(tmp_path / "in", count=3)
-    fpsboost.convert(str(tmp_path / "in"), str(tmp_path / "out.webp"), input_fps=10, method="blend")
+    fpsboost.convert(
+        str(tmp_path / "in"), str(tmp_path / "out.webp"), method="blend", decoding=DecodeOptions(input_fps=10)
+    )
     seen = read_animation(tmp_path / "out.webp")
     assert [each.delay for each in seen] == [50] * 6
     assert np.array_equal(seen[2].image[..., :3], images[1])

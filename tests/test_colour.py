@@ -10,9 +10,11 @@ import av
 import cv2
 import numpy as np
 import pytest
+from conversion_options import keeping_duplicates
 from video_truth import pictures_of, samples_of
 
 from fpsboost import convert
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.io.video.ycc import plane_arrays
 
@@ -68,7 +70,13 @@ def write_pictures(path: Path, picture: av.VideoFrame, codec: str, **tags: int) 
 def doubled(source: Path, target: Path, encoding: Encoding, method: str = "blend") -> list[av.VideoFrame]:
     """The pictures of a clip converted to twice its rate; made ones have odd numbers, but for the last."""
     rate = Fraction(25) if source.is_dir() else None
-    convert(str(source), str(target), method=method, encoding=encoding, duplicates="keep", input_fps=rate)
+    convert(
+        str(source),
+        str(target),
+        method=keeping_duplicates(method),
+        encoding=encoding,
+        decoding=DecodeOptions(input_fps=rate),
+    )
     return pictures_of(target)
 
 
@@ -202,7 +210,7 @@ def test_images_of_a_video_span_the_whole_range(tmp_path, pixel_format, color_ra
         if index == 0:
             plane[:, :32], plane[:, 32:] = black, white
     write_pictures(clip, picture, "ffv1", color_range=color_range)
-    convert(str(clip), str(tmp_path / "out"), method="blend", duplicates="keep")
+    convert(str(clip), str(tmp_path / "out"), method=keeping_duplicates("blend"))
     images = [cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for path in sorted((tmp_path / "out").iterdir())]
     assert len(images) == 5
     for image in images:
@@ -223,7 +231,7 @@ def test_a_video_of_images_says_how_its_colours_are_meant(tmp_path, dtype):
     pictures = doubled(tmp_path / "in", tmp_path / "out.mkv", encoding)
     for picture in pictures:
         assert picture.format.is_rgb or (picture.colorspace in (BT601, BT709) and picture.color_range == LIMITED)
-    convert(str(tmp_path / "out.mkv"), str(tmp_path / "back"), method="blend", duplicates="keep", factor=1)
+    convert(str(tmp_path / "out.mkv"), str(tmp_path / "back"), method=keeping_duplicates("blend"), factor=1)
     step = np.iinfo(dtype).max / (2 ** pictures[0].format.components[0].bits - 1)
     for path in (tmp_path / "back").iterdir():
         back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)

@@ -11,11 +11,12 @@ import pytest
 from video_truth import write_clip
 
 from fpsboost.analysis.cut_list import CutList, read_cuts
-from fpsboost.conversion import convert
+from fpsboost.conversion import RunOptions, convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.trim import Trim
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis.blend import Blend
@@ -93,7 +94,14 @@ def cuts_in(path: Path, cuts: CutList, start: str | None) -> int:
     part = Trim(None if start is None else parse_position(start, "--start"))
     method, encoding = Interpolator(ZeroMotion(), Blend(), cuts=cuts), Encoding(preset="ultrafast")
     target = str(path.with_name("out.mp4"))
-    return convert(str(path), target, method=method, trim=part, encoding=encoding, overwrite=True).scene_cuts
+    return convert(
+        str(path),
+        target,
+        method=method,
+        encoding=encoding,
+        decoding=DecodeOptions(trim=part),
+        run=RunOptions(overwrite=True),
+    ).scene_cuts
 
 
 @pytest.mark.parametrize("cut", ["12f", "0.48", "0.47"])
@@ -112,7 +120,7 @@ def test_cuts_of_images_count_from_their_first(tmp_path, save_images):
     method = Interpolator(ZeroMotion(), Blend(), cuts=cuts_of("5f"))
     for start, count in (("3f", 1), ("5f", 0)):
         part = Trim(parse_position(start, "--start"))
-        summary = convert(str(tmp_path / "in"), str(tmp_path / start), method=method, trim=part)
+        summary = convert(str(tmp_path / "in"), str(tmp_path / start), method=method, decoding=DecodeOptions(trim=part))
         assert summary.scene_cuts == count
 
 

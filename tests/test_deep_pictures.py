@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from video_truth import QUARTER_TURN, scene, write_clip
 
 from fpsboost.conversion import convert
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding, default_codec
 from fpsboost.io.video.source import VideoSource
 
@@ -38,7 +39,9 @@ def write_images(folder: Path, images: list[NDArray[Any]], suffix: str = ".png")
 
 def to_video(source: Path, target: Path, **options: Any) -> list[str]:
     """Convert images without making any; return what was said."""
-    return convert(str(source), str(target), factor=1, input_fps=10, encoding=Encoding(**options)).remarks
+    return convert(
+        str(source), str(target), factor=1, encoding=Encoding(**options), decoding=DecodeOptions(input_fps=10)
+    ).remarks
 
 
 def first_image(path: Path, *, alpha: bool = False) -> tuple[str, NDArray[Any]]:

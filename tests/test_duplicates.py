@@ -12,6 +12,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from conversion_options import keeping_duplicates
 from test_pipeline import FakeSink, FakeSource
 from truth import affine, as_type, frozen, noise, prepared, waves
 
@@ -51,11 +52,16 @@ def held(cadence: Sequence[int], picture: Callable[[float], Any] = lambda time: 
 
 
 def run(
-    frames: list[Frame], schedule: Schedule | None = None, method: str = "nlm", **options: Any
+    frames: list[Frame],
+    schedule: Schedule | None = None,
+    method: str = "nlm",
+    *,
+    looks_for_duplicates: bool = True,
 ) -> tuple[list[Frame], Summary]:
     sink = FakeSink()
     source = FakeSource(frames, RATE)
-    return sink.frames, run_conversion(source, methods[method], sink, schedule or ByFactor(Fraction(2)), **options)
+    interpolator = methods[method] if looks_for_duplicates else keeping_duplicates(method)
+    return sink.frames, run_conversion(source, interpolator, sink, schedule or ByFactor(Fraction(2)))
 
 
 def lengths(frames: Sequence[Frame], detector: DuplicateDetector | None = None) -> list[int]:
@@ -89,7 +95,7 @@ def test_number_and_times_stay(schedule):
     """As many frames at the same times as without looking for duplicates, and the clip is as long."""
     source = held(CADENCES["threes"])
     frames, summary = run(source, schedule)
-    plain, plain_summary = run(source, schedule, duplicates="keep")
+    plain, plain_summary = run(source, schedule, looks_for_duplicates=False)
     assert [(frame.time, frame.duration) for frame in frames] == [(frame.time, frame.duration) for frame in plain]
     assert (summary.frames_in, summary.frames_out) == (plain_summary.frames_in, plain_summary.frames_out)
     assert plain_summary.duplicates == 0
@@ -124,7 +130,7 @@ def test_uneven_times_keep_their_rhythm():
 def test_to_keep_them_is_to_interpolate_each_pair(method):
     """With duplicates kept, a repeat passes as it is, and between two alike lies a third."""
     source = held([2, 2, 2])
-    frames, summary = run(source, method=method, duplicates="keep")
+    frames, summary = run(source, method=method, looks_for_duplicates=False)
     assert [frame.original for frame in frames[::2][: len(source)]] == [frame.original for frame in source]
     np.testing.assert_array_equal(frames[1].image, source[0].image)
     assert summary.frames_made == len(frames) - len(source)
@@ -135,7 +141,7 @@ def test_a_clip_without_duplicates_is_the_same_either_way(method):
     """Bit by bit."""
     source = held([1] * 5)
     frames, summary = run(source, method=method)
-    plain, _ = run(source, method=method, duplicates="keep")
+    plain, _ = run(source, method=method, looks_for_duplicates=False)
     assert summary.duplicates == 0
     for one, other in zip(frames, plain, strict=True):
         np.testing.assert_array_equal(one.image, other.image)
@@ -191,15 +197,6 @@ def test_nothing_but_a_still():
     frames, summary = run(source)
     assert (summary.frames_out, summary.duplicates, summary.scene_cuts) == (20, 0, 0)
     assert all((frame.image == source[0].image).all() for frame in frames)
-
-
-@pytest.mark.parametrize("way", ["drop", "", "Keep"])
-def test_an_unknown_way_is_refused(way, tmp_path):
-    """By the loop and by the conversion, before anything is opened."""
-    with pytest.raises(OptionError, match="--duplicates must be one of interpolate, keep"):
-        run_conversion(FakeSource([]), methods["blend"], FakeSink(), ByFactor(Fraction(2)), duplicates=way)
-    with pytest.raises(OptionError, match="--duplicates"):
-        convert("none.mp4", str(tmp_path / "out.mp4"), duplicates=way)
 
 
 # --------------------------------------------------------------------------------------------------------- finding them
@@ -325,7 +322,7 @@ def test_a_conversion_counts_them(tmp_path):
     source = held(CADENCES["twos"])
     clip = encode(tmp_path / "clip.mp4", [frame.image for frame in source], 18)
     summary = convert(str(clip), str(tmp_path / "out.mp4"), method="blend")
-    kept = convert(str(clip), str(tmp_path / "kept.mp4"), method="blend", duplicates="keep")
+    kept = convert(str(clip), str(tmp_path / "kept.mp4"), method=keeping_duplicates("blend"))
     assert (summary.duplicates, kept.duplicates) == (7, 0)
     assert summary.frames_out == kept.frames_out == 2 * len(source)
 

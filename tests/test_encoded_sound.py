@@ -9,6 +9,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from conversion_options import grouped
 from numpy.typing import NDArray
 from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
 from video_truth import packets_of, scene, write_clip
@@ -27,7 +28,7 @@ SAMPLES = RATE + 1234
 def double(source: Path, target: Path, audio_codec: str | None = None, **more: Any) -> list[str]:
     """Convert in the cheapest way; return what was said."""
     encoding = Encoding(preset="8" if target.suffix == ".webm" else "ultrafast", audio_codec=audio_codec)
-    return convert(str(source), str(target), method="nearest", encoding=encoding, **more).remarks
+    return convert(str(source), str(target), method="nearest", encoding=encoding, **grouped(**more)).remarks
 
 
 def noise(samples: int = SAMPLES) -> NDArray[np.int16]:

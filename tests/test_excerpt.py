@@ -18,6 +18,7 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.opening import open_source, trim_source
 from fpsboost.io.trim import Trim, TrimmedSource
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.motion.zero import ZeroMotion
@@ -167,7 +168,9 @@ def test_a_start_behind_the_end_is_an_error(tmp_path, snapshot, name, start):
     clip = write_clip(tmp_path / name, times=range(30))
     before = snapshot(tmp_path)
     with pytest.raises(InputError, match=rf"{name} has ended where --start .* would be; name an earlier one"):
-        convert(str(clip), str(tmp_path / "out.mp4"), trim=trim(start), method=BLEND, encoding=FAST)
+        convert(
+            str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=FAST, decoding=DecodeOptions(trim=trim(start))
+        )
     assert snapshot(tmp_path) == before
 
 
@@ -180,7 +183,9 @@ def test_damage_in_the_range_is_told_though_the_rest_is_not_read(tmp_path):
     assert packet.pos is not None
     data[packet.pos : packet.pos + packet.size] = b"\xff" * packet.size
     clip.write_bytes(bytes(data))
-    summary = convert(str(clip), str(tmp_path / "o.mp4"), trim=trim(None, "1"), method=BLEND, encoding=FAST)
+    summary = convert(
+        str(clip), str(tmp_path / "o.mp4"), method=BLEND, encoding=FAST, decoding=DecodeOptions(trim=trim(None, "1"))
+    )
     assert any("in.mp4 is damaged" in remark for remark in summary.remarks)
 
 
@@ -245,7 +250,13 @@ def clicks(path: Path) -> list[float]:
 )
 def test_sound_stays_in_step(tmp_path, flashing, name, start, end):
     """Every click of the part comes with its flash, to a sample or the container's millisecond, and no other one."""
-    convert(str(flashing), str(tmp_path / name), trim=trim(start, end), method="nearest", encoding=FAST)
+    convert(
+        str(flashing),
+        str(tmp_path / name),
+        method="nearest",
+        encoding=FAST,
+        decoding=DecodeOptions(trim=trim(start, end)),
+    )
     seen, heard = flashes(tmp_path / name), clicks(tmp_path / name)
     assert len(seen) == len(heard) >= 2
     assert all(abs(float(flash) - click) < 0.0015 for flash, click in zip(seen, heard, strict=True))
@@ -255,7 +266,13 @@ def test_sound_stays_in_step(tmp_path, flashing, name, start, end):
 def test_packets_of_sound_are_those_that_overlap(tmp_path):
     """Copied bit for bit, from the packet that the pictures begin in to the one that they end in."""
     clip = write_clip(tmp_path / "in.mp4", times=range(100), sound="aac")
-    convert(str(clip), str(tmp_path / "out.mp4"), trim=trim("1", "3"), method="nearest", encoding=FAST)
+    convert(
+        str(clip),
+        str(tmp_path / "out.mp4"),
+        method="nearest",
+        encoding=FAST,
+        decoding=DecodeOptions(trim=trim("1", "3")),
+    )
     length = Fraction(1024, 48000)
     overlapping = [(t - 1, data) for t, data in packets_of(clip, "audio") if t + length > 1 and t < 3]
     assert packets_of(tmp_path / "out.mp4", "audio") == overlapping
@@ -266,7 +283,13 @@ def test_packets_of_sound_are_those_that_overlap(tmp_path):
 
 def test_chapters_of_the_part(tmp_path, flashing):
     """Those that overlap it, cut to it."""
-    convert(str(flashing), str(tmp_path / "out.mkv"), trim=trim("1.4", "3.2"), method="nearest", encoding=FAST)
+    convert(
+        str(flashing),
+        str(tmp_path / "out.mkv"),
+        method="nearest",
+        encoding=FAST,
+        decoding=DecodeOptions(trim=trim("1.4", "3.2")),
+    )
     with av.open(str(tmp_path / "out.mkv")) as file:
         found = [
             (each["metadata"]["title"], each["start"] * each["time_base"], each["end"] * each["time_base"])
@@ -285,7 +308,13 @@ def test_subtitles_of_the_part(tmp_path):
         (3000, 500, b"after"),
     ]
     clip = write_clip(tmp_path / "in.mkv", times=range(100), subtitles=lines)
-    convert(str(clip), str(tmp_path / "out.mkv"), trim=trim("1", "2"), method="nearest", encoding=FAST)
+    convert(
+        str(clip),
+        str(tmp_path / "out.mkv"),
+        method="nearest",
+        encoding=FAST,
+        decoding=DecodeOptions(trim=trim("1", "2")),
+    )
     with av.open(str(tmp_path / "out.mkv")) as file:
         found = [(p.pts, p.duration, bytes(p)) for p in file.demux(subtitles=0) if p.size]
     assert found == [(0, 400, b"into"), (500, 200, b"within"), (900, 100, b"out of")]
@@ -298,7 +327,9 @@ def test_images_of_the_part(tmp_path, save_images):
     """Only those files are read; numbering begins as the input's does."""
     images = save_images(tmp_path / "in", count=8)
     (tmp_path / "in" / "shot_0002.png").write_bytes(b"broken")
-    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), trim=trim("3f", "6f"), method=BLEND)
+    summary = convert(
+        str(tmp_path / "in"), str(tmp_path / "out"), method=BLEND, decoding=DecodeOptions(trim=trim("3f", "6f"))
+    )
     names = sorted(os.listdir(tmp_path / "out"))
     assert (summary.frames_in, names) == (3, [f"shot_{number:04d}.png" for number in range(1, 6)])
     for name, image in zip(names[::2], images[3:6], strict=True):
@@ -309,8 +340,13 @@ def test_times_of_images_need_a_rate(tmp_path, save_images):
     """Frames have numbers without one; seconds need --input-fps."""
     save_images(tmp_path / "in", count=8)
     with pytest.raises(OptionError, match="--input-fps"):
-        convert(str(tmp_path / "in"), str(tmp_path / "out"), trim=trim("0.1"), method=BLEND)
-    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), trim=trim("0.1"), input_fps=25, method=BLEND)
+        convert(str(tmp_path / "in"), str(tmp_path / "out"), method=BLEND, decoding=DecodeOptions(trim=trim("0.1")))
+    summary = convert(
+        str(tmp_path / "in"),
+        str(tmp_path / "out"),
+        method=BLEND,
+        decoding=DecodeOptions(trim=trim("0.1"), input_fps=25),
+    )
     assert summary.frames_in == 5
     with pytest.raises(InputError, match="has 8 images and ends before --start"):
         trim_source(open_source(str(tmp_path / "in")), trim("8f"))

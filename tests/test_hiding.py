@@ -174,7 +174,7 @@ def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
     path = write_clip(tmp_path / "a.mp4", times=range(30), options={"g": "6", "crf": "0"})
     trim = Trim(parse_position(start, "--start"), parse_position(end, "--end"))
     by_frames = list(Hiding(first=10, last=17).intervals(str(path)))
-    by_times = list(Hiding(trim=trim, counts_frames=counts_frames).intervals(str(path)))
+    by_times = list(Hiding(decoding=DecodeOptions(trim=trim), counts_frames=counts_frames).intervals(str(path)))
     assert [each.hidden[0].number for each in by_times] == [11, 13, 15]
     for one, other in zip(by_frames, by_times, strict=True):
         assert (one.begin, one.end) == (other.begin, other.end)
@@ -185,18 +185,18 @@ def test_a_part_of_images_keeps_their_numbers(folder):
     """By frames, and by times where the rate is given."""
     for start, rate in (("3f", None), ("0.3", Fraction(10))):
         trim = Trim(parse_position(start, "--start"))
-        assert [each.number for each in Hiding(trim=trim).intervals(folder, rate)] == [3, 5, 7]
+        assert [each.number for each in Hiding(decoding=DecodeOptions(trim=trim)).intervals(folder, rate)] == [3, 5, 7]
     with pytest.raises(OptionError, match="--input-fps"):
-        list(Hiding(trim=trim).intervals(folder))
+        list(Hiding(decoding=DecodeOptions(trim=trim)).intervals(folder))
 
 
 def test_options_say_what_they_were_made_of():
     """The words of the command line that give the same again, and none for the defaults."""
     trim = Trim(parse_position("1:30.5", "--start"), parse_position("2700f", "--end"))
-    hiding = Hiding(2, trim=trim, decoding=DecodeOptions(1, deinterlace=True), duplicates="keep")
+    hiding = Hiding(2, decoding=DecodeOptions(trim, stream=1, deinterlace=True), duplicates="keep")
     words = "--skip 2 --start 90.5 --end 2700f --stream 1 --duplicates keep --deinterlace"
     assert hiding.as_options() == words.split()
     assert Hiding().as_options() == []
     assert Hiding(first=3).as_options() == ["--range", "3:"]
     with pytest.raises(OptionError, match="give one or the other"):
-        Hiding(first=3, trim=trim)
+        Hiding(first=3, decoding=DecodeOptions(trim=trim))

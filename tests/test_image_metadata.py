@@ -14,10 +14,12 @@ from PIL import Image, ImageCms, ImageOps
 from video_truth import pictures_of, scene
 
 import fpsboost
+from fpsboost.conversion import RunOptions
 from fpsboost.io.images import png_chunks
 from fpsboost.io.images.exr import encode_exr, parse_exr_header
 from fpsboost.io.images.files import encode_image
 from fpsboost.io.images.metadata import ImageMetadata, metadata_of, upright
+from fpsboost.io.video.decode_options import DecodeOptions
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 XMP = b"<x:xmpmeta xmlns:x='adobe:ns:meta/'/>"
@@ -47,7 +49,7 @@ def write(folder: Path, suffix: str, count: int = 3, mode: str = "RGB", **option
 
 def double(folder: Path, out: Path) -> tuple[list[Path], list[str]]:
     """Convert a folder; the images that come out, and the remarks."""
-    summary = fpsboost.convert(str(folder), str(out), method="blend", overwrite=True)
+    summary = fpsboost.convert(str(folder), str(out), method="blend", run=RunOptions(overwrite=True))
     return sorted(path for path in out.parent.iterdir() if path.match(out.name.replace("####", "*"))), summary.remarks
 
 
@@ -164,7 +166,9 @@ def test_orientation(tmp_path, orientation):
             with Image.open(path) as image:
                 assert image.getexif().get(ORIENTATION, 1) == orientation
                 assert image.size == (64, 48) or suffix == ".tif"  # Pillow turns TIFF by itself
-    fpsboost.convert(str(tmp_path / "in"), str(tmp_path / "out.mkv"), input_fps=10, method="blend", factor=1)
+    fpsboost.convert(
+        str(tmp_path / "in"), str(tmp_path / "out.mkv"), method="blend", factor=1, decoding=DecodeOptions(input_fps=10)
+    )
     with Image.open(sources[0]) as image:
         truth = np.asarray(ImageOps.exif_transpose(image))
     shown = pictures_of(tmp_path / "out.mkv")[0].to_ndarray(format="rgb24")

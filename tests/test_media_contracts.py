@@ -18,6 +18,7 @@ from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.io import FrameSink, FrameSource
 from fpsboost.io.opening import open_sink, open_source
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
 from fpsboost.timing.schedule import OutputTiming
@@ -87,7 +88,7 @@ def clip(request, tmp_path, save_images) -> tuple[str, Path, type]:
 def opened(path: Path, kind: str) -> FrameSource:
     if kind.endswith("pipe"):
         return PipeSource(path.open("rb"))
-    return open_source(str(path), RATE if kind in is_images else None)
+    return open_source(str(path), decoding=DecodeOptions(input_fps=RATE if kind in is_images else None))
 
 
 def test_frames_come_in_order(clip):
@@ -194,7 +195,10 @@ def test_reading_changes_nothing(clip, tmp_path, snapshot):
 def test_what_is_missing_is_named(tmp_path, name):
     """A missing file, folder or sequence is an InputError that names it."""
     with pytest.raises(InputError, match="none"):
-        open_source(str(tmp_path / name), RATE if "." not in name or name.endswith((".png", ".tif")) else None)
+        open_source(
+            str(tmp_path / name),
+            decoding=DecodeOptions(input_fps=RATE if "." not in name or name.endswith((".png", ".tif")) else None),
+        )
 
 
 # --------------------------------------------------------------------------------------------------------------- sinks
@@ -239,7 +243,7 @@ def target(request, tmp_path) -> tuple[str, Path]:
 
 def open_pair(source_path: Path, target: tuple[str, Path], overwrite: bool = False) -> tuple[FrameSource, FrameSink]:
     kind, path = target
-    source = open_source(str(source_path), RATE if source_path.is_dir() else None)
+    source = open_source(str(source_path), decoding=DecodeOptions(input_fps=RATE if source_path.is_dir() else None))
     try:
         sink = open_sink(
             str(path),
@@ -284,7 +288,7 @@ def visible(folder: Path) -> list[str]:
 
 
 def frames_of(path: Path) -> int:
-    with open_source(str(path), None if path.is_file() else RATE) as source:
+    with open_source(str(path), decoding=DecodeOptions(input_fps=None if path.is_file() else RATE)) as source:
         return len(list(source))
 
 
@@ -420,7 +424,7 @@ def test_the_source_is_never_the_target(tmp_path, save_images, snapshot, kind, o
     elif kind == "one image":
         same = path / "shot_0002.webp"
     before = snapshot(tmp_path)
-    source = open_source(str(path), None if path.is_file() else RATE)
+    source = open_source(str(path), decoding=DecodeOptions(input_fps=None if path.is_file() else RATE))
     timing = OutputTiming(RATE, 1 / RATE)
     with source, pytest.raises(OutputError, match=r"input"):
         open_sink(

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import scene, write_clip
 
-from fpsboost.conversion import convert
+from fpsboost.conversion import RunOptions, convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io import memory_limit
 from fpsboost.io.animation.source import AnimationSource
@@ -260,5 +260,5 @@ def test_a_conversion_takes_no_more_threads_than_memory_reaches_for(tmp_path, mo
     limit = MemoryLimit(AT_LEAST + (BYTES_PER_PIXEL + 3 * BYTES_PER_PIXEL_OF_A_THREAD) * 64 * 48)
     for number in (None, 7):
         with pytest.raises(InterruptedError):
-            convert(str(tmp_path / "in.mp4"), str(tmp_path / "out.mp4"), limit=limit, threads=number)
+            convert(str(tmp_path / "in.mp4"), str(tmp_path / "out.mp4"), run=RunOptions(limit=limit, threads=number))
     assert taken == [4, 7]

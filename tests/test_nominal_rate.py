@@ -9,6 +9,7 @@ from typing import Any
 
 import av
 import pytest
+from conversion_options import keeping_duplicates
 from video_truth import scene, write_clip
 
 from fpsboost import convert
@@ -37,7 +38,7 @@ def test_a_clock_that_drifts(tmp_path):
     """A phone that films 29.985 frames per second: its frames pass, up to the last one."""
     times = [round(number * 90_000 / 29.985) for number in range(800)]
     assert float(rate_of(tmp_path / "phone.mp4", times)) == pytest.approx(29.985, abs=1e-4)
-    summary = convert(str(tmp_path / "phone.mp4"), str(tmp_path / "out.mp4"), method="nearest", duplicates="keep")
+    summary = convert(str(tmp_path / "phone.mp4"), str(tmp_path / "out.mp4"), method=keeping_duplicates("nearest"))
     assert (summary.frames_out, summary.frames_made, summary.remarks) == (1600, 800, [])
 
 
@@ -100,7 +101,7 @@ def test_flv_without_metadata(tmp_path):
         for index in range(48):
             packets += video.encode(av.VideoFrame.from_ndarray(scene(index), format="bgr24"))
         output.mux([*packets, *video.encode(None)])
-    summary = convert(str(tmp_path / "in.flv"), str(tmp_path / "out.mp4"), method="nearest", duplicates="keep")
+    summary = convert(str(tmp_path / "in.flv"), str(tmp_path / "out.mp4"), method=keeping_duplicates("nearest"))
     assert (summary.frames_in, summary.frames_out, summary.remarks) == (48, 96, [])
     with VideoSource(tmp_path / "out.mp4") as source:
         assert source.info.rate == 48

@@ -22,6 +22,7 @@ from fpsboost.io.opening import (
     open_sink,
     open_source,
 )
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES, Encoding
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
@@ -55,7 +56,7 @@ def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
     (tmp_path / "clip.mp4").mkdir()
     assert not makes_video(str(tmp_path / "clip.mp4"))
     with pytest.raises(InputError, match="holds no images"):
-        open_source(str(tmp_path / "clip.mp4"), Fraction(24))
+        open_source(str(tmp_path / "clip.mp4"), decoding=DecodeOptions(input_fps=Fraction(24)))
 
 
 @pytest.mark.parametrize("name", ["out.avi", "out.txt", "out.mp4.bak", "shot_%d.hdr"])
@@ -85,7 +86,7 @@ def test_rates_of_images(tmp_path, save_images):
     """Images play at the rate that is said; where only their order matters one is assumed, else it must be said."""
     save_images(tmp_path, count=2)
     for path in (tmp_path, tmp_path / "shot_####.png"):
-        assert open_source(str(path), Fraction(30)).info.rate == 30
+        assert open_source(str(path), decoding=DecodeOptions(input_fps=Fraction(30))).info.rate == 30
         assert open_source(str(path)).info.rate == ASSUMED_IMAGE_RATE
         with pytest.raises(OptionError, match="--input-fps"):
             open_source(str(path), requirements=TargetRequirements(needs_rate=True))
@@ -96,14 +97,14 @@ def test_rates_that_no_clip_has(tmp_path, save_images, rate):
     """A rate of images that cannot be is an OptionError that names its option."""
     save_images(tmp_path, count=2)
     with pytest.raises(OptionError, match="--input-fps"):
-        open_source(str(tmp_path), rate)
+        open_source(str(tmp_path), decoding=DecodeOptions(input_fps=rate))
 
 
 def test_a_video_has_its_own_rate(tmp_path):
     """Saying a rate for a video is a mistake that is told."""
     clip = write_clip(tmp_path / "in.mp4", times=range(2))
     with pytest.raises(OptionError, match=r"--input-fps is for images; .*in\.mp4"):
-        open_source(str(clip), Fraction(24))
+        open_source(str(clip), decoding=DecodeOptions(input_fps=Fraction(24)))
 
 
 def test_kinds_of_sources_and_sinks(tmp_path, save_images):
@@ -112,7 +113,7 @@ def test_kinds_of_sources_and_sinks(tmp_path, save_images):
     clip = write_clip(tmp_path / "in.mp4", times=range(2))
     timing = OutputTiming(Fraction(25), Fraction(1, 25))
     for path, kind in ((tmp_path / "in", ImageSource), (tmp_path / "in" / "shot_####.png", ImageSource)):
-        assert isinstance(open_source(str(path), Fraction(25)), kind)
+        assert isinstance(open_source(str(path), decoding=DecodeOptions(input_fps=Fraction(25))), kind)
     for name in ("in.gif", "in.png", "in.apng", "in.webp"):
         with open_source(str(write_animation(tmp_path / name, [scene(0), scene(1)]))) as source:
             assert isinstance(source, AnimationSource)
@@ -137,7 +138,7 @@ def test_an_empty_input_name_is_no_folder(tmp_path, monkeypatch, save_images):
     save_images(tmp_path, count=2)
     monkeypatch.chdir(tmp_path)
     with pytest.raises((InputError, OptionError)):
-        open_source("", Fraction(24))
+        open_source("", decoding=DecodeOptions(input_fps=Fraction(24)))
 
 
 def test_an_empty_output_name_is_no_folder(tmp_path, monkeypatch, save_images):
@@ -145,5 +146,8 @@ def test_an_empty_output_name_is_no_folder(tmp_path, monkeypatch, save_images):
     save_images(tmp_path / "in", count=2)
     monkeypatch.chdir(tmp_path)
     timing = OutputTiming(Fraction(24), Fraction(1, 24))
-    with open_source("in", Fraction(24)) as source, pytest.raises((OutputError, OptionError)):
+    with (
+        open_source("in", decoding=DecodeOptions(input_fps=Fraction(24))) as source,
+        pytest.raises((OutputError, OptionError)),
+    ):
         open_sink("", source=source, timing=timing, encoding=Encoding(), expected_frames=3, overwrite=True)

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from video_truth import packets_of, scene, write_clip
 
-from fpsboost.conversion import convert
+from fpsboost.conversion import RunOptions, convert
 from fpsboost.errors import OutputError
 from fpsboost.io.trim import Trim
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.io.video.timecode import at_rate, frames_later
 from fpsboost.probing import probe
@@ -183,7 +184,14 @@ def test_a_timecode_goes_along_with_the_start(tmp_path):
     clip = write_with(tmp_path / "in.mov", lambda _, video: video.metadata.update(timecode="01:02:03:22"), nothing)
     for start in ("3f", "0.12"):
         part = Trim(parse_position(start, "--start"))
-        convert(str(clip), str(tmp_path / "out.mov"), trim=part, method="nearest", encoding=FAST, overwrite=True)
+        convert(
+            str(clip),
+            str(tmp_path / "out.mov"),
+            method="nearest",
+            encoding=FAST,
+            decoding=DecodeOptions(trim=part),
+            run=RunOptions(overwrite=True),
+        )
         assert streams_of(tmp_path / "out.mov")[0][1]["timecode"] == "01:02:04:02"
 
 

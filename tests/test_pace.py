@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from conversion_options import grouped
 from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import pictures_of, samples_of, scene, write_clip
@@ -72,7 +73,7 @@ class Shelf:
 def play(info: ClipInfo, times: Iterable[Fraction], end: Fraction, pace: OutputRate) -> tuple[list[Frame], Summary]:
     """What comes out, with the remarks of the pace."""
     clip, shelf, schedule = Clip(info, list(times), end), Shelf(), pace.schedule(info)
-    summary = run_conversion(clip, BLEND, shelf, schedule, duplicates="keep")
+    summary = run_conversion(clip, replace(BLEND, duplicates=None), shelf, schedule)
     summary.remarks += pace.remarks(info, schedule, summary.frame_intervals)
     return shelf.frames, summary
 
@@ -338,7 +339,7 @@ def test_slow_motion_of_a_file(tmp_path):
         tmp_path / "in.mkv", times=range(25), sound="aac", subtitles=[(100, 200, b"words")], chapters=True
     )
     pace: dict[str, Any] = {"factor": 4, "slow_motion": True}
-    summary = convert(str(clip), str(tmp_path / "out.mkv"), **pace, method="nearest", encoding=LOSSLESS)
+    summary = convert(str(clip), str(tmp_path / "out.mkv"), **grouped(**pace), method="nearest", encoding=LOSSLESS)
     assert times_of(tmp_path / "out.mkv") == [Fraction(k, 25) for k in range(100)]
     assert summary.remarks == [f"{clip} has sound, which slow motion leaves out."]
     with av.open(str(tmp_path / "out.mkv")) as file:

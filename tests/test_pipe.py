@@ -29,6 +29,7 @@ from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneErro
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io import Cancellable
 from fpsboost.io.opening import makes_video, open_source
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.io.video.pipe import MAX_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
 from fpsboost.io.video.source import VideoSource
@@ -435,7 +436,7 @@ def test_paths_that_are_pipes():
     assert makes_video("-")
     assert not makes_video("./-")
     with pytest.raises(OptionError, match="--input-fps is for images"):
-        open_source("-", Fraction(24))
+        open_source("-", decoding=DecodeOptions(input_fps=Fraction(24)))
 
 
 def test_pipes_can_be_told_to_give_up():

@@ -19,18 +19,21 @@ import av
 import cv2
 import numpy as np
 import pytest
+from conversion_options import grouped
 from truth import accelerating, prepared
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, write_clip
 
-from fpsboost.conversion import convert
+from fpsboost.conversion import RunOptions, convert
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.method_table import methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.streaming import Summary, run_conversion
 from fpsboost.synthesis.blend import Blend
+from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, ByRate, Schedule, count_frames
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
@@ -455,9 +458,11 @@ def test_ctrl_c_in_the_loop_comes_through():
 
 @pytest.mark.parametrize("slow_side", ["source", "sink"])
 @pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
-@pytest.mark.parametrize(("duplicates", "limit"), [("keep", 12), ("interpolate", 20)])
+@pytest.mark.parametrize(
+    ("method", "limit"), [(replace(BLEND, duplicates=None), 12), (BLEND, 20)], ids=["keep", "interpolate"]
+)
 @pytest.mark.parametrize("threads", [1, 3])
-def test_memory_does_not_grow(slow_side, holds, duplicates, limit, threads):
+def test_memory_does_not_grow(slow_side, holds, method, limit, threads):
     """Of 200 frames a dozen are alive at any time, one more for each thread, and in a slow fade a held picture's."""
     alive: set[int] = set()
     most = 0
@@ -478,7 +483,7 @@ def test_memory_does_not_grow(slow_side, holds, duplicates, limit, threads):
             time.sleep(0.001 if slow_side == "sink" else 0)
 
     source, sink = FakeSource(frames()), ForgetfulSink(holds)
-    summary = run_conversion(source, BLEND, sink, ByFactor(Fraction(2)), duplicates=duplicates, threads=threads)
+    summary = run_conversion(source, method, sink, ByFactor(Fraction(2)), threads=threads)
     assert summary.frames_in == 200
     assert most <= limit + threads
     assert not alive
@@ -533,7 +538,9 @@ def test_video_to_video(tmp_path, snapshot):
     clip = write_clip(tmp_path / "in.mp4", times=range(12), time_base=Fraction(1001, 24000), sound="aac")
     before = snapshot(tmp_path)
     observer = Watching()
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=LOSSLESS, observer=observer)
+    summary = convert(
+        str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=LOSSLESS, run=RunOptions(observer=observer)
+    )
     assert (summary.frames_in, summary.frames_out, summary.frames_made, summary.remarks) == (12, 24, 12, [])
     assert observer.events == [("opened", str(clip), 24), "ready", *range(1, 25)]
     assert times_of(tmp_path / "out.mp4") == [k * Fraction(1001, 48000) for k in range(24)]
@@ -560,7 +567,7 @@ def test_other_factors_keep_the_length(tmp_path, factor):
 def test_rates_keep_the_length(tmp_path, rate):
     """Also a rate that does not divide the length ends where the source ends."""
     clip = write_clip(tmp_path / "in.mp4", times=range(10))
-    convert(str(clip), str(tmp_path / "out.mp4"), fps=rate, method="nearest", encoding=FAST)
+    convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST, rate=OutputRate(fps=rate))
     assert length_of(tmp_path / "out.mp4") == length_of(clip)
 
 
@@ -568,7 +575,7 @@ def test_film_to_ntsc(tmp_path):
     """24000/1001 to 60000/1001 is exact: 5 frames for 2, and every second original in its place."""
     clip = write_clip(tmp_path / "in.mp4", times=range(12), time_base=Fraction(1001, 24000))
     rate = Fraction(60000, 1001)
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), fps=rate, method=BLEND, encoding=LOSSLESS)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=LOSSLESS, rate=OutputRate(fps=rate))
     assert summary.frames_out == 30
     assert times_of(tmp_path / "out.mp4") == [k / rate for k in range(30)]
     for original, kept in zip(pictures_of(clip)[::2], pictures_of(tmp_path / "out.mp4")[::5], strict=True):
@@ -581,7 +588,7 @@ def test_variable_rate_video(tmp_path):
     """With --keep-timing, uneven frames from a file are halved one by one, up to the end."""
     times = [0, 3, 4, 9, 10, 16]
     clip = write_clip(tmp_path / "in.mp4", times=times, end=20, time_base=Fraction(1, 100), sound="aac")
-    convert(str(clip), str(tmp_path / "out.mp4"), keep_timing=True, method="nearest", encoding=FAST)
+    convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST, rate=OutputRate(keep_timing=True))
     halves = [time for a, b in pairwise([*times, 20]) for time in (Fraction(a, 100), Fraction(a + b, 200))]
     assert times_of(tmp_path / "out.mp4") == halves
     assert length_of(tmp_path / "out.mp4") == Fraction(20, 100)
@@ -611,9 +618,9 @@ def test_folder_to_video(tmp_path, save_images, input_fps):
         str(tmp_path / "in"),
         str(tmp_path / "out.mp4"),
         method=BLEND,
-        input_fps=input_fps,
         encoding=FAST,
-        observer=observer,
+        decoding=DecodeOptions(input_fps=input_fps),
+        run=RunOptions(observer=observer),
     )
     assert observer.events[0] == ("opened", str(tmp_path / "in"), 10)
     assert times_of(tmp_path / "out.mp4") == [k / (2 * input_fps) for k in range(10)]
@@ -625,7 +632,7 @@ def test_folder_to_folder(tmp_path, save_images, snapshot):
     images = save_images(tmp_path / "in", count=5, dtype=np.uint16)
     before = snapshot(tmp_path / "in")
     observer = Watching()
-    convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=3, method=BLEND, observer=observer)
+    convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=3, method=BLEND, run=RunOptions(observer=observer))
     assert observer.events[0] == ("opened", str(tmp_path / "in"), 13)
     names = sorted(os.listdir(tmp_path / "out"))
     assert names == [f"shot_{number:04d}.png" for number in range(1, 14)]
@@ -700,7 +707,13 @@ def test_what_fails_in_the_middle_leaves_nothing(
     spoil(tmp_path / "in")
     before = snapshot(tmp_path)
     with pytest.raises(InputError, match=r"shot_0004\.png"):
-        convert(str(tmp_path / "in"), str(tmp_path / output), method="nearest", input_fps=24, encoding=FAST)
+        convert(
+            str(tmp_path / "in"),
+            str(tmp_path / output),
+            method="nearest",
+            encoding=FAST,
+            decoding=DecodeOptions(input_fps=24),
+        )
     assert snapshot(tmp_path) == before
 
 
@@ -710,5 +723,5 @@ def test_bad_arguments_cost_nothing(tmp_path, snapshot):
     before = snapshot(tmp_path)
     for bad in ({"factor": 0}, {"factor": -1}, {"fps": 0}, {"factor": 2, "fps": 50}, {"method": "magic"}):
         with pytest.raises(OptionError):
-            convert(str(clip), str(tmp_path / "out.mp4"), **bad)
+            convert(str(clip), str(tmp_path / "out.mp4"), **grouped(**bad))
     assert snapshot(tmp_path) == before

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from truth import affine, noise, prepared
 
-from fpsboost.conversion import convert
+from fpsboost.conversion import RunOptions, convert
 from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.method_table import methods
 from fpsboost.streaming import SilentObserver
@@ -137,7 +137,9 @@ def test_a_conversion_prepares_every_frame_once(tmp_path, save_images, counted, 
     """One call for each frame, however many pairs and times it is part of; none where nothing lies between."""
     save_images(tmp_path / "in", count=5)
     counter = counted(name)
-    summary = convert(str(tmp_path / "in"), str(tmp_path / "out"), factor=factor, observer=FromTheFirstFrame(counter))
+    summary = convert(
+        str(tmp_path / "in"), str(tmp_path / "out"), factor=factor, run=RunOptions(observer=FromTheFirstFrame(counter))
+    )
     assert summary.scene_cuts == 0
     assert counter.calls == calls
 
@@ -159,7 +161,7 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
 
     monkeypatch.setattr("fpsboost.synthesis.multi_hypothesis._samples", followed)
     save_images(tmp_path / "in", count=20)
-    convert(str(tmp_path / "in"), str(tmp_path / "out"), threads=2)
+    convert(str(tmp_path / "in"), str(tmp_path / "out"), run=RunOptions(threads=2))
     assert 2 <= most <= 6
     assert not alive
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -336,7 +337,7 @@ def test_options_that_mean_nothing_are_refused(tmp_path, save_images):
         (DecodeOptions(stream=0), "--stream"),
     ):
         with pytest.raises(OptionError, match=rf"{option} is for video files and not for .*in, which holds images"):
-            open_source(str(tmp_path / "in"), Fraction(24), decoding=decoding)
+            open_source(str(tmp_path / "in"), decoding=replace(decoding, input_fps=24))
         with pytest.raises(OptionError, match=rf"{option} is for video files and not for standard input"):
             open_source("-", decoding=decoding)
     with pytest.raises(OptionError, match="--stream must be"):

@@ -21,6 +21,7 @@ from test_cli import environment
 from video_truth import pictures_of, write_clip
 
 import fpsboost
+from fpsboost.conversion import RunOptions
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.io.opening import open_source
 from fpsboost.streaming import SilentObserver, Summary
@@ -319,7 +320,7 @@ def test_the_output_folder_goes_away(tmp_path, output):
             str(tmp_path / "in.mp4"),
             target,
             method="nearest",
-            observer=AtFrame(lambda: (tmp_path / "out").rename(tmp_path / "elsewhere")),
+            run=RunOptions(observer=AtFrame(lambda: (tmp_path / "out").rename(tmp_path / "elsewhere"))),
         )
     assert not (tmp_path / "out").exists()
     assert all(path.name.startswith(".") for path in (tmp_path / "elsewhere").iterdir())
@@ -339,7 +340,10 @@ def test_the_input_is_cut_short(tmp_path, kind):
     whole = source.stat().st_size
     try:
         summary = fpsboost.convert(
-            str(source), str(target), method="nearest", observer=AtFrame(lambda: os.truncate(source, whole // 2))
+            str(source),
+            str(target),
+            method="nearest",
+            run=RunOptions(observer=AtFrame(lambda: os.truncate(source, whole // 2))),
         )
     except FpsboostError:
         assert not target.exists()

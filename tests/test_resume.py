@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +17,7 @@ import pytest
 from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 import fpsboost
-from fpsboost.conversion import convert
+from fpsboost.conversion import Job, convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
@@ -27,13 +27,15 @@ from fpsboost.io.staging import JobFingerprint, StagingDirectory, fingerprint_op
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
 from fpsboost.io.video.chunks import Times, find_chunks
+from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import Encoding
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.method_table import find_method
+from fpsboost.method_table import find_method, methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.streaming import Summary, run_conversion
 from fpsboost.synthesis.blend import Blend
+from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, OutputTiming
 
 FRAMES = 25
@@ -617,18 +619,19 @@ def test_another_input_is_refused(fpsboost_, tmp_path, monkeypatch):
 
 
 def test_every_option_belongs_to_the_job(tmp_path, monkeypatch):
-    """Whatever `convert` is told is noted down, but for what leaves the output as it is."""
-    noted: dict[str, Any] = {}
+    """Whatever `convert` is told is part of the job, but for how it is run."""
+    noted: list[Job] = []
 
-    def note(_: object, **facts: Any) -> None:
-        noted.update(facts)
+    def note(_: object, job: Job, *, resume: bool) -> None:
+        noted.append(job)
         raise StoppedError
 
     monkeypatch.setattr("fpsboost.conversion.fingerprint_job", note)
     with pytest.raises(StoppedError):
-        convert(str(write_clip(tmp_path / "in.mp4")), str(tmp_path / "out.mp4"))
+        convert(str(write_clip(tmp_path / "in.mp4")), str(tmp_path / "out.mp4"), factor=3)
+    assert noted == [Job(OutputRate(3), methods["nlm"], DecodeOptions(), Encoding(), in_place=False)]
     arguments = set(convert.__annotations__) - {"return"}
-    assert set(noted) == arguments - {"input", "output", "overwrite", "limit", "threads", "observer"}
+    assert {field.name for field in fields(Job)} == arguments - {"input", "output", "factor", "run"} | {"in_place"}
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 import pytest
+from conversion_options import grouped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from vector_truth import constant, save_depth, save_flows, save_vectors
@@ -31,6 +32,7 @@ from fpsboost.method_table import find_method
 from fpsboost.probing import probe
 from fpsboost.streaming import Summary
 from fpsboost.timing.position import parse_position
+from fpsboost.timing.rate import OutputRate
 
 HEIGHT, WIDTH = 12, 16
 BLEND = replace(methods["blend"], cuts=None)
@@ -73,7 +75,7 @@ def made(folder: Path, name: str) -> float:
 
 
 def run(source: Path | str, target: Path | str | None = None, **options: object) -> Summary:
-    return convert(str(source), None if target is None else str(target), method=BLEND, **options)
+    return convert(str(source), None if target is None else str(target), **{"method": BLEND, **grouped(**options)})
 
 
 # ----------------------------------------------------------------------------------------------------------------- step
@@ -320,7 +322,7 @@ def test_contradictions(tmp_path, options, error, message):
     source = fill(tmp_path / "in", [1, 3, 5])
     before = times(source)
     with pytest.raises(error, match=message):
-        convert(str(source), **({"method": BLEND} | options))
+        convert(str(source), **({"method": BLEND} | grouped(**options)))
     assert times(source) == before
 
 
@@ -569,7 +571,12 @@ def test_gaps_with_vectors(tmp_path):
     for number in numbers:
         save(tmp_path / "in" / f"{number:04d}.png", moved(number))
     folder = VectorFolder(save_pass(tmp_path / "v", range(0, 12), size=SIZE))
-    convert(str(tmp_path / "in"), str(tmp_path / "out"), fill_gaps=True, method=find_method("reproject-scene", folder))
+    convert(
+        str(tmp_path / "in"),
+        str(tmp_path / "out"),
+        method=find_method("reproject-scene", folder),
+        rate=OutputRate(fill_gaps=True),
+    )
     for number in range(1, 9):
         found = read_image(tmp_path / "out" / f"{number:04d}.png")
         np.testing.assert_array_equal(found[8:-8, 8:-8], moved(number)[8:-8, 8:-8])
@@ -591,5 +598,5 @@ def test_vectors_need_numbers_that_fit(tmp_path, step, options):
     source = fill(tmp_path / "in", [1, 1 + step, 1 + 3 * step] if "fill_gaps" in options else range(1, 8, step))
     method = find_method("reproject-image", numbered_vectors(tmp_path / "v", range(20)))
     with pytest.raises(OptionError, match=rf"vectors go by the numbers of .* give --factor {step}\."):
-        convert(str(source), str(tmp_path / "out"), method=method, **options)
+        convert(str(source), str(tmp_path / "out"), method=method, **grouped(**options))
     assert not (tmp_path / "out").exists()

@@ -10,6 +10,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from conversion_options import grouped
 from numpy.typing import NDArray
 from video_truth import packets_of, pictures_of, scene, spoil_packets, write_clip
 
@@ -82,7 +83,7 @@ def slow(source: Path, target: Path, factor: Fraction | int = 2, **more: Any) ->
     """Convert in the cheapest way, with sound."""
     encoding = Encoding(preset="8" if target.suffix == ".webm" else "ultrafast")
     options = {"slow_motion_sound": "stretch", "method": "nearest", "encoding": encoding, **more}
-    return convert(str(source), str(target), factor=factor, slow_motion=True, **options)
+    return convert(str(source), str(target), **grouped(factor=factor, slow_motion=True, **options))
 
 
 def heard(path: Path, track: int = 0) -> tuple[NDArray[np.float64], int]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from dataclasses import replace
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
@@ -99,8 +100,8 @@ def convert(
     from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
 
     interpolator = at_cuts.applied_to(motion.interpolator(tuning))
-    factor, fps, input_fps = rate_options.multiple(), rate_options.rate(), source.image_rate()
-    trim, encoding, limit = source.trim(), video.encoding(), options.limit()
+    rate = rate_options.rate(fill_gaps=source.fill_gaps)
+    decoding, encoding, run_options = source.decoding(), video.encoding(), options.run()
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
@@ -111,24 +112,11 @@ def convert(
             summary = conversion.convert(
                 input,
                 output,
-                factor=factor,
-                fps=fps,
-                keep_timing=rate_options.keep_timing,
-                slow_motion=rate_options.slow_motion,
-                slow_motion_sound=rate_options.slow_motion_sound,
+                rate=rate,
                 method=interpolator,
-                input_fps=input_fps,
-                trim=trim,
-                duplicates=motion.duplicates,
-                fill_gaps=source.fill_gaps,
-                in_place=options.in_place,
-                decoding=source.decoding(),
+                decoding=decoding,
                 encoding=encoding,
-                overwrite=options.overwrite,
-                resume=options.resume,
-                limit=limit,
-                threads=options.threads,
-                observer=reporter,
+                run=replace(run_options, observer=reporter),
             )
         reporter.say_summary(summary)
 

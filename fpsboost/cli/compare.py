@@ -61,7 +61,7 @@ class FrameOptions(InputOptions):
         from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
 
         first, last = parse_range(self.range)
-        return Hiding(self.skip, first, last, self.trim(), self.decoding(), self.duplicates)
+        return Hiding(self.skip, first, last, self.decoding(), self.duplicates)
 
 
 def compare(

@@ -14,11 +14,11 @@ from cyclopts import Group, Parameter
 from fpsboost.errors import OptionError
 
 if TYPE_CHECKING:
+    from fpsboost import conversion
     from fpsboost.interpolator import Interpolator
-    from fpsboost.io.memory_limit import MemoryLimit
-    from fpsboost.io.trim import Trim
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encoding import Encoding
+    from fpsboost.timing.rate import OutputRate
 
 
 @Parameter(name="*", group=Group("Input", sort_key=1))
@@ -55,21 +55,17 @@ class InputOptions:
     decoder: Annotated[Literal["ffmpeg", "opencv"], Parameter(metavar="HOW")] = "ffmpeg"
     fill_gaps: bool = False
 
-    def trim(self) -> Trim:
-        """Return the part of the input to convert."""
+    def decoding(self) -> DecodeOptions:
+        """Return how the input is read."""
         from fpsboost.io.trim import Trim  # noqa: PLC0415
+        from fpsboost.io.video.decode_options import DecodeOptions  # noqa: PLC0415
         from fpsboost.timing.position import parse_position  # noqa: PLC0415
 
-        return Trim(
+        trim = Trim(
             None if self.start is None else parse_position(self.start, "--start"),
             None if self.end is None else parse_position(self.end, "--end"),
         )
-
-    def decoding(self) -> DecodeOptions:
-        """Return the options for decoding video."""
-        from fpsboost.io.video.decode_options import DecodeOptions  # noqa: PLC0415
-
-        return DecodeOptions(self.stream, self.deinterlace, self.size_change, self.decoder)
+        return DecodeOptions(trim, self.image_rate(), self.stream, self.deinterlace, self.size_change, self.decoder)
 
     def image_rate(self) -> Fraction | None:
         """Return the frames per second of images, None if not given."""
@@ -103,17 +99,19 @@ class RateOptions:
     slow_motion: bool = False
     slow_motion_sound: Annotated[Literal["drop", "stretch"] | None, Parameter(metavar="HOW")] = None
 
-    def multiple(self) -> Fraction | None:
-        """Return the output frames per input frame, None if not given."""
-        from fpsboost.timing.schedule import parse_number  # noqa: PLC0415
+    def rate(self, *, fill_gaps: bool) -> OutputRate:
+        """Return the rate of the output; `fill_gaps` is an option of the input."""
+        from fpsboost.timing.rate import OutputRate  # noqa: PLC0415
+        from fpsboost.timing.schedule import parse_number, parse_rate  # noqa: PLC0415
 
-        return None if self.factor is None else parse_number(self.factor, "--factor")
-
-    def rate(self) -> Fraction | None:
-        """Return the output frames per second, None if not given."""
-        from fpsboost.timing.schedule import parse_rate  # noqa: PLC0415
-
-        return None if self.fps is None else parse_rate(self.fps, "--fps")
+        return OutputRate(
+            None if self.factor is None else parse_number(self.factor, "--factor"),
+            None if self.fps is None else parse_rate(self.fps, "--fps"),
+            self.keep_timing,
+            self.slow_motion,
+            self.slow_motion_sound,
+            fill_gaps,
+        )
 
 
 @Parameter(name="*", group=Group("Method options", sort_key=8))
@@ -205,7 +203,8 @@ class MotionOptions:
         if self.depth is not None and self.vectors is None:
             raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
         folder = None if self.vectors is None else VectorFolder(self.vectors, self.depth)
-        return configure(find_method(self.method, folder), self.method, tuning.given)
+        interpolator = configure(find_method(self.method, folder), self.method, tuning.given)
+        return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
 
 
 @Parameter(name="*", group=Group("Scenes", sort_key=4))
@@ -359,8 +358,10 @@ class RunOptions:
     verbose: bool = False
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"])] = False
 
-    def limit(self) -> MemoryLimit | None:
-        """Return the limit of memory, None if not given."""
+    def run(self) -> conversion.RunOptions:
+        """Return how the conversion is run; it has no observer yet."""
+        from fpsboost import conversion  # noqa: PLC0415
         from fpsboost.io.memory_limit import parse_memory  # noqa: PLC0415
 
-        return None if self.max_memory is None else parse_memory(self.max_memory)
+        limit = None if self.max_memory is None else parse_memory(self.max_memory)
+        return conversion.RunOptions(self.overwrite, self.resume, self.in_place, limit, self.threads)

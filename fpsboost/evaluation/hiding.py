@@ -20,7 +20,6 @@ from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.io import FrameSource
 from fpsboost.io.opening import PIPES, TargetRequirements, beginning, open_source, trim_source
-from fpsboost.io.trim import Trim
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.schedule import ByRate, rising_time
 
@@ -109,8 +108,6 @@ class Hiding:
         Frames hidden between every two that are shown.
     first, last : int or None
         The frames from `first` up to, but not including, `last`; to the end where that is None.
-    trim : Trim
-        The same by times or frames; only one of the two can be given.
     decoding : DecodeOptions
         How a video file is read.
     duplicates : {'interpolate', 'keep'}
@@ -127,7 +124,6 @@ class Hiding:
     skip: int = 1
     first: int = 0
     last: int | None = None
-    trim: Trim = Trim()
     decoding: DecodeOptions = DecodeOptions()
     duplicates: Duplicates = "interpolate"
     counts_frames: bool = False
@@ -141,7 +137,7 @@ class Hiding:
                 f"--range {self._range} leaves nothing to hide; with --skip {self.skip} give at least "
                 f"{self.skip + 2} frames."
             )
-        if self._range != WHOLE and not self.trim.is_whole:
+        if self._range != WHOLE and not self.decoding.trim.is_whole:
             raise OptionError("--range says in frames what --start and --end say; give one or the other.")
 
     @property
@@ -158,7 +154,9 @@ class Hiding:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data, by the names of the options; a range as its two ends."""
-        start, end = (None if each is None else each.as_option() for each in (self.trim.start, self.trim.end))
+        start, end = (
+            None if each is None else each.as_option() for each in (self.decoding.trim.start, self.decoding.trim.end)
+        )
         return {
             "skip": self.skip,
             "first": self.first,
@@ -190,11 +188,13 @@ class Hiding:
         """
         if path in PIPES:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
-        requirements = TargetRequirements(pictures_alone=True, upright=True, needs_rate=self.trim.needs_rate)
+        requirements = TargetRequirements(pictures_alone=True, upright=True, needs_rate=self.decoding.trim.needs_rate)
         found = repeats = 0
-        with open_source(path, input_fps, requirements=requirements, decoding=self.decoding) as whole:
+        with open_source(
+            path, requirements=requirements, decoding=replace(self.decoding, input_fps=input_fps)
+        ) as whole:
             clock = _clock(whole.info)
-            source = trim_source(whole, self.trim, may_skip=not self.counts_frames)
+            source = trim_source(whole, self.decoding.trim, may_skip=not self.counts_frames)
             row: list[_Truth] = []
             for truth in self._truths(self._shown(source, clock, path)):
                 row.append(truth)

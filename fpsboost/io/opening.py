@@ -80,7 +80,6 @@ def requirements_of(path: str, encoding: Encoding, *, needs_rate: bool, takes_pl
 
 def open_source(
     path: str,
-    input_fps: Fraction | None = None,
     *,
     requirements: TargetRequirements | None = None,
     decoding: DecodeOptions | None = None,
@@ -94,8 +93,6 @@ def open_source(
     ----------
     path : str
         A video file, an animation, a folder of images, a pattern of images, or ``-`` for YUV4MPEG2 from standard input.
-    input_fps : Fraction, optional
-        Frames per second of images.
     requirements : TargetRequirements, optional
         What the target asks of it.
     decoding : DecodeOptions, optional
@@ -119,9 +116,10 @@ def open_source(
     """
     if not path:
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
+    requirements, decoding = requirements or TargetRequirements(), decoding or DecodeOptions()
+    input_fps = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
         raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
-    requirements, decoding = requirements or TargetRequirements(), decoding or DecodeOptions()
     with explained(InputError, "read", path, "check the name and the permissions"):
         is_images = stands_for_images(path)
         if fill_gaps and not is_images:
@@ -360,23 +358,23 @@ def open_sink(
     )
 
 
-def fingerprint_job(source: FrameSource, *, resume: bool, **options: Any) -> JobFingerprint | None:
-    """What an output is made of and how; None where nobody can go on, since the source can be read only once.
+def fingerprint_job(source: FrameSource, job: Any, *, resume: bool) -> JobFingerprint | None:
+    """Return what an output is made of and how; None if the source can be read only once, so that nothing can resume.
 
     Parameters
     ----------
     source : FrameSource
+    job : dataclass
+        Everything else that shapes the output.
     resume : bool
-        Go on with what an earlier run has finished.
-    **options
-        Everything that shapes the output.
+        Resume an earlier run.
 
     Raises
     ------
     OptionError
         `resume` is asked for and the source is a pipe.
     InputError
-        The source cannot be looked at any more.
+        The source's files are not there any more.
     """
     files = _files_of(source)
     if not files:
@@ -386,7 +384,7 @@ def fingerprint_job(source: FrameSource, *, resume: bool, **options: Any) -> Job
     with explained(InputError, "read", source.info.name, "check that it is still there"):
         place = str(Path(source.info.name).absolute())
         versions = f"{__version__} with PyAV {version('av')}"  # another FFmpeg may encode differently
-        facts = fingerprint_options(input=place, input_files=fingerprint_files(files), **options, fpsboost=versions)
+        facts = fingerprint_options(input=place, input_files=fingerprint_files(files), job=job, fpsboost=versions)
     return JobFingerprint(facts, resume)
 
 

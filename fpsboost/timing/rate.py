@@ -31,9 +31,9 @@ class OutputRate:
 
     Parameters
     ----------
-    factor : Fraction, optional
+    factor : Fraction or int, optional
         Output frames per source frame.
-    fps : Fraction, optional
+    fps : Fraction or int, optional
         Output frames per second, instead of `factor`.
     keep_timing : bool
         Multiply the frames of each interval, so that a variable rate stays variable.
@@ -51,8 +51,8 @@ class OutputRate:
         Options contradict each other, or one is out of range.
     """
 
-    factor: Fraction | None = None
-    fps: Fraction | None = None
+    factor: Fraction | int | None = None
+    fps: Fraction | int | None = None
     keep_timing: bool = False
     slow_motion: bool = False
     slow_motion_sound: SlowSound | None = None
@@ -68,17 +68,17 @@ class OutputRate:
         if self.fps is not None:
             if self.keep_timing:
                 raise OptionError("--fps makes the rate constant and --keep-timing does not; give one of them.")
-            ByRate(self.fps)
+            ByRate(Fraction(self.fps))
         if self.fill_gaps and self.keep_timing:
             raise OptionError("--fill-gaps makes the rate constant and --keep-timing does not; give one of them.")
         if self.factor is not None:
-            ByFactor(self.factor)
+            ByFactor(Fraction(self.factor))
 
     @property
     def multiple(self) -> Fraction:
         """Output frames per source frame, if no rate is given."""
         if self.factor is not None:
-            return self.factor
+            return Fraction(self.factor)
         return Fraction(1) if self.fill_gaps else DEFAULT_FACTOR
 
     @property

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Literal, get_args
 
 from fpsboost.errors import OptionError, check_choice
+from fpsboost.io.trim import Trim
 
 SizeChange = Literal["stop", "scale"]
 Decoder = Literal["ffmpeg", "opencv"]
@@ -17,6 +19,10 @@ class DecodeOptions:
 
     Parameters
     ----------
+    trim : Trim
+        Which part of the input is read; all of it unless told.
+    input_fps : Fraction or int, optional
+        Frames per second of input images.
     stream : int, optional
         Number of the video stream in its file, as `fpsboost probe` prints it; by default the one that FFmpeg considers
         the best.
@@ -35,6 +41,8 @@ class DecodeOptions:
         A value is never valid.
     """
 
+    trim: Trim = Trim()
+    input_fps: Fraction | int | None = None
     stream: int | None = None
     deinterlace: bool = False
     size_change: SizeChange = "stop"

@@ -1,0 +1,39 @@
+"""What Semantic Versioning covers: the names of ``fpsboost.__all__``."""
+
+from __future__ import annotations
+
+import inspect
+import typing
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import fpsboost
+
+
+def classes_in(annotation: Any) -> Iterator[type]:
+    """Yield the classes of the package that an annotation names."""
+    for argument in typing.get_args(annotation):
+        yield from classes_in(argument)
+    origin = typing.get_origin(annotation) or annotation
+    if isinstance(origin, type) and origin.__module__.split(".")[0] == "fpsboost":
+        yield origin
+
+
+@pytest.mark.parametrize("name", fpsboost.__all__)
+def test_what_a_public_name_takes_and_returns_is_public(name):
+    """Every class that a public function or constructor takes or returns."""
+    value = getattr(fpsboost, name)
+    if not callable(value):
+        return
+    function = value.__init__ if isinstance(value, type) else value
+    for annotation in typing.get_type_hints(function).values():
+        for each in classes_in(annotation):
+            assert getattr(fpsboost, each.__name__, None) is each, f"{name} takes or returns {each.__name__}"
+
+
+@pytest.mark.parametrize("name", ["convert", "stream", "interpolate", "run_conversion"])
+def test_public_functions_have_few_parameters(name):
+    """At most eight; options come in groups."""
+    assert len(inspect.signature(getattr(fpsboost, name)).parameters) <= 8
