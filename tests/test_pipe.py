@@ -34,6 +34,7 @@ from fpsboost.io.video.encoding import Encoding
 from fpsboost.io.video.pipe import MAX_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.schedule import OutputTiming
+from fpsboost.ycbcr import YCbCrImage
 
 NAMES = tuple(formats)
 UNKNOWN_TO_FFMPEG = ("mono14",)
@@ -257,6 +258,16 @@ def test_made_frames_look_like_originals(name, more):
         difference = np.frombuffer(after, dtype).astype(float) - np.frombuffer(before, dtype)
         assert abs(difference.mean()) < 0.2 * 2 ** (bits - 8)
         assert np.abs(difference).max() <= 3 * 2 ** (bits - 8)
+
+
+def test_pictures_last():
+    """A picture keeps its samples when later ones are read and the stream is closed."""
+    data = stream_of(4, "444p10")
+    with PipeSource(BytesIO(data), keeps_planes=True) as source:
+        frames = list(source)
+    for frame, samples in zip(frames, frames_in(data)[1], strict=True):
+        assert isinstance(frame.image, YCbCrImage)
+        assert b"".join(plane.tobytes() for plane in frame.image.planes) == samples
 
 
 def test_large_pictures_are_bt709():

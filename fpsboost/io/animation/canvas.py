@@ -15,6 +15,7 @@ import numpy as np
 from fpsboost.errors import InputError
 from fpsboost.frame import Image
 from fpsboost.io.images.exact import DamagedError
+from fpsboost.io.images.sizes import declared_size
 
 ANIMATION_SUFFIXES = (".gif", ".apng", ".webp")
 """Suffixes of the animations that can be written."""
@@ -63,10 +64,11 @@ class Shown(NamedTuple):
     delay: Fraction
 
 
-class Piece(NamedTuple):
-    """One step as the file holds it: a rectangle, how it is drawn, and what becomes of it afterwards."""
+class Step(NamedTuple):
+    """How a still image becomes part of the animation, as the file says beside it."""
 
-    image: Image
+    height: int
+    width: int
     top: int
     left: int
     delay: Fraction
@@ -114,26 +116,29 @@ def outline_of(
     return Outline(height, width, delays.total(), duration, time_base, plays, has_alpha, is_whole)
 
 
-def composed(pieces: Iterable[Piece], height: int, width: int) -> Generator[Shown, None, None]:
-    """Draw pieces onto a canvas that is transparent at first; a picture of its own for each.
+def composed(steps: Iterable[tuple[Step, bytes]], height: int, width: int) -> Generator[Shown, None, None]:
+    """Draw still images, each the content of a file, onto a canvas that is transparent at first; one picture for each.
 
     Raises
     ------
     DamagedError
-        A piece lies outside of the canvas.
+        One cannot be decoded, is of another size than its step says, or lies outside of the canvas.
     """
     canvas: Image | None = None
-    for piece in pieces:
-        rows, columns = piece.image.shape[:2]
-        if canvas is None:
-            canvas = np.zeros((height, width, 4), piece.image.dtype)
-        part = canvas[piece.top : piece.top + rows, piece.left : piece.left + columns]
-        if part.shape != piece.image.shape or part.dtype != piece.image.dtype:
+    for step, still in steps:
+        is_inside = step.top + step.height <= height and step.left + step.width <= width
+        if not is_inside or declared_size(still) != (step.width, step.height):
             raise DamagedError
-        before = part.copy() if piece.disposal == "restore" else 0
-        part[...] = laid_over(piece.image, part) if piece.is_over else piece.image
-        yield Shown(canvas.copy(), piece.delay)
-        if piece.disposal != "keep":
+        image = decoded_still(still)
+        if canvas is None:
+            canvas = np.zeros((height, width, 4), image.dtype)
+        part = canvas[step.top : step.top + step.height, step.left : step.left + step.width]
+        if part.shape != image.shape or part.dtype != image.dtype:
+            raise DamagedError
+        before = part.copy() if step.disposal == "restore" else 0
+        part[...] = laid_over(image, part) if step.is_over else image
+        yield Shown(canvas.copy(), step.delay)
+        if step.disposal != "keep":
             part[...] = before
 
 
@@ -163,27 +168,25 @@ def with_four_channels(image: Image) -> Image:
     return np.concatenate([colours, alpha], axis=-1)
 
 
-def changed_part(before: Image, image: Image, step: int) -> tuple[slice, slice]:
-    """The rows and columns outside of which two images are the same; a pixel where they are the same everywhere.
+def changed_part(before: Image | None, image: Image, step: int) -> tuple[slice, slice]:
+    """Return the rows and columns outside of which two images are the same; one pixel where they are equal.
 
     Parameters
     ----------
     before, image : (H, W, C)
-        Of one size and type.
+        Of one size and type; without one before, everything has changed.
     step : int
         Where the rectangle may begin: at multiples of this.
     """
-    changed = (before != image).any(axis=2)
-    slices = []
-    for axis in (1, 0):
-        places = np.flatnonzero(changed.any(axis=axis))
-        first, last = (int(places[0]), int(places[-1])) if places.size else (0, 0)
-        slices.append(slice(first - first % step, last + 1))
-    return slices[0], slices[1]
+    if before is None:
+        return slice(0, image.shape[0]), slice(0, image.shape[1])
+    changed = (before != image).any(axis=2).astype(np.uint8)
+    left, top, width, height = cv2.boundingRect(changed)
+    return slice(top - top % step, max(top + height, 1)), slice(left - left % step, max(left + width, 1))
 
 
 def decoded_still(data: bytes) -> Image:
-    """Decode the file of a still image, as which a frame is coded.
+    """Decode the file of a still image, as which a frame is coded, with four channels.
 
     Raises
     ------
@@ -196,7 +199,7 @@ def decoded_still(data: bytes) -> Image:
         image = None
     if image is None:
         raise DamagedError
-    return image.reshape(*image.shape[:2], -1)
+    return with_four_channels(image.reshape(*image.shape[:2], -1))
 
 
 def damaged(path: Path | str) -> InputError:

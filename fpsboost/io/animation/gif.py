@@ -1,4 +1,4 @@
-"""Animated GIF: FFmpeg packs and unpacks the pixels, through PyAV; the blocks around them are read and written here.
+"""Animated GIF: FFmpeg reads and writes it, through PyAV; what it does not say of a file is read here.
 
 Every frame gets the 256 colours that suit it best, so that nothing but one frame is in memory; a picture that has no
 more of them, such as one of another GIF, comes back as it was. Players show what lasts less
@@ -7,7 +7,6 @@ than two hundredths of a second for a tenth of one.
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
 from collections.abc import Generator
 from contextlib import closing
@@ -20,12 +19,7 @@ import av.filter
 import numpy as np
 
 from fpsboost.frame import Image
-from fpsboost.io.animation.canvas import (
-    DEFAULT_DELAY,
-    Outline,
-    Shown,
-    outline_of,
-)
+from fpsboost.io.animation.canvas import DEFAULT_DELAY, Outline, Shown, outline_of
 from fpsboost.io.images.exact import DamagedError, read_exactly, unpacked
 
 CLOCK = 100  # ticks per second
@@ -33,7 +27,7 @@ MIN_DELAY = Fraction(2, CLOCK)
 MAX_DELAY = Fraction(65535, CLOCK)
 
 HEADER_SIZE = 13
-_control_block, _image_block, _application_block = b"\x21\xf9", b",", b"\x21\xff"
+_control_block, _image_block = b"\x21\xf9", b","
 _trailer = b";"
 _clear = 2
 """How a block of control says that its frame is cleared away afterwards."""
@@ -130,31 +124,38 @@ class GifWriter:
     """
 
     def __init__(self, file: BinaryIO, plays: int) -> None:
-        self._file, self._plays = file, plays
-        self._encoder: av.VideoCodecContext | None = None
+        repeats = {0: 0, 1: -1}.get(plays, plays - 1)  # as FFmpeg counts: 0 for ever again, -1 for none
+        self._container = av.open(file, "w", format="gif", options={"loop": str(repeats)})
+        self._stream: av.VideoStream | None = None
         self._graphs: dict[bool, av.filter.Graph] = {}
-        self._count = 0
+        self._ticks = 0
 
     def add(self, image: Image, delay: Fraction) -> None:
-        has_alpha = image.shape[2] == 4
-        if self._encoder is None:
-            self._encoder = _open_encoder(image)
+        if self._stream is None:
+            self._stream = self._open_stream(image)
         picture = self._with_palette(image)
-        picture.pts, picture.time_base = self._count, Fraction(1, CLOCK)
-        (packet,) = self._encoder.encode(picture)
-        data = bytearray(bytes(packet))
-        if self._count == 0:
-            self._file.write(data[:HEADER_SIZE] + _repeats(self._plays))
-            del data[:HEADER_SIZE]
-        assert data[:2] == _control_block
-        if has_alpha:  # the next frame may let more be seen through
-            data[3] = data[3] & ~0x1C | _clear << 2
-        data[4:6] = struct.pack("<H", int(delay * CLOCK))
-        self._file.write(data)
-        self._count += 1
+        picture.pts, picture.time_base = self._ticks, Fraction(1, CLOCK)
+        (packet,) = self._stream.encode(picture)
+        packet.duration = int(delay * CLOCK)
+        if image.shape[2] == 4:  # the next frame may let more be seen through
+            data, control = bytearray(bytes(packet)), 0 if self._ticks else HEADER_SIZE
+            data[control + 3] = data[control + 3] & ~0x1C | _clear << 2
+            packet.update(bytes(data))
+        self._container.mux(packet)
+        self._ticks += packet.duration
 
     def finish(self) -> None:
-        self._file.write(_trailer)
+        self._container.close()
+
+    def _open_stream(self, image: Image) -> av.VideoStream:
+        stream = self._container.add_stream("gif", CLOCK)
+        stream.height, stream.width, stream.pix_fmt = *image.shape[:2], "pal8"
+        # where there is alpha, frames are whole pictures; else the rectangle that changed is written ("transdiff",
+        # which leaves out single pixels, gets some of them wrong where palettes change, and saves nothing under
+        # dithering)
+        flags = "offsetting" if image.shape[2] < 4 else "0"
+        stream.codec_context.options = {"global_palette": "0", "gifflags": flags}
+        return stream
 
     def _with_palette(self, image: Image) -> av.VideoFrame:
         """The image with 256 colours of its own, one of them transparent where it is needed."""
@@ -164,7 +165,7 @@ class GifWriter:
             return exact
         transparent = not image[..., 3].all()
         picture = av.VideoFrame.from_ndarray(image, format="bgra")
-        picture.pts, picture.time_base = self._count, Fraction(1, CLOCK)
+        picture.pts, picture.time_base = self._ticks, Fraction(1, CLOCK)
         graph = self._graphs.get(transparent)
         if graph is None:
             graph = self._graphs[transparent] = _palette_graph(picture, transparent)
@@ -172,13 +173,6 @@ class GifWriter:
         chosen: Any = cast(av.VideoFrame, graph.pull()).to_ndarray()
         # the encoder takes the padding of its first frame's rows for that of all, and writes past its memory otherwise
         return av.VideoFrame.from_ndarray(chosen, format="pal8")
-
-
-def _repeats(plays: int) -> bytes:
-    """The block that says how often; none where it is once."""
-    if plays == 1:
-        return b""
-    return _application_block + b"\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", max(0, plays - 1)) + b"\0"
 
 
 def _plain(image: Image) -> Image:
@@ -204,17 +198,6 @@ def _few_colours(image: Image) -> av.VideoFrame | None:
     entries = palette.view(np.uint8).reshape(256, 4)
     planes: Any = (indices.reshape(pixels.shape).astype(np.uint8), entries)
     return av.VideoFrame.from_ndarray(planes, format="pal8")
-
-
-def _open_encoder(image: Image) -> av.VideoCodecContext:
-    encoder = av.CodecContext.create("gif", "w")
-    encoder.height, encoder.width = image.shape[:2]
-    encoder.pix_fmt, encoder.time_base = "pal8", Fraction(1, CLOCK)
-    # where there is alpha, frames are whole pictures; else the rectangle that changed is written ("transdiff", which
-    # leaves out single pixels, gets some of them wrong where palettes change, and saves nothing under dithering)
-    flags = "offsetting" if image.shape[2] < 4 else "0"
-    encoder.options = {"global_palette": "0", "gifflags": flags}
-    return encoder
 
 
 def _palette_graph(picture: av.VideoFrame, transparent: bool) -> av.filter.Graph:

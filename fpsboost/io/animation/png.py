@@ -1,4 +1,9 @@
-"""Animations made of the chunks of PNG files (APNG)."""
+"""Animations made of the chunks of PNG files (APNG).
+
+FFmpeg is not asked. Its decoder refuses gray of 1 bit and 16-bit alpha that is laid over, shows black where an opaque
+frame is cleared, and rounds delays to 10 microseconds. Its muxer gives the last frame the delay of the one before, and
+its encoder takes two to eight times as long as OpenCV, because it tries every way to draw a frame.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from fractions import Fraction
 from io import BytesIO
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import cv2
 import numpy as np
@@ -18,11 +23,9 @@ from fpsboost.io.animation.canvas import (
     DEFAULT_DELAY,
     Disposal,
     Outline,
-    Piece,
+    Step,
     changed_part,
-    decoded_still,
     outline_of,
-    with_four_channels,
 )
 from fpsboost.io.images.exact import DamagedError, unpacked
 from fpsboost.io.images.png_chunks import SIGNATURE, chunk_bytes, chunks_in
@@ -31,18 +34,6 @@ MAX_DELAY_PART = 65535  # a delay is a fraction of two 16-bit numbers
 
 _disposals: tuple[Disposal, ...] = ("keep", "clear", "restore")
 _coarse_clocks = (10_000, 1000, 100, 10, 1)
-
-
-class _Control(NamedTuple):
-    """What an fcTL chunk says of the frame behind it."""
-
-    width: int
-    height: int
-    left: int
-    top: int
-    delay: Fraction
-    disposal: Disposal
-    is_over: bool
 
 
 def is_apng(file: BinaryIO) -> bool:
@@ -76,58 +67,47 @@ def read_outline(file: BinaryIO) -> Outline:
             elif name == b"acTL":
                 _, plays = unpacked(">II", data)
             elif name == b"fcTL":
-                control = _control(data)
-                delays[control.delay] += 1
+                step = _step(data)
+                delays[step.delay] += 1
                 # what is cleared is transparent; the first frame fills the canvas, so that nothing else is
-                has_alpha |= control.disposal == "clear" or (control.disposal == "restore" and delays.total() == 1)
+                has_alpha |= step.disposal == "clear" or (step.disposal == "restore" and delays.total() == 1)
     except DamagedError:
         is_whole = False
     return outline_of(size, delays, plays, has_alpha=has_alpha, is_whole=is_whole)
 
 
-def read_pieces(file: BinaryIO) -> Iterator[Piece]:
-    """Decode the frames of an animation one by one.
+def read_steps(file: BinaryIO) -> Iterator[tuple[Step, bytes]]:
+    """Read the frames of an animation one by one, each as the content of a PNG file.
 
     Raises
     ------
     DamagedError
-        It ends within a frame, or a frame cannot be decoded.
+        It ends within a frame.
     """
-    header, common, control, content = b"", b"", None, bytearray()
+    header, common, step, content = b"", b"", None, bytearray()
     for name, data in chunks_in(file):
         if name == b"IHDR":
             header = data
         elif name in (b"PLTE", b"tRNS"):
             common += chunk_bytes(name, data)
         elif name in (b"fcTL", b"IEND"):
-            if control is not None:
-                yield _piece(header, common, control, bytes(content))
-            control, content = (_control(data) if name == b"fcTL" else None), bytearray()
-        elif name == b"IDAT" and control is not None:  # else a picture for those who know no animations
+            if step is not None:
+                resized = struct.pack(">II", step.width, step.height) + header[8:]
+                head = SIGNATURE + chunk_bytes(b"IHDR", resized) + common
+                yield step, head + chunk_bytes(b"IDAT", bytes(content)) + chunk_bytes(b"IEND", b"")
+            step, content = (_step(data) if name == b"fcTL" else None), bytearray()
+        elif name == b"IDAT" and step is not None:  # else a picture for those who know no animations
             content += data
         elif name == b"fdAT":
             content += data[4:]
-    if control is not None:
+    if step is not None:
         raise DamagedError
 
 
-def _control(data: bytes) -> _Control:
+def _step(data: bytes) -> Step:
     _, width, height, left, top, above, below, disposal, blending = unpacked(">5I2H2B", data)
     delay = Fraction(above, below or 100) or DEFAULT_DELAY
-    return _Control(width, height, left, top, delay, _disposals[min(disposal, 2)], blending == 1)
-
-
-def _piece(header: bytes, common: bytes, control: _Control, content: bytes) -> Piece:
-    """Decode a frame as the still image that it is."""
-    width, height = unpacked(">II", header[:8])
-    if control.width > width or control.height > height:
-        raise DamagedError
-    resized = struct.pack(">II", control.width, control.height) + header[8:]
-    still = (
-        SIGNATURE + chunk_bytes(b"IHDR", resized) + common + chunk_bytes(b"IDAT", content) + chunk_bytes(b"IEND", b"")
-    )
-    image = with_four_channels(decoded_still(still))
-    return Piece(image, control.top, control.left, control.delay, control.is_over, control.disposal)
+    return Step(height, width, top, left, delay, blending == 1, _disposals[min(disposal, 2)])
 
 
 class ApngWriter:
@@ -148,25 +128,22 @@ class ApngWriter:
         self._before: Image | None = None
 
     def add(self, image: Image, delay: Fraction) -> None:
-        part = (slice(None), slice(None)) if self._before is None else changed_part(self._before, image, 1)
+        is_first = self._before is None
         if self._before is not None and self._before.shape != image.shape:
             raise OutputError(f"One frame is {describe(image)}, unlike the first; make all frames alike.")
-        changed = np.ascontiguousarray(image[part])
+        rows, columns = changed_part(self._before, image, 1)
+        changed = np.ascontiguousarray(image[rows, columns])
         _, data = cv2.imencode(".png", changed)
-        content = b""
-        for name, inner in chunks_in(BytesIO(data.tobytes())):
-            if name == b"IHDR" and self._before is None:
-                self._file.write(SIGNATURE + chunk_bytes(name, inner))
-                self._place_of_counts = self._file.tell()
-                self._file.write(chunk_bytes(b"acTL", bytes(8)))
-            elif name == b"IDAT":
-                content += inner
+        chunks = list(chunks_in(BytesIO(data.tobytes())))
+        if is_first:
+            self._file.write(SIGNATURE + chunk_bytes(*chunks[0]))
+            self._place_of_counts = self._file.tell()
+            self._file.write(chunk_bytes(b"acTL", bytes(8)))
         height, width = changed.shape[:2]
-        place = (part[1].start or 0, part[0].start or 0)
-        control = (width, height, *place, delay.numerator, delay.denominator, 0, 0)
+        control = (width, height, columns.start, rows.start, delay.numerator, delay.denominator, 0, 0)
         self._file.write(chunk_bytes(b"fcTL", self._number() + struct.pack(">4I2H2B", *control)))
-        first = self._before is None
-        self._file.write(chunk_bytes(b"IDAT", content) if first else chunk_bytes(b"fdAT", self._number() + content))
+        content = b"".join(chunk.data for chunk in chunks if chunk.name == b"IDAT")
+        self._file.write(chunk_bytes(b"IDAT", content) if is_first else chunk_bytes(b"fdAT", self._number() + content))
         self._before = image
         self._count += 1
 

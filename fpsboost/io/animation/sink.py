@@ -105,9 +105,9 @@ class AnimationSink:
         self._plays = min(plays, self._type.most_plays)
         check_target(self._path, path, inputs, overwrite)
         self._check_fits(timing.rate)
-        self._file: BinaryIO | None = None
-        self._temporary: Path | None = None
-        self._writer: AnimationWriter | None = None
+        self._temporary = self._path.with_name(f".{self._path.name}.partial-{secrets.token_hex(4)}")
+        self._file: BinaryIO
+        self._writer: AnimationWriter
         self._begin: Fraction | None = None
         self._shown_until = Fraction(0)
         self._latest = Fraction(0)
@@ -146,10 +146,8 @@ class AnimationSink:
         return remarks
 
     def __enter__(self) -> Self:
-        temporary = self._path.with_name(f".{self._path.name}.partial-{secrets.token_hex(4)}")
         with self._explained():
-            self._file = temporary.open("xb")
-        self._temporary = temporary
+            self._file = self._temporary.open("xb")
         self._writer = self._type.writer(self._file, self._plays)
         return self
 
@@ -161,7 +159,6 @@ class AnimationSink:
         OutputError
             The frame does not fit the clip, or the file cannot be written.
         """
-        assert self._writer is not None
         if frame.array.shape[:2] != (self._info.height, self._info.width):
             raise OutputError(
                 f"{self._name} is {self._info.width}x{self._info.height} and cannot take a frame of "
@@ -210,26 +207,16 @@ class AnimationSink:
                 with self._explained():
                     self._finish()
         finally:
-            self._discard()
+            for clean_up in (self._file.close, self._temporary.unlink):
+                with contextlib.suppress(OSError):
+                    clean_up()
 
     def _finish(self) -> None:
         if self._begin is None:
             raise OutputError(f"{self._name} was not written because there were no frames.")
-        assert self._file is not None
-        assert self._writer is not None
-        assert self._temporary is not None
         self._writer.finish()
         self._file.close()
         os.replace(self._temporary, self._path)
-        self._temporary = None
-
-    def _discard(self) -> None:
-        with contextlib.suppress(OSError):
-            if self._file is not None:
-                self._file.close()
-        if self._temporary is not None:
-            with contextlib.suppress(OSError):
-                self._temporary.unlink(missing_ok=True)
 
     def _explained(self) -> contextlib.AbstractContextManager[None]:
         return explained(OutputError, "write", self._name, "check the free space and the permissions")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from fractions import Fraction
 from pathlib import Path
@@ -24,6 +24,12 @@ MAX_HEADER = 64
 """Bytes in which an animation says its size."""
 
 Format = Literal["gif", "apng", "webp"]
+
+_read_outline: dict[Format, Callable[[BinaryIO], Outline]] = {
+    "gif": gif.read_outline,
+    "apng": png.read_outline,
+    "webp": webp.read_outline,
+}
 
 
 def animation_format(path: Path) -> Format | None:
@@ -76,7 +82,9 @@ class AnimationSource(Closing):
             if size is not None:
                 (limit or MemoryLimit()).check(path, *size)
             self._file.seek(0)
-            self._outline = self._read_outline()
+            if self._format is None:
+                raise DamagedError
+            self._outline = _read_outline[self._format](self._file)
         except DamagedError:
             self._file.close()
             raise damaged(path) from None
@@ -97,16 +105,6 @@ class AnimationSource(Closing):
     def _open(self) -> BinaryIO:
         with explained(InputError, "read", self._name, "check that it exists and that you may read it"):
             return self.path.open("rb")
-
-    def _read_outline(self) -> Outline:
-        match self._format:
-            case "gif":
-                return gif.read_outline(self._file)
-            case "apng":
-                return png.read_outline(self._file)
-            case "webp":
-                return webp.read_outline(self._file)
-        raise DamagedError
 
     @property
     def remarks(self) -> list[str]:
@@ -138,8 +136,8 @@ class AnimationSource(Closing):
     def _shown(self) -> Generator[Shown, None, None]:
         if self._format == "gif":
             return gif.read_frames(self._file)
-        pieces = png.read_pieces(self._file) if self._format == "apng" else webp.read_pieces(self._file)
-        return composed(pieces, self._outline.height, self._outline.width)
+        steps = (png if self._format == "apng" else webp).read_steps(self._file)
+        return composed(steps, self._outline.height, self._outline.width)
 
     def _finished(self, image: Image) -> Image:
         """BGRA, or BGR where nothing is, or may be, seen through."""

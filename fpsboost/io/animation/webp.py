@@ -1,4 +1,9 @@
-"""Animations made of the chunks of WebP files."""
+"""Animations made of the chunks of WebP files.
+
+Each frame is a WebP file of its own, which OpenCV reads and writes. Pillow refuses an animation that ends early, holds
+the whole file in memory, and shows one colour where an opaque frame is cleared; its encoder keeps all frames up to the
+end and makes one of those that are alike. FFmpeg reads no animated WebP, and its muxer writes only whole pictures.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +19,9 @@ import numpy as np
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import Image
-from fpsboost.io.animation.canvas import (
-    DEFAULT_DELAY,
-    Disposal,
-    Outline,
-    Piece,
-    changed_part,
-    decoded_still,
-    outline_of,
-    with_four_channels,
-)
+from fpsboost.io.animation.canvas import DEFAULT_DELAY, Disposal, Outline, Step, changed_part, outline_of
 from fpsboost.io.images.exact import DamagedError, read_exactly, unpacked
 from fpsboost.io.images.files import encode_image
-from fpsboost.io.images.sizes import declared_size
 from fpsboost.io.images.webp_chunks import ALPHA, ANIMATED, chunk_bytes, chunks_in
 
 CLOCK = 1000  # ticks per second
@@ -36,6 +31,7 @@ MAX_FILE = 2**32 - 2
 CLEARS, REPLACES = 0x01, 0x02
 """Flags of a frame."""
 
+_disposals: tuple[Disposal, ...] = ("keep", "clear")
 _pixels = (b"ALPH", b"VP8 ", b"VP8L")
 
 
@@ -59,71 +55,53 @@ def read_outline(file: BinaryIO) -> Outline:
         for name, _ in chunks_in(file):
             if name == b"VP8X":
                 data = read_exactly(file, 10)
-                size, has_alpha = _canvas(data), bool(data[0] & ALPHA)
+                width, height = _numbers(data[4:])
+                size, has_alpha = (1 + height, 1 + width), bool(data[0] & ALPHA)
             elif name == b"ANIM":
                 _, plays = unpacked("<IH", read_exactly(file, 6))
             elif name == b"ANMF":
-                head = read_exactly(file, 16)
-                delays[_delay(head)] += 1
-                has_alpha |= bool(head[15] & CLEARS) or (delays.total() == 1 and _size(head) != size)
+                step = _step(read_exactly(file, 16))
+                delays[step.delay] += 1
+                has_alpha |= step.disposal == "clear" or (delays.total() == 1 and (step.height, step.width) != size)
     except DamagedError:
         is_whole = False
     return outline_of(size, delays, plays, has_alpha=has_alpha, is_whole=is_whole)
 
 
-def read_pieces(file: BinaryIO) -> Iterator[Piece]:
-    """Decode the frames of an animation one by one.
+def read_steps(file: BinaryIO) -> Iterator[tuple[Step, bytes]]:
+    """Read the frames of an animation one by one, each as the content of a WebP file.
 
     Raises
     ------
     DamagedError
-        It ends within a frame, or a frame cannot be decoded.
+        It ends within a frame.
     """
-    canvas = 0, 0
     for name, size in chunks_in(file):
-        if name == b"VP8X":
-            canvas = _canvas(read_exactly(file, 10))
-        if name != b"ANMF":
-            continue
-        head, content = read_exactly(file, 16), read_exactly(file, size - 16) if size > 16 else b""
-        if any(side > whole for side, whole in zip(_size(head), canvas, strict=True)):
-            raise DamagedError
-        image = _decoded(content, *_size(head))
-        disposal: Disposal = "clear" if head[15] & CLEARS else "keep"
-        yield Piece(image, 2 * _three(head, 3), 2 * _three(head, 0), _delay(head), not head[15] & REPLACES, disposal)
+        if name == b"ANMF":
+            step = _step(read_exactly(file, 16))
+            content = read_exactly(file, max(0, size - 16))
+            extended = _extended(ALPHA, step.height, step.width) if content[:4] == b"ALPH" else b""
+            yield step, chunk_bytes(b"RIFF", b"WEBP" + extended + content)
 
 
-def _three(data: bytes, place: int) -> int:
-    return int.from_bytes(data[place : place + 3], "little")
+def _step(head: bytes) -> Step:
+    left, top, width, height, ticks = _numbers(head[:15])
+    delay, disposal = Fraction(ticks, CLOCK) or DEFAULT_DELAY, _disposals[head[15] & CLEARS]
+    return Step(1 + height, 1 + width, 2 * top, 2 * left, delay, not head[15] & REPLACES, disposal)
 
 
-def _canvas(data: bytes) -> tuple[int, int]:
-    """Height and width of the whole."""
-    return 1 + _three(data, 7), 1 + _three(data, 4)
+def _numbers(data: bytes) -> list[int]:
+    """Whole numbers of three bytes each."""
+    return [int.from_bytes(data[place : place + 3], "little") for place in range(0, len(data), 3)]
 
 
-def _size(head: bytes) -> tuple[int, int]:
-    """Height and width of a frame."""
-    return 1 + _three(head, 9), 1 + _three(head, 6)
+def _from_numbers(*numbers: int) -> bytes:
+    return b"".join(number.to_bytes(3, "little") for number in numbers)
 
 
-def _delay(head: bytes) -> Fraction:
-    return Fraction(_three(head, 12), CLOCK) or DEFAULT_DELAY
-
-
-def _decoded(content: bytes, height: int, width: int) -> Image:
-    """Decode a frame as the still image that it is."""
-    extended = b""
-    if content[:4] == b"ALPH":
-        size = (width - 1).to_bytes(3, "little") + (height - 1).to_bytes(3, "little")
-        extended = chunk_bytes(b"VP8X", bytes((ALPHA, 0, 0, 0)) + size)
-    still = chunk_bytes(b"RIFF", b"WEBP" + extended + content)
-    if declared_size(still) != (width, height):
-        raise DamagedError
-    image = decoded_still(still)
-    if image.shape[:2] != (height, width):
-        raise DamagedError
-    return with_four_channels(image)
+def _extended(flags: int, height: int, width: int) -> bytes:
+    """Return the chunk that says what a file holds, and its size."""
+    return chunk_bytes(b"VP8X", bytes((flags, 0, 0, 0)) + _from_numbers(width - 1, height - 1))
 
 
 class WebpWriter:
@@ -142,15 +120,12 @@ class WebpWriter:
         self._before: Image | None = None
 
     def add(self, image: Image, delay: Fraction) -> None:
-        height, width = image.shape[:2]
-        rows, columns = slice(0, height), slice(0, width)
         if self._before is None:
-            self._write_head(height, width, image.shape[2] == 4)
-        else:
-            rows, columns = changed_part(self._before, image, 2)
+            self._write_head(*image.shape)
+        rows, columns = changed_part(self._before, image, 2)
         changed = np.ascontiguousarray(image[rows, columns])
-        numbers = (columns.start // 2, rows.start // 2, changed.shape[1] - 1, changed.shape[0] - 1, int(delay * CLOCK))
-        head = b"".join(number.to_bytes(3, "little") for number in numbers)
+        height, width = changed.shape[:2]
+        head = _from_numbers(columns.start // 2, rows.start // 2, width - 1, height - 1, int(delay * CLOCK))
         still = BytesIO(encode_image(Path("frame.webp"), changed))
         pixels = b"".join(chunk_bytes(name, still.read(size)) for name, size in chunks_in(still) if name in _pixels)
         self._file.write(chunk_bytes(b"ANMF", head + bytes((REPLACES,)) + pixels))
@@ -158,10 +133,9 @@ class WebpWriter:
             raise OutputError("A WebP file cannot grow beyond 4 GB; write an .apng, or images.")
         self._before = image
 
-    def _write_head(self, height: int, width: int, has_alpha: bool) -> None:
+    def _write_head(self, height: int, width: int, channels: int) -> None:
         self._file.write(struct.pack("<4sI4s", b"RIFF", 0, b"WEBP"))
-        size = (width - 1).to_bytes(3, "little") + (height - 1).to_bytes(3, "little")
-        self._file.write(chunk_bytes(b"VP8X", bytes((ANIMATED | (ALPHA if has_alpha else 0), 0, 0, 0)) + size))
+        self._file.write(_extended(ANIMATED | ALPHA * (channels == 4), height, width))
         self._file.write(chunk_bytes(b"ANIM", struct.pack("<IH", 0, self._plays)))
 
     def finish(self) -> None:

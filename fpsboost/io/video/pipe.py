@@ -2,6 +2,10 @@
 
 A line of text says size, rate and pixel format, and every frame is a short line and its planes. Frames go out as they
 are made, so a pipe is the one target that does not appear as a whole.
+
+The lines are read here, because FFmpeg's demuxer says nothing of a frame that is cut off, takes a pixel format that it
+does not know for 4:2:0 and a rate that it cannot read for 25, and knows no gray of 14 bits; its muxer writes more into
+the first line. The samples become pictures in FFmpeg.
 """
 
 from __future__ import annotations
@@ -15,15 +19,15 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import count
 from threading import Event
 from types import TracebackType
-from typing import BinaryIO, Self
+from typing import BinaryIO, Self, cast
 
 import av
 import numpy as np
 from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.reformatter import VideoReformatter
-from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame, Pixels, describe
@@ -43,7 +47,6 @@ from fpsboost.io.video.ycc import (
     chroma_location_of,
     plane_arrays,
     to_bgr,
-    with_chroma_location,
 )
 from fpsboost.timing.schedule import OutputTiming
 
@@ -224,10 +227,9 @@ class PipeSource(Closing):
         keeps_planes: bool = False,
         limit: MemoryLimit | None = None,
     ) -> None:
-        self._waiting = None if stream is not None else _standard_input()
-        self._stream = io.BufferedReader(self._waiting) if self._waiting is not None else stream
+        self._waiting = _standard_input() if stream is None else None
+        self._stream = stream or io.BufferedReader(cast(Descriptor, self._waiting))
         self._for_images = for_images
-        assert self._stream is not None
         self._header = parse_header(self._stream.readline(MAX_LINE), INPUT_NAME)
         (limit or MemoryLimit()).check(INPUT_NAME, self._header.width, self._header.height)
         self._started = False
@@ -270,57 +272,40 @@ class PipeSource(Closing):
 
     def close(self) -> None:
         """Let go of the stream; standard input itself stays open, since it belongs to the process."""
-        assert self._stream is not None
         self._stream.close()
 
     def _frames(self) -> Iterator[Frame]:
-        samples = np.empty(self._header.frame_bytes, np.uint8)  # not written to yet, so no memory is taken yet
-        count = 0
-        while self._read_frame(samples, count):
-            picture = self._picture(samples)
-            picture.pts, picture.time_base = count, self._info.time_base
+        decoder = self._open_decoder()
+        for number, samples in enumerate(self._samples()):
+            (picture,) = decoder.decode(av.Packet(samples))
+            picture.pts, picture.time_base = number, self._info.time_base
             image = to_bgr(picture, self._reformatter) if self._coding is None else in_planes(picture, self._coding)
-            yield Frame(image, count / self._rate, 1 / self._rate, None if self._for_images else picture)
-            count += 1
+            yield Frame(image, number / self._rate, 1 / self._rate, None if self._for_images else picture)
 
-    def _read_frame(self, samples: NDArray[np.uint8], count: int) -> bool:
-        """Fill `samples` with the next frame; False at the end, which may come too early."""
-        assert self._stream is not None
-        line = self._stream.readline(MAX_LINE)
-        if not line:
-            return False
-        is_cut = not line.endswith(b"\n") and len(line) < MAX_LINE
-        if not is_cut and not re.fullmatch(rb"FRAME( [^\n]*)?\n", line):
-            raise InputError(
-                f"{INPUT_NAME} holds something else where frame {count + 1} should begin; check its writer."
-            )
-        if is_cut or not _fill(self._stream, samples):
-            self._remarks.append(f"{INPUT_NAME} ended within frame {count + 1}, which was left out.")
-            return False
-        return True
+    def _open_decoder(self) -> av.VideoCodecContext:
+        """Return what makes pictures of samples, with the labels that a demuxer would give them."""
+        decoder = av.CodecContext.create("rawvideo", "r")
+        decoder.width, decoder.height = self._header.width, self._header.height
+        decoder.pix_fmt, decoder.color_range = self._header.pixel_format, self._traits.color_range
+        decoder.options = {"chroma_sample_location": chroma_locations.get(self._header.format, "unspecified")}
+        return decoder
 
-    def _picture(self, samples: NDArray[np.uint8]) -> av.VideoFrame:
-        """Copy samples into a picture of FFmpeg's, with the labels that a demuxer would give it."""
-        picture = av.VideoFrame(self._info.width, self._info.height, self._header.pixel_format)
-        start = 0
-        for plane in plane_arrays(picture):
-            end = start + plane.size * plane.itemsize
-            plane[:] = samples[start:end].view(plane.dtype.newbyteorder("<")).reshape(plane.shape)
-            start = end
-        if self._header.format in chroma_locations:
-            picture = with_chroma_location(picture, chroma_locations[self._header.format])
-        picture.color_range = self._traits.color_range
-        return picture
-
-
-def _fill(stream: BinaryIO | io.BufferedReader, samples: NDArray[np.uint8]) -> bool:
-    view, start = samples.data, 0
-    while start < len(view):
-        got = stream.readinto(view[start:])  # type: ignore[union-attr]
-        if not got:
-            return False
-        start += got
-    return True
+    def _samples(self) -> Iterator[bytes]:
+        """Yield the samples of each frame up to the end, which may come too early."""
+        for number in count(1):
+            line = self._stream.readline(MAX_LINE)
+            if not line:
+                return
+            is_cut = not line.endswith(b"\n") and len(line) < MAX_LINE
+            if not is_cut and not re.fullmatch(rb"FRAME( [^\n]*)?\n", line):
+                raise InputError(
+                    f"{INPUT_NAME} holds something else where frame {number} should begin; check its writer."
+                )
+            samples = b"" if is_cut else self._stream.read(self._header.frame_bytes)
+            if len(samples) < self._header.frame_bytes:
+                self._remarks.append(f"{INPUT_NAME} ended within frame {number}, which was left out.")
+                return
+            yield samples
 
 
 def _traits(header: Header) -> VideoTraits:
@@ -380,7 +365,7 @@ class PipeSink:
         others = [option for option in encoding.given if option != "--pix-fmt"]
         if others:
             raise OptionError(f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.")
-        held = list(dict.fromkeys(formats.values()))
+        held = dict.fromkeys(formats.values())
         if encoding.pixel_format not in (None, *held):
             raise OptionError(
                 f"--pix-fmt {encoding.pixel_format} is nothing that YUV4MPEG2 holds; use one of {', '.join(held)}."
@@ -390,8 +375,8 @@ class PipeSink:
         self._info = (
             info if source is None else source.info
         )  # whose first picture knows the size better than the header
-        self._waiting = None if stream is not None else _standard_output()
-        self._stream = stream or self._waiting
+        self._waiting = _standard_output() if stream is None else None
+        self._stream = stream or cast(Descriptor, self._waiting)
         self._header: Header | None = None
         self._reformatter = VideoReformatter()
         self._remarks: list[str] = []
@@ -467,12 +452,7 @@ class PipeSink:
         gray, deep = image.shape[2] < 3, image.dtype != np.uint8
         aspect = None
         full_range: bool | None = gray  # as FFmpeg takes gray to be
-        wanted = {
-            (False, False): "yuv444p",
-            (False, True): "yuv444p16le",
-            (True, False): "gray",
-            (True, True): "gray16le",
-        }[gray, deep]
+        wanted = ("gray" if gray else "yuv444p") + "16le" * deep
         if traits is not None:
             wanted, aspect = traits.pixel_format, traits.sample_aspect_ratio
             is_rgb = av.VideoFormat(wanted).is_rgb
@@ -484,10 +464,7 @@ class PipeSink:
         return Header(self._info.width, self._info.height, rate, name, full_range, aspect)
 
     def _nearest(self, wanted: str) -> str:
-        held = list(dict.fromkeys(formats.values()))
-        if wanted in held:
-            return wanted
-        found, loss = find_best_pix_fmt_of_list(held, wanted)
+        found, loss = find_best_pix_fmt_of_list(list(formats.values()), wanted)
         if found is None:
             return "yuv444p16le"
         if loss & (PixFmtLoss.DEPTH | PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION):
@@ -528,7 +505,6 @@ class PipeSink:
 
     def _send(self, data: bytes) -> None:
         """Write all of `data`, which may take several turns."""
-        assert self._stream is not None
         view = memoryview(data)
         try:
             while view:
