@@ -165,7 +165,7 @@ class Comparison:
         return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
 
     def notes(self, makers: Mapping[str, Maker]) -> list[str]:
-        """What must be known of repeats and times to understand the figures, as sentences.
+        """Return what must be known of duplicates and times to understand the figures, as sentences.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class Comparison:
         return notes
 
     def counted(self, method: MethodResult) -> list[FrameResult]:
-        """The frames of a method that count."""
+        """Return the frames of a method that count."""
         left_out = {*self.cuts, *self.doubtful}
         return [frame for frame in method.frames if frame.number not in left_out]
 
@@ -200,11 +200,11 @@ class Comparison:
         return mean_scores([frame.scores for frame in self.counted(method)])
 
     def low_psnr(self, method: MethodResult) -> float:
-        """The 5th percentile of a method's PSNR over the frames that count, dB."""
+        """Return the 5th percentile of a method's PSNR over the frames that count, dB."""
         return low_percentile([frame.scores.psnr for frame in self.counted(method)])
 
     def further(self, method: MethodResult) -> dict[str, float]:
-        """The figures of a method in the further metrics, by name, over the frames that count."""
+        """Return the figures of a method in the further metrics, by name, over the frames that count."""
         return summarise(self.metrics, [frame.metrics for frame in self.counted(method)])
 
     def mean_seconds(self, method: MethodResult) -> tuple[float, float]:
@@ -244,7 +244,7 @@ class Observer(Protocol):
     """Contract: is told how a comparison goes."""
 
     def begun(self, name: str, frames: int | None) -> None:
-        """A method begins, or the reading of the clip; `frames` will be made, None where that is not known yet."""
+        """Take note that a method begins, or reading; `frames` will be made, None if that is not known yet."""
         ...
 
     def made(self) -> None:
@@ -468,7 +468,7 @@ def _passing(
     vectors: VectorFolder | None,
     passed: list[_Passed],
 ) -> Iterator[Interval]:
-    """The intervals, noted down in `passed` on their way; their areas are kept."""
+    """Yield the intervals, note each in `passed`, and keep their areas."""
     for interval in intervals:
         shares = []
         for regions in find_regions(interval, vectors):
@@ -607,7 +607,7 @@ def make_some(
 
 
 def _some(numbers: Sequence[int]) -> str:
-    """The first of many numbers, and how many more there are."""
+    """List the first of many numbers, and say how many more there are."""
     named = ", ".join(map(str, numbers[:MAX_NAMED]))
     more = len(numbers) - MAX_NAMED
     return f"{named} and {more} more" if more > 0 else named

@@ -66,11 +66,11 @@ class Interval(NamedTuple):
         return self.end.number
 
     def prepared(self) -> tuple[FrameCache, FrameCache]:
-        """The shown frames as methods take them, each in its place in the clip, nothing remembered of them yet."""
+        """Return the shown frames as methods take them, at their positions in the clip, with empty caches."""
         return _prepared(self.shown0.array, self.begin), _prepared(self.shown1.array, self.end)
 
     def prepared_truths(self) -> list[FrameCache]:
-        """The hidden frames in the same way."""
+        """Return the hidden frames in the same way."""
         return [_prepared(hidden.truth, hidden.source_position) for hidden in self.hidden]
 
 
@@ -145,7 +145,7 @@ class Hiding:
         return f"{self.first}:{'' if self.last is None else self.last}"
 
     def as_options(self) -> list[str]:
-        """What differs from the defaults, as words of the command line."""
+        """Return what differs from the defaults, as words of the command line."""
         own, usual = ({**each.as_json(), "range": each._range} for each in (self, Hiding()))
         names = ("skip", "range", "start", "end", "stream", "size_change", "duplicates")
         given = {f"--{name.replace('_', '-')}": own[name] for name in names if own[name] != usual[name]}
@@ -211,7 +211,7 @@ class Hiding:
             )
 
     def _shown(self, source: FrameSource, clock: ByRate, path: str) -> Iterator[SourceFrame]:
-        """The frames of the range, at the times that a conversion takes them to have."""
+        """Yield the frames of the range, at the times that a conversion takes them to have."""
         begin, start = SourcePosition(0, Fraction(0)), Fraction(0)
         last: Fraction | None = None
         for number, frame in islice(enumerate(source), self.last):
@@ -227,7 +227,7 @@ class Hiding:
                 yield SourceFrame(replace(frame, time=time), _prepared(frame.array, position))
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
-        """The frames, those of a held picture put together."""
+        """Yield the frames, duplicates grouped."""
         if self.duplicates == "keep":
             pictures: Iterator[Picture] = (Picture((each,), is_still=False, repeats=0) for each in frames)
         else:

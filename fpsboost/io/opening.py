@@ -67,7 +67,7 @@ class TargetRequirements:
 
 
 def requirements_of(path: str, encoding: Encoding, *, needs_rate: bool, takes_planes: bool) -> TargetRequirements:
-    """What the output under a path asks of its source; a file always has a rate.
+    """Return what the output under a path asks of its source; a file always has a rate.
 
     `takes_planes` says whether what makes its frames can work on planes of Y, Cb and Cr.
     """
@@ -210,7 +210,7 @@ def _check_decoding(decoding: DecodeOptions, what: str, advice: str) -> None:
 def trim_source(
     source: FrameSource, trim: Trim, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
 ) -> FrameSource:
-    """A part of a clip; see `fpsboost.io.trim.TrimmedSource`. Of images, no others are read."""
+    """Return a part of a clip; see `fpsboost.io.trim.TrimmedSource`. Of images, no others are read."""
     if trim.is_whole and stretch == 1:
         return source
     if isinstance(source, ImageSource):
@@ -389,7 +389,7 @@ def fingerprint_job(source: FrameSource, job: Any, *, resume: bool) -> JobFinger
 
 
 def _files_of(source: FrameSource) -> Sequence[Path]:
-    """The files that a source reads."""
+    """Return the files that a source reads."""
     if isinstance(source, ImageSource | CaptureSource):
         return source.files
     return [source.path] if isinstance(source, AnimationSource | VideoSource) else []

@@ -203,5 +203,5 @@ def decoded_still(data: bytes) -> Image:
 
 
 def damaged(path: Path | str) -> InputError:
-    """What to say of a file that is not what its format says."""
+    """Return the error of a file that violates its format."""
     return InputError(f"{path} is damaged or no animation; replace it.")

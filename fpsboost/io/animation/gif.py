@@ -158,7 +158,7 @@ class GifWriter:
         return stream
 
     def _with_palette(self, image: Image) -> av.VideoFrame:
-        """The image with 256 colours of its own, one of them transparent where it is needed."""
+        """Return the image with its own palette of 256 colours, one of them transparent if needed."""
         image = _plain(image)
         exact = _few_colours(image)
         if exact is not None:
@@ -186,7 +186,7 @@ def _plain(image: Image) -> Image:
 
 
 def _few_colours(image: Image) -> av.VideoFrame | None:
-    """The picture as it is, where 256 colours are enough for that."""
+    """Return the image without any loss if 256 colours are enough, else None."""
     pixels = image.view("<u4")[..., 0]
     if np.unique(pixels[::8, ::8]).size > 256:
         return None

@@ -158,7 +158,7 @@ class ApngWriter:
 
 
 def representable_delay(delay: Fraction) -> Fraction:
-    """The delay nearest to one that an APNG can say."""
+    """Return the nearest delay that an APNG can store."""
     if max(delay.numerator, delay.denominator) <= MAX_DELAY_PART:
         return delay
     clock = next(clock for clock in _coarse_clocks if delay * clock <= MAX_DELAY_PART)

@@ -180,7 +180,7 @@ class AnimationSink:
         self._latest = max(self._latest, self._shown_until - end)
 
     def _storable(self, image: Image) -> Image:
-        """The image with a type and channels that the file can hold; says what is lost."""
+        """Convert an image to a type and channels that the file can hold, and remark on what is lost."""
         if image.dtype == np.float32:
             self._lose("values beyond black and white, and precision beyond 16 bits" if self._type.is_deep else "depth")
             image = straight_16_bit(image)

@@ -11,7 +11,7 @@ class DamagedError(Exception):
 
 
 def read_exactly(file: BinaryIO, count: int) -> bytes:
-    """The next bytes of a file.
+    """Read a number of bytes from a file.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def read_exactly(file: BinaryIO, count: int) -> bytes:
 
 
 def unpacked(layout: str, data: bytes) -> tuple[int, ...]:
-    """The whole numbers at the beginning of some bytes; see `struct`.
+    """Unpack the integers at the beginning of some bytes; see `struct`.
 
     Raises
     ------

@@ -258,14 +258,14 @@ def _attributes(data: bytes) -> tuple[dict[str, bytes], int]:
 
 
 def _kept(attributes: Mapping[str, bytes]) -> dict[str, tuple[float, ...]]:
-    """What a made file is to say too, but for square pixels, which every file has."""
+    """Return the attributes that made files take over; square pixels are left out, which every file has."""
     kept = {name: attributes[name] for name in _kept_attributes if len(attributes.get(name, b"-")) % 4 == 0}
     values = {name: struct.unpack(f"<{len(value) // 4}f", value) for name, value in kept.items()}
     return {name: value for name, value in values.items() if (name, value) != ("pixelAspectRatio", (1.0,))}
 
 
 def _word(data: bytes, place: int) -> tuple[str, int]:
-    """The text that begins at a place, and where the next thing does."""
+    """Read a null-terminated string; return it and the position after it."""
     end = data.index(b"\0", place)
     return data[place:end].decode("utf-8"), end + 1
 

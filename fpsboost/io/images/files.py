@@ -125,7 +125,7 @@ def _decode_exr_image(path: Path, data: bytes, limit: MemoryLimit | None) -> Ima
 
 
 def _choose_colours(names: Collection[str]) -> list[str]:
-    """The channels of a picture in the package's order, B, G, R and A, or Y and A; none where there is no picture."""
+    """Return the channels of a picture in the order B, G, R, A or Y, A; none if there is no picture."""
     for colours in ("BGR", "Y"):
         layer = find_layer(names, colours, "Combined")
         if layer is not None:
@@ -151,7 +151,7 @@ def needs_float(path: Path, data: bytes, image: Image) -> bool:
 
 
 def unread_channels(path: Path, data: bytes) -> list[str]:
-    """The channels of a file that `read_image` leaves out: other layers, depth, motion."""
+    """Return the channels of a file that `read_image` leaves out: other layers, depth, motion."""
     if extension_of(path.name) != ".exr":
         return []
     names = list(parse_exr_header(path, data).channels)
@@ -254,7 +254,7 @@ def encode_image(path: Path, image: Image, *, half: bool = True, metadata: Image
 
 
 def _encode_by_pillow(extension: str, image: Image, metadata: ImageMetadata) -> bytes:
-    """A JPEG or a WebP with its metadata."""
+    """Encode a JPEG or a WebP with its metadata."""
     from PIL import Image as Pictures  # noqa: PLC0415  # only who writes such files waits for it
 
     height, width, channels = image.shape

@@ -32,7 +32,7 @@ def segments_in(data: bytes) -> Iterator[Segment]:
 
 
 def frame_header(data: bytes) -> bytes:
-    """What a JPEG says of its pixels: their depth, height and width, and the number of components; b"" without that."""
+    """Return the frame header of a JPEG: depth, height, width and number of components; b"" without one."""
     return next((each.content for each in segments_in(data) if each.mark in _start_of_frame), b"")
 
 

@@ -238,7 +238,7 @@ class ImageSource(Closing):
 
 
 def _without_moved(found: FileSequence) -> FileSequence:
-    """The images without those that a stopped run in place has begun to put among them."""
+    """Return the images without those that an interrupted run in place has begun to move among them."""
     if found.numbering is None:
         return found
     moving = hidden_place(found.numbering.folder, found.numbering.pattern) / MOVING
@@ -359,7 +359,7 @@ class ImageSink:
         return self._frames_there
 
     def _numbering_in_place(self, source: ImageSource | None, factor: Fraction | None) -> Numbering:
-        """The source's own, if it has numbers for the frames between."""
+        """Return the source's own numbering if it has numbers for the frames between."""
         if source is None or source.numbering is None or factor is None:
             raise OptionError(f"--in-place needs images with numbers in their names, and {self._path} has none.")
         has_room = source.step > 1 or source.numbers[-1] - source.numbers[0] >= len(source.numbers)
@@ -498,7 +498,7 @@ class ImageSink:
         self._names.append(path.name)
 
     def _content(self, path: Path, frame: Frame) -> bytes:
-        """A frame that passes into a file of its own type as that file, to the byte; others with what it says."""
+        """Return the bytes to write: of an original into a file of its own type that file, else an encoded image."""
         if isinstance(frame.original, ImageFile):
             source, data = _read_again(frame.original.path)
             self._metadata = metadata_of(source, data)
@@ -569,12 +569,12 @@ class ImageSink:
 
 
 def _read_again(path: Path) -> tuple[Path, bytes]:
-    """An input that could be read before, and its content."""
+    """Read an input again that could be read before; return its path and content."""
     return path, content_of(path, "leave the input as it is until all is done")
 
 
 def _one_name(extension: str) -> str:
-    """The shorter of two names that stand for one type of file."""
+    """Return the shorter of two extensions that stand for one type of file."""
     return {".jpeg": ".jpg", ".tiff": ".tif"}.get(extension, extension)
 
 

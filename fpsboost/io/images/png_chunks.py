@@ -54,5 +54,5 @@ def chunks_in(file: BinaryIO, without_data: tuple[bytes, ...] = ()) -> Iterator[
 
 
 def chunk_bytes(name: bytes, data: bytes) -> bytes:
-    """A chunk as it stands in the file."""
+    """Return a chunk as bytes of the file."""
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))

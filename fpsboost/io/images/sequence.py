@@ -20,7 +20,7 @@ from fpsboost.errors import InputError, OptionError
 
 
 def find_placeholder(name: str) -> re.Match[str] | None:
-    """The last one counts, so that ``shot #2_####.png`` works; ``%`` goes before ``#``."""
+    """Find the last placeholder, so that ``shot #2_####.png`` works; ``%`` takes precedence over ``#``."""
     found = list(re.finditer("%(?:0[0-9]+)?d", name)) or list(re.finditer("#+", name))
     return found[-1] if found else None
 
@@ -223,7 +223,7 @@ def _across_zero(folder: Path, groups: dict[tuple[str, str], list[str]]) -> File
 
 
 def _signed(numbering: Numbering) -> FileSequence | None:
-    """The files of a naming with those before 0; None where there are none, or where they do not lead to the others.
+    """Return the files of a numbering with those below 0; None if there are none, or if they are not adjacent.
 
     A dash that separates a name from its number then is none.
     """

@@ -43,14 +43,14 @@ def read_tags(data: bytes) -> dict[int, Any]:
 
 
 def number_of(tags: Mapping[int, Any], number: int) -> int | None:
-    """The first value of a tag, if it is a whole number."""
+    """Return the first value of a tag if it is an integer."""
     value = tags.get(number)
     first = value[0] if isinstance(value, tuple) and value else value
     return int(first) if isinstance(first, int) else None
 
 
 def bytes_of(tags: Mapping[int, Any], number: int) -> bytes:
-    """What a tag holds that is no number; b"" where there is nothing of the kind."""
+    """Return the bytes of a tag that is no number; b"" if there are none."""
     value = tags.get(number)
     return value.encode() if isinstance(value, str) else value if isinstance(value, bytes) else b""
 

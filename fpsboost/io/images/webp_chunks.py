@@ -36,5 +36,5 @@ def chunks_in(file: BinaryIO) -> Iterator[tuple[bytes, int]]:
 
 
 def chunk_bytes(name: bytes, data: bytes) -> bytes:
-    """A chunk as it stands in the file, padded to an even length."""
+    """Return a chunk as bytes of the file, padded to an even length."""
     return struct.pack("<4sI", name, len(data)) + data + b"\0" * (len(data) % 2)

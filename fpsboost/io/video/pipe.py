@@ -122,7 +122,7 @@ class Header:
         return sum(each.width * each.height * (2 if each.bits > 8 else 1) for each in components)
 
     def line(self) -> bytes:
-        """The header as it is written; an interlaced stream is not, because its frames count as whole pictures."""
+        """Return the header as it is written: never interlaced, because frames are written as progressive."""
         colour_range = {None: "", True: " XCOLORRANGE=FULL", False: " XCOLORRANGE=LIMITED"}[self.full_range]
         rate, aspect = (_ratio(value) for value in (self.rate, self.aspect))
         text = f"W{self.width} H{self.height} F{rate} Ip A{aspect} C{self.format}{colour_range}"
@@ -180,7 +180,7 @@ def _side(text: str, name: str) -> int:
 
 
 def _fraction(text: str, name: str) -> Fraction | None:
-    """A ratio such as ``30000:1001``; None for nothing and for 0:0, which stand for unknown."""
+    """Parse a ratio such as ``30000:1001``; return None for an empty one and for 0:0, which mean unknown."""
     found = re.fullmatch("([0-9]{1,10}):([0-9]{1,10})", text)
     if text and (found is None or max(int(found[1]), int(found[2])) >= 2**31):
         raise InputError(f"{name} has the ratio {text!r} in its first line, which is none; write it like 30000:1001.")
@@ -194,7 +194,7 @@ def _ratio(value: Fraction | None) -> str:
 
 
 def format_name(pixel_format: str, chroma_location: str) -> str:
-    """The name that a header gives a pixel format; `formats` has it."""
+    """Return the name of a pixel format in headers; `formats` has it."""
     names = [name for name, other in formats.items() if other == pixel_format]
     return next((name for name in names if chroma_locations.get(name) == chroma_location), names[0])
 
@@ -447,7 +447,7 @@ class PipeSink:
         self._count += 1
 
     def _choose_header(self, image: Pixels) -> Header:
-        """The source's pixel format or the nearest one; images keep all of their colour and depth."""
+        """Choose the source's pixel format or the nearest one; images keep all of their colour and depth."""
         traits = self._traits
         gray, deep = image.shape[2] < 3, image.dtype != np.uint8
         aspect = None
