@@ -18,17 +18,15 @@ from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame import Image, Pixels, as_array, check_pair
 from fpsboost.frame_cache import FrameCache, Results
+from fpsboost.io.vector_folder import UsesVectors
 from fpsboost.io.video.planes import bgr_of
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import normalised
-from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.field import MotionField
-from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
-from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.ycbcr import YCbCrImage
 
@@ -240,7 +238,8 @@ class Interpolator:
     @property
     def needs_every_frame(self) -> bool:
         """Whether motion was rendered from each frame to the next one, so that no frame may be skipped."""
-        return isinstance(self.estimator, RenderedMotion) or isinstance(self.synthesizer, SceneAssisted)
+        parts = self.estimator, self.synthesizer
+        return any(isinstance(part, UsesVectors) and part.needs_every_frame for part in parts)
 
     def interpolate(
         self, image0: Image, image1: Image, times: Sequence[float | Fraction], *, cuts: CutPolicy | None = None
@@ -363,16 +362,14 @@ class Interpolator:
         Interpolator, list of str
             The second holds remarks for vectors that have other numbers and are taken in order.
         """
-        matched = []
-        estimator, synthesizer = self.estimator, self.synthesizer
-        if isinstance(estimator, RenderedMotion | ExhaustiveSearch) and estimator.vectors is not None:
-            matched.append(estimator.vectors.matched(numbers, must_match=must_match))
-            estimator = replace(estimator, vectors=matched[-1])
-        if isinstance(synthesizer, SceneAssisted):
-            matched.append(synthesizer.vectors.matched(numbers, must_match=must_match))
-            synthesizer = replace(synthesizer, vectors=matched[-1])
-        remarks = [remark for vectors in matched for remark in vectors.remarks]
-        return replace(self, estimator=estimator, synthesizer=synthesizer) if matched else self, remarks
+        matched: dict[str, Any] = {}
+        remarks = []
+        for name, part in (("estimator", self.estimator), ("synthesizer", self.synthesizer)):
+            if isinstance(part, UsesVectors) and part.vectors is not None:
+                vectors = part.vectors.matched(numbers, must_match=must_match)
+                matched[name] = part.with_vectors(vectors)
+                remarks += vectors.remarks
+        return replace(self, **matched), remarks
 
     def compile_for(self, image: Pixels) -> None:
         """Compile the kernels for images of this type, or load them from the cache, by interpolating a tiny clip.
@@ -400,11 +397,9 @@ class Interpolator:
 
     def _without_vectors(self) -> Interpolator:
         """Return an interpolator with the same kernels that needs no rendered motion."""
-        estimator = ZeroMotion() if isinstance(self.estimator, RenderedMotion) else self.estimator
-        if isinstance(estimator, ExhaustiveSearch):
-            estimator = replace(estimator, vectors=None)
-        synthesizer = Blend() if isinstance(self.synthesizer, SceneAssisted) else self.synthesizer
-        return replace(self, estimator=estimator, synthesizer=synthesizer)
+        parts = {"estimator": self.estimator, "synthesizer": self.synthesizer}
+        bare = {name: part.without_vectors() for name, part in parts.items() if isinstance(part, UsesVectors)}
+        return replace(self, **bare)
 
 
 def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from copy import copy
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,25 @@ class FrameVectors(NamedTuple):
     """(H, W, 2) float32, to the next output frame, y down."""
     depth: NDArray[Any] | None
     """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None if it is not known."""
+
+
+@runtime_checkable
+class UsesVectors(Protocol):
+    """Contract: an estimator or synthesizer that may read a renderer's motion vectors."""
+
+    needs_every_frame: bool
+    """Whether it has motion from each frame to the very next alone, so that none may be left out."""
+
+    @property
+    def vectors(self) -> VectorFolder | None: ...
+
+    def with_vectors(self, vectors: VectorFolder) -> Self:
+        """Return the same with other vectors."""
+        ...
+
+    def without_vectors(self) -> Any:
+        """Return what compiles the same kernels and needs no vectors."""
+        ...
 
 
 class VectorFolder:

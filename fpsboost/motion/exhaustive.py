@@ -9,7 +9,7 @@ and what the report leaves open.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import check_pair
@@ -60,6 +60,8 @@ class ExhaustiveSearch:
     ([3.0, 0.0], [-3.0, 0.0])
     """
 
+    needs_every_frame: ClassVar[bool] = False
+
     search_radius: int | None = None
     patch_radius: int = 5
     window: Window = "box"
@@ -76,6 +78,14 @@ class ExhaustiveSearch:
             raise OptionError(f"--v must be above 0, not {self.v}.")
         check_choice("--window", self.window, get_args(Window))
         check_choice("--implementation", self.implementation, get_args(Implementation))
+
+    def with_vectors(self, vectors: VectorFolder) -> ExhaustiveSearch:
+        """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""
+        return replace(self, vectors=vectors)
+
+    def without_vectors(self) -> ExhaustiveSearch:
+        """See `fpsboost.io.vector_folder.UsesVectors.without_vectors`."""
+        return replace(self, vectors=None)
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`; flows are whole pixels."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from fpsboost.frame import check_pair
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.motion.field import MotionField
+from fpsboost.motion.zero import ZeroMotion
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,17 @@ class RenderedMotion:
     vectors : VectorFolder
     """
 
+    needs_every_frame: ClassVar[bool] = True
+
     vectors: VectorFolder
+
+    def with_vectors(self, vectors: VectorFolder) -> RenderedMotion:
+        """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""
+        return replace(self, vectors=vectors)
+
+    def without_vectors(self) -> ZeroMotion:
+        """See `fpsboost.io.vector_folder.UsesVectors.without_vectors`."""
+        return ZeroMotion()
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """See `fpsboost.motion.MotionEstimator.estimate`.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.motion.rendered import frame_number, not_an_output_frame
 from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.rounding import as_image, premultiplied
 
 
@@ -50,12 +51,22 @@ class SceneAssisted:
         The tolerance is out of range.
     """
 
+    needs_every_frame: ClassVar[bool] = True
+
     vectors: VectorFolder
     depth_tolerance: float = 0.05
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth_tolerance < 1:
             raise OptionError(f"depth_tolerance must be at least 0 and below 1, not {self.depth_tolerance}.")
+
+    def with_vectors(self, vectors: VectorFolder) -> SceneAssisted:
+        """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""
+        return replace(self, vectors=vectors)
+
+    def without_vectors(self) -> Blend:
+        """See `fpsboost.io.vector_folder.UsesVectors.without_vectors`."""
+        return Blend()
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`; motion that was estimated is not looked at.
