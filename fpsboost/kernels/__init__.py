@@ -1,1 +1,1 @@
-"""The hot loops: numba over plain contiguous arrays, outputs last, nothing of the package imported."""
+"""Numba kernels: hot loops over plain contiguous arrays, with outputs last and no other imports from the package."""

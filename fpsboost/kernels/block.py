@@ -1,7 +1,7 @@
-"""Block matching as video coding does it: for every block of one frame, the most similar place in the other.
+"""Block matching as in video coding: for every block of one frame, find the best-matching block of the other frame.
 
-Most similar is what has the lowest sum of absolute differences; of several such places, the nearest. Images come as
-rows of values, the channels of a pixel side by side, so that a row of a block is one run of memory.
+The best match has the lowest sum of absolute differences; of equally good matches, the nearest one. Images are given as
+rows of values with the channels of a pixel side by side, so that a row of a block is contiguous in memory.
 """
 
 from __future__ import annotations
@@ -11,13 +11,16 @@ from numba import njit
 
 from fpsboost.kernels.jit import JIT
 
-UNLIMITED = 2**62
-"""More than any sum."""
+MAX_SUM = 2**62
+"""Initial minimum, larger than any sum of absolute differences."""
 
 
 @njit(**JIT)
 def sum_of_differences(rows0, rows1, channels, block, dy, dx, limit, kind):
-    """Absolute differences of a block and what lies ``(dx, dy)`` away; beyond the limit, the rest is left out."""
+    """Return the sum of absolute differences of a block and its match, stopping above the limit.
+
+    The match is offset by ``(dx, dy)``.
+    """
     top, left, bottom, right = block
     total = kind(0)
     for y in range(top, bottom):
@@ -32,22 +35,22 @@ def sum_of_differences(rows0, rows1, channels, block, dy, dx, limit, kind):
 
 @njit(cache=True, **JIT)
 def match_blocks(rows0, rows1, channels, block_size, search_range, offsets, turns, repeated, motion, difference):
-    """Find every block of the first image in the second.
+    """Find the best match in the second image for every block of the first.
 
     Parameters
     ----------
     rows0, rows1 : (H, W * channels) uint8, uint16 or float32
     channels : int
     block_size : int
-        Side of a block; those at the right and at the bottom edge have what is left.
+        Side of a block, pixels; blocks at the right and at the bottom edge may be smaller.
     search_range : int
-        Largest motion along x and y, pixels; places that are not within the frame do not count.
+        Largest motion along x and y, pixels; positions outside of the frame are not considered.
     offsets : (N, 2) int32
-        ``(dy, dx)`` that are tried from the best place so far, turn after turn; the first is no motion.
+        ``(dy, dx)`` to try relative to the best position so far, pass by pass; the first is no motion.
     turns : (T + 1,) int32
-        Turn k tries ``offsets[turns[k]:turns[k + 1]]``, all from the place that was the best before it.
+        Pass k tries ``offsets[turns[k]:turns[k + 1]]``, all relative to the best position before the pass.
     repeated : (T,) bool
-        Turns that come again for as long as they find a better place.
+        Whether a pass is repeated for as long as it finds a better position.
     motion : (rows, columns, 2) int32
         Out: ``(dx, dy)``.
     difference : (rows, columns) int64, for float images float32
@@ -58,7 +61,7 @@ def match_blocks(rows0, rows1, channels, block_size, search_range, offsets, turn
     for row, column in np.ndindex(difference.shape):
         top, left = row * block_size, column * block_size
         bottom, right = min(top + block_size, height), min(left + block_size, width)
-        best_y, best_x, least = np.int64(0), np.int64(0), kind(UNLIMITED)
+        best_y, best_x, least = np.int64(0), np.int64(0), kind(MAX_SUM)
         for turn in range(repeated.shape[0]):
             again = True
             while again:

@@ -1,4 +1,4 @@
-"""Running sums of similarity over a box, row by row: the same cost for any patch size."""
+"""Running sums of the similarity over a box, row by row: the cost does not depend on the patch size."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from numba.extending import intrinsic, overload
 
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.lanes import address_of
-from fpsboost.kernels.similarity import COEFFICIENTS, LARGEST, similarity
+from fpsboost.kernels.similarity import COEFFICIENTS, MAX_SQUARED_DISTANCE, similarity
 
 _FLOATS, _INTEGERS = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(ir.IntType(32), LANES)
 
 
 def slide_box(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
-    """Move the column sums of a box down by one row, for LANES columns: the new row in, the oldest out.
+    """Move the column sums of a box down by one row, for LANES columns: add the new row and subtract the oldest.
 
     Parameters
     ----------
     planes0, planes1 : (size,) float32
-        As `fpsboost.kernels.similarity.similarity` takes them.
+        Scaled components, as for `fpsboost.kernels.similarity.similarity`.
     place0, plane0, place1, plane1 : int
-        The first pixel of the new row in the first of three planes, and the distance of the planes; no bounds are
-        checked.
+        Index of the first pixel of the new row in the first of three planes, and distance between planes; no bounds
+        are checked.
     oldest : (size,) int32
-        Similarities of the rows in the box; in and out.
+        Similarities of the rows in the box; updated in place.
     newest : int
-        Where the new row takes the place of the oldest.
+        Index at which the new row replaces the oldest.
     columns : (size,) int32
-        In and out.
+        Column sums; updated in place.
     at : int
-        Where the columns begin.
+        Index of the first column sum.
     """
     for x in range(LANES):
         pixels = [planes0[place0 + c * plane0 + x] for c in range(3)]
@@ -44,7 +44,7 @@ def slide_box(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, 
 
 @intrinsic
 def _slide_box(typing, planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
-    """The processor's own instructions."""
+    """Run `slide_box` in vector instructions."""
     place = types.int64
     return types.void(planes0, place, place, planes1, place, place, oldest, place, columns, place), _emit
 
@@ -68,7 +68,7 @@ def _emit(context, builder, signature, arguments):
         apart = builder.fsub(first, second)
         squares = builder.fmul(apart, apart) if squares is None else builder.call(fma, [apart, apart, squares])
         place0, place1 = builder.add(place0, plane0), builder.add(place1, plane1)
-    largest = constant(LARGEST)
+    largest = constant(MAX_SQUARED_DISTANCE)
     squares = builder.select(builder.fcmp_ordered("<", squares, largest), squares, largest)
     whole = builder.fptosi(squares, _INTEGERS)
     fraction = builder.fsub(squares, builder.sitofp(whole, _FLOATS))
@@ -85,7 +85,7 @@ def _emit(context, builder, signature, arguments):
 
 @overload(slide_box, inline="always")
 def _compiled(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
-    """What `slide_box` is within kernels."""
+    """Return the implementation of `slide_box` within kernels."""
 
     def compiled(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
         _slide_box(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at)
@@ -95,7 +95,7 @@ def _compiled(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, 
 
 @njit(inline="always", **FINITE_JIT)
 def sum_box_across(column, size, width, price, partial, total):
-    """Sum `size` neighbouring column sums, by way of sums of five, and take a price off."""
+    """Sum `size` neighbouring column sums, by way of sums of five, and subtract a penalty."""
     fives, rest = size // 5, size % 5
     reach = (size + LANES - 1) // LANES * LANES
     for x in range(width + reach):

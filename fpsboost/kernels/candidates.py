@@ -1,8 +1,8 @@
-"""The few motions that may hold around each node of an in-between frame.
+"""Candidate motions around each node of an in-between frame.
 
-Every few pixels of both frames, the motion there is carried to time t. What lands near a node becomes a candidate of
-that node; candidates that agree become one, with a vote each. A candidate also has the mean acceleration of its votes:
-objects that cross each other keep paths of their own.
+The motion at points a few pixels apart in both frames is projected to time t. Motion that lands near a node becomes a
+candidate of that node; candidates that agree are merged, and their votes are added up. A candidate also has the mean
+acceleration of its votes, so that objects that cross each other keep separate trajectories.
 """
 
 from __future__ import annotations
@@ -15,60 +15,62 @@ from numba import njit
 from fpsboost.kernels.jit import JIT
 
 CELL = 16
-"""Distance of the nodes, pixels; each lies in the middle of a cell of this size."""
+"""Distance between nodes, pixels; each node lies at the centre of a cell of this size."""
 
 SUMS = 10
-"""What is summed up for a candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and how
-dx and dy change along x, then along y."""
+"""Number of sums per candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and the
+gradients of dx and dy along x, then along y."""
 
 MOTION = 8
-"""Numbers of a candidate: dx, dy; acceleration ax, ay; and how dx and dy change along x, then along y."""
+"""Number of values per candidate: dx, dy; acceleration ax, ay; and the gradients of dx and dy along x, then along y."""
 
 
 UNKNOWN = np.float32(0.1)
-"""Share of a candidate's votes that count as votes for no acceleration."""
+"""Share of a candidate's votes that count as votes for zero acceleration."""
 
 
 @njit(cache=True, **JIT)
 def collect_candidates(
     vectors, gradients, accelerations, trust, sign, t, step, support, tolerance, height, width, count, votes, sums
 ):
-    """Add one frame's motion to the nodes' candidates.
+    """Add the motion of one frame to the candidates of the nodes.
 
     Parameters
     ----------
     vectors : (points down, points across, 2) float32
         Motion at points `step` pixels apart, the first at step / 2, the last within the frame.
     gradients : (points down, points across, 2, 2) float32
-        How the motion changes from pixel to pixel: along x, of dx and dy, then along y.
+        Gradients of the motion, pixels per pixel: of dx and dy along x, then along y.
     accelerations : (points down, points across, 3) float32
-        Whether the acceleration is known, 1 or 0, and the acceleration, pixels per interval squared, or 0.
+        1 if the acceleration is known, else 0, and the acceleration, pixels per interval squared, or 0.
     trust : (points down, points across) float32
-        What the vote of each point counts, 0 to 1.
+        Weight of the vote of each point, 0 to 1.
     sign : float32
-        1 for frame 0, -1 for frame 1: candidates always lead from frame 0 to frame 1.
+        1 for frame 0, -1 for frame 1: candidates are always motions from frame 0 to frame 1.
     t : float32
         Distance in time from the frame, in intervals.
     step : int
+        Distance between points, pixels.
     support : float32
-        A motion counts for the nodes this near to where it lands, pixels along x and y: the nearer the more.
+        Maximum distance along x and y between a node and the landing position of a motion that votes for it, pixels;
+        the weight decreases with distance.
     tolerance : float32
-        Motions that differ by less along x and y are the same, pixels.
+        Motions that differ by less than this along x and y are merged, pixels.
     height, width : int
         Size of the frame.
     count : (rows, columns) int32
-        Candidates of each node so far; in and out.
+        Candidates of each node so far; updated in place.
     votes : (rows, columns, capacity) float32
-        In and out.
+        Votes of each candidate; updated in place.
     sums : (rows, columns, capacity, SUMS) float32
-        Sums over the votes of each candidate; in and out.
+        Sums over the votes of each candidate; updated in place.
     """
     rows, columns, capacity = votes.shape
     one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1 / CELL)
     middle = np.float32(CELL / 2)
     curve = t * (one - t) * half
     for i in range(vectors.shape[0]):
-        y = np.float32(min(i * step + step // 2, height - 1)) + half  # cells begin before their first pixel
+        y = np.float32(min(i * step + step // 2, height - 1)) + half  # relative to the frame corner
         for j in range(vectors.shape[1]):
             x = np.float32(min(j * step + step // 2, width - 1)) + half
             known, ax, ay = accelerations[i, j, 0], accelerations[i, j, 1], accelerations[i, j, 2]
@@ -82,7 +84,7 @@ def collect_candidates(
                 down = one - abs(landing_y - middle - np.float32(row * CELL)) / support
                 for column in range(left, right + 1):
                     across = one - abs(landing_x - middle - np.float32(column * CELL)) / support
-                    # zoomed and turned motion is extended to the node
+                    # extrapolate zoom and rotation to the node
                     apart_x = middle + np.float32(column * CELL) - landing_x
                     apart_y = middle + np.float32(row * CELL) - landing_y
                     dx = vectors[i, j, 0] + apart_x * gradients[i, j, 0, 0] + apart_y * gradients[i, j, 1, 0]
@@ -121,26 +123,26 @@ def collect_candidates(
 
 @njit(cache=True, **JIT)
 def list_candidates(count, votes, sums, still_votes, spread, least_share, least, motions, weights):
-    """The candidates of each node by falling votes, and no motion as the last.
+    """Write the candidates of each node in order of decreasing votes, followed by zero motion.
 
     Parameters
     ----------
     count : (rows, columns) int32
-        In and out: how many are listed, which is no more than there is room for.
+        Candidates of each node; updated in place to the number listed, which is limited to `room`.
     votes : (rows, columns, capacity) float32
     sums : (rows, columns, capacity, SUMS) float32
         See `collect_candidates`.
     still_votes : float32
-        Votes of no motion.
+        Votes for zero motion.
     spread : float32
-        Standard deviation of a candidate's accelerations at which their mean counts half, pixels.
+        Standard deviation of a candidate's accelerations at which their mean is given half its weight, pixels.
     least_share : float32
         Added to each candidate's share of all votes.
     least : float32
-        What is taken off each weight, as a share of the best's, so that none ends abruptly.
+        Amount subtracted from each weight, as a share of the largest weight, so that weights fade out continuously.
     motions : (rows, columns, room, MOTION) float32 out
     weights : (rows, columns, room) float32 out
-        At least 0; their sum is 1. Those beyond the listed ones are 0.
+        At least 0, with a sum of 1; 0 beyond the listed candidates.
     """
     rows, columns, capacity = votes.shape
     room, waiting = weights.shape[2], np.empty(capacity, np.float32)
@@ -167,9 +169,9 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
             if known > 0:
                 ax, ay = node_sums[k, 3] / known, node_sums[k, 4] / known
                 variance = max(node_sums[k, 5] / known - ax * ax - ay * ay, np.float32(0))
-                # vectors that do not agree on how they change are not to be believed
+                # the acceleration is unreliable if the votes disagree on it
                 belief = known / (known + UNKNOWN * vote) * spread * spread / (spread * spread + variance)
-                # what stands still is not bent: a held picture stays as it is
+                # zero motion has no acceleration: a frozen frame stays unchanged
                 belief *= min(np.float32(4) * (abs(motion[0]) + abs(motion[1])), np.float32(1))
                 motion[2], motion[3] = belief * ax, belief * ay
             node_weights[place] = vote / all_votes + least_share

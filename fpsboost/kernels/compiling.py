@@ -1,4 +1,4 @@
-"""Word of kernels that are compiled because the cache does not hold them yet."""
+"""Notification that kernels are being compiled because the cache does not hold them yet."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 from numba.core import event
 
-COMPILE = "numba:compile"
-"""The event that numba sends when it begins to compile; loading from its cache sends none."""
+COMPILE_EVENT = "numba:compile"
+"""Event that numba sends when a compilation begins; loading from its cache sends none."""
 
 
-class _Once(event.Listener):
-    """Passes on the first beginning."""
+class _FirstStartListener(event.Listener):
+    """Listener that calls a function at the first start event only."""
 
     def __init__(self, tell: Callable[[], None]) -> None:
         self._tell: Callable[[], None] | None = tell
@@ -28,13 +28,13 @@ class _Once(event.Listener):
 
 @contextmanager
 def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
-    """Call a function once, when the first kernel begins to be compiled, and never if all come from the cache.
+    """Call a function once, when the compilation of the first kernel begins; never if all come from the cache.
 
     Parameters
     ----------
     tell : callable
-        Called in the thread that compiles.
+        Function to call, in the thread that compiles.
     """
-    listener = _Once(tell)
-    with event.install_listener(COMPILE, listener):
+    listener = _FirstStartListener(tell)
+    with event.install_listener(COMPILE_EVENT, listener):
         yield

@@ -1,4 +1,4 @@
-"""Images as the padded component planes in levels that the searches compare, in one go."""
+"""Conversion of images to the padded 8-bit component planes that the searches compare, in a single pass."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from fpsboost.kernels.tiles import Index
 
 @njit(inline="always", **FINITE_JIT)
 def as_level(value):
-    """Rounded and clipped to a byte."""
+    """Return a value rounded and clipped to a byte."""
     return np.uint8(min(max(value + np.float32(0.5), np.float32(0)), np.float32(WHITE)))
 
 
 @njit(forceinline=True, **FINITE_JIT)
 def split_row(pixels, channels, normalise, scale, luma, first, third):
-    """One row of `split_colours`; pixels is (W C,)."""
+    """Process one row of `split_colours`; `pixels` is (W C,)."""
     half, chroma_red, chroma_blue = np.float32(0.5), np.float32(0.713 / 2), np.float32(0.564 / 2)
     for x in range(Index(luma.size)):
         place = x * Index(channels)
@@ -40,26 +40,27 @@ def split_row(pixels, channels, normalise, scale, luma, first, third):
 
 @njit(cache=True, **FINITE_JIT)
 def split_colours(image, normalise, scale, padding, luma, planes):
-    """Luma, and the first and third plane: half luma and mean chroma.
+    """Write the luma, and the first and third plane: half luma and mean chroma.
 
     Parameters
     ----------
     image : (H, W, C)
-        Gray or BGR, multiplied by alpha where there is a second or a fourth channel.
+        Gray or BGR; the planes are multiplied by alpha if there is a second or a fourth channel.
     normalise : float32
-        Factor that brings the image's white to 1.
+        Factor that scales the image's white to 1.
     scale : float32
-        Levels of 1.
+        Levels that represent a difference of 1.
     padding : int
+        Pixels on every side of the planes.
     luma : (H, W) float32 out
     planes : (3, H + 2 padding, W + 2 padding or more) uint8 out
-        Only the frame itself is written, and nothing of the second plane.
+        Only the frame area of the first and third plane is written.
     """
     height, width, channels = image.shape
     rows = np.ascontiguousarray(image).reshape(height, width * channels)
     for y in range(height):
         first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
-        if channels == 3:  # a constant for the compiler: pixels three values apart make vectors
+        if channels == 3:  # a compile-time constant: pixels three values apart can be vectorised
             split_row(rows[y], 3, normalise, scale, luma[y], first, third)
         else:
             split_row(rows[y], channels, normalise, scale, luma[y], first, third)
@@ -67,16 +68,16 @@ def split_colours(image, normalise, scale, padding, luma, planes):
 
 @njit(cache=True, **FINITE_JIT)
 def split_planes(y_plane, cb_plane, cr_plane, black, luma_unit, neutral, chroma_unit, scale, padding, luma, planes):
-    """`split_colours` for an image in planes of luma and chroma.
+    """Do the same as `split_colours` for an image in planes of luma and chroma.
 
     Parameters
     ----------
     y_plane : (H, W) uint8 or uint16
-    cb_plane, cr_plane : (H, W), or half of it along x or along both
+    cb_plane, cr_plane : (H, W), or subsampled by 2 along x or along both axes
     black, luma_unit : float32
-        Code value of black, and what one more adds, with 1 for white.
+        Code value of black, and luma per code value, where white is 1.
     neutral, chroma_unit : float32
-        The same of gray's chroma.
+        Code value of neutral chroma, and chroma per code value.
     scale, padding, luma, planes
         As for `split_colours`.
     """
@@ -107,16 +108,16 @@ def split_planes(y_plane, cb_plane, cr_plane, black, luma_unit, neutral, chroma_
 
 @njit(cache=True, **FINITE_JIT)
 def finish_planes(luma, local_mean, scale, middle, padding, planes):
-    """The second plane, twice the luma less its local mean, and repeated edges on all three.
+    """Write the second plane, twice the luma minus its local mean, and repeat the edges of all three planes.
 
     Parameters
     ----------
     luma, local_mean : (H, W) float32
     scale, middle : float32
-        Levels of 1, and the level of no difference: it is as often below as above.
+        Levels that represent a difference of 1, and the level of zero difference: differences have both signs.
     padding : int
     planes : (3, H + 2 padding, W + 2 padding or more) uint8
-        In and out.
+        Updated in place.
     """
     height, width = luma.shape
     columns, twice = planes.shape[2], np.float32(2) * scale

@@ -1,6 +1,6 @@
-"""Fused multiply-add, asked for where it pays instead of allowed everywhere.
+"""Fused multiply-add, requested explicitly where it pays off instead of being allowed everywhere.
 
-A compiler that may contract ``a * b + c`` by itself decides anew with every compilation, and the same kernel gave
+A compiler that may contract ``a * b + c`` on its own decides anew at every compilation; the same kernel then gave
 different bits when it was compiled and when it was loaded from the cache.
 """
 
@@ -12,13 +12,13 @@ from numba.extending import intrinsic, overload
 
 
 def fma(a, b, c):
-    """``a * b + c`` of three float32, rounded once."""
+    """Return ``a * b + c`` of three float32, rounded once."""
     return np.float32(np.float64(a) * np.float64(b) + np.float64(c))
 
 
 @intrinsic
 def _instruction(typing, a, b, c):
-    """The processor's own instruction."""
+    """Emit the processor's fused multiply-add instruction."""
     return types.float32(types.float32, types.float32, types.float32), _emit
 
 
@@ -28,7 +28,7 @@ def _emit(context, builder, signature, arguments):
 
 @overload(fma, inline="always")
 def _compiled(a, b, c):
-    """What `fma` is within kernels."""
+    """Return the implementation of `fma` within kernels."""
     if not a == b == c == types.float32:
         return None
 

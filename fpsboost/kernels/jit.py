@@ -1,9 +1,9 @@
 """Compiler options of the kernels.
 
-A compiler may not change a finite number: sums are not reassociated, so that results do not depend on how it cut a
-loop into vectors, and nothing is contracted (see `fpsboost.kernels.fma`). Where a sum is taken in parts, or by one
-instruction, a kernel says so itself. Every kernel runs in one thread and lets go of Python's lock, so that pairs of
-frames can be worked on side by side (see `fpsboost.io.prefetch`).
+The compiler may not change a finite number: sums are not reassociated, so that results do not depend on how a loop is
+vectorised, and nothing is contracted (see `fpsboost.kernels.fma`). Where a sum is taken in parts, or by one
+instruction, the kernel says so itself. Every kernel runs in one thread and releases Python's global interpreter lock,
+so that pairs of frames can be processed in parallel (see `fpsboost.io.prefetch`).
 """
 
 JIT = {"nogil": True, "error_model": "numpy", "fastmath": False}
@@ -15,4 +15,5 @@ What a NaN or an infinity would become is not defined then, nor is the sign of a
 """
 
 LANES = 16
-"""Rows are processed in whole groups of this many pixels; a scalar rest loop would cost as much as ten vectors."""
+"""Group size, pixels: rows are processed in whole groups, as a scalar remainder loop would cost as much as ten
+vectors."""

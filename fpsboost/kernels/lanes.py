@@ -1,4 +1,4 @@
-"""Eight numbers at once, for loops so short that the compiler would leave them scalar."""
+"""Operations on eight or sixteen values at once, for loops so short that the compiler would leave them scalar."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
 EIGHT = 8
-"""Pixels of a vector."""
+"""Pixels per vector."""
 
 _VECTOR = ir.VectorType(ir.FloatType(), EIGHT)
 
 
 def row_filter(length: int) -> Callable[..., None]:
-    """What filters so many values of a row with four taps."""
+    """Return a function that applies a four-tap filter to `length` values of a row."""
     vector = ir.VectorType(ir.FloatType(), length)
     fma_type = ir.FunctionType(vector, [vector] * 3)
 
     def filter_row(source, begin, step, w0, w1, w2, w3, out, target):
-        """Write ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]`` of some values, where ``s[n]`` begins `n` steps on.
+        """Write ``w0 s[0] + w1 s[1] + w2 s[2] + w3 s[3]`` of `length` values, where ``s[n]`` begins `n` steps on.
 
         Parameters
         ----------
         source : (size,) float32
         begin, step : int
-            The first value, and the distance to its next; no bounds are checked.
+            Index of the first value, and distance between taps; no bounds are checked.
         w0, w1, w2, w3 : float32
         out : (size,) float32 out
         target : int
-            Where the values begin.
+            Index of the first value.
         """
         taps = [source[begin + n * step :][:length] for n in range(4)]
         out[target : target + length] = w0 * taps[0] + w1 * taps[1] + w2 * taps[2] + w3 * taps[3]
@@ -67,24 +67,24 @@ filter_eight, filter_sixteen = row_filter(EIGHT), row_filter(2 * EIGHT)
 
 
 def relax_eight(x, y, here, before, costs, least, slope, limit, cheapest, at):
-    """Lower the costs of eight labels to what the way from the cheapest of eight others costs.
+    """Lower the costs of eight labels to the cost of the cheapest transition from one of eight other labels.
 
     Parameters
     ----------
     x, y : (size,) float32
-        Motion of all labels.
+        Motion of all labels, pixels.
     here, before : int
-        Where the eight labels and the eight others begin; no bounds are checked.
+        Indices of the first of the eight labels and of the eight other labels; no bounds are checked.
     costs : (size,) float32
-        Of the others, from place `before` on.
+        Costs of the other labels, from index `before` on.
     least : float32
-        Taken off them.
+        Amount subtracted from these costs.
     slope, limit : float32
-        Cost of a change of motion by a pixel, and at most.
+        Cost of a change of motion per pixel, and its maximum.
     cheapest : (size,) float32
-        In and out.
+        Least costs so far; updated in place.
     at : int
-        Where the eight begin in it.
+        Index of the first of the eight labels in `cheapest`.
     """
     for other in range(before, before + EIGHT):
         change = abs(x[here : here + EIGHT] - x[other]) + abs(y[here : here + EIGHT] - y[other])
@@ -94,7 +94,7 @@ def relax_eight(x, y, here, before, costs, least, slope, limit, cheapest, at):
 
 @intrinsic
 def _vector_relax(typing, x, y, here, before, costs, least, slope, limit, cheapest, at):
-    """The processor's own instructions."""
+    """Run `relax_eight` in vector instructions."""
     place, number = types.int64, types.float32
     return types.void(x, y, place, place, costs, number, number, number, cheapest, place), _emit_relax
 
@@ -129,7 +129,7 @@ def _emit_relax(context, builder, signature, arguments):
 
 @overload(relax_eight, inline="always")
 def _compiled_relax(x, y, here, before, costs, least, slope, limit, cheapest, at):
-    """What `relax_eight` is within kernels."""
+    """Return the implementation of `relax_eight` within kernels."""
 
     def compiled(x, y, here, before, costs, least, slope, limit, cheapest, at):
         _vector_relax(x, y, here, before, costs, least, slope, limit, cheapest, at)
@@ -138,13 +138,13 @@ def _compiled_relax(x, y, here, before, costs, least, slope, limit, cheapest, at
 
 
 def address_of(context, builder, kind, array, index, element):
-    """Of an element of a flat array of type `kind`, as a pointer to the LLVM type `element`."""
+    """Return the address of an element of a flat array of type `kind` as a pointer to the LLVM type `element`."""
     data = context.make_array(kind)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
 
 
 def spread_value(builder, value, vector):
-    """A vector of type `vector` with one value in all places."""
+    """Return a vector of type `vector` with the same value in all lanes."""
     integer = ir.IntType(32)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(integer, 0))
     return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(integer, vector.count), [0] * vector.count))

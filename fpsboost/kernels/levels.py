@@ -1,7 +1,7 @@
-"""Similarity of pixels in bytes: the sum of absolute differences, truncated where nothing is alike any more.
+"""Similarity of 8-bit pixels: one minus the sum of absolute differences, truncated at 0.
 
-``max(1 - sum_c |a_c - b_c| / (4 v), 0)`` falls from 1 to 0 about as the report's exponential does (section 3.2, Eqs. 3
-and 4), and sixteen pixels of it are a dozen instructions. Integers make every sum exact, whatever its order.
+``max(1 - sum_c |a_c - b_c| / (4 v), 0)`` falls from 1 to 0 approximately as the report's exponential does (section 3.2,
+Eqs. 3 and 4), and takes a dozen instructions for sixteen pixels. Integers make every sum exact, whatever its order.
 """
 
 from __future__ import annotations
@@ -14,51 +14,51 @@ from numba.extending import intrinsic, overload
 from fpsboost.kernels.lanes import address_of, spread_value
 
 SIXTEEN = 16
-"""Pixels of a vector."""
+"""Pixels per vector."""
 
 WHITE = 255
-"""The largest level."""
+"""Largest level."""
 
 TRUNCATION = 4
-"""Widths v of difference from which on two pixels are not alike at all."""
+"""Sum of absolute differences, in units of the bandwidth v, at which the similarity reaches 0."""
 
 _BYTE, _BYTES = ir.IntType(8), ir.VectorType(ir.IntType(8), SIXTEEN)
 _WORDS = ir.VectorType(ir.IntType(16), SIXTEEN)
 
 
 def level_scale(v: float) -> float:
-    """Levels of a component that ranges over 1: 255, or fewer where the truncation would be above that."""
+    """Return the levels of a component that ranges over 1: 255, or fewer if the truncation would exceed 255."""
     return WHITE * min(1.0, 1 / (TRUNCATION * v))
 
 
 def truncation(v: float) -> int:
-    """Levels of difference, all components together, from which on two pixels are not alike at all."""
+    """Return the sum of absolute differences over all components, in levels, at which the similarity reaches 0."""
     return max(1, round(TRUNCATION * v * level_scale(v)))
 
 
 def compare_sixteen(first, place0, second, place1, plane, most, sums, before, after):
-    """Write the sums of sixteen pixels plus the similarities, 0 to `most`, of sixteen pairs of pixels.
+    """Add the similarities, 0 to `most`, of sixteen pairs of pixels to the sums of sixteen pixels.
 
     Parameters
     ----------
     first, second : (size,) uint8
     place0, place1 : int
-        Of the first pixel in the first of three planes; no bounds are checked.
+        Index of the first pixel in the first of three planes; no bounds are checked.
     plane : int
-        Distance of the planes.
+        Distance between planes.
     most : int
-        What `truncation` gives.
+        Similarity of two equal pixels, as returned by `truncation`.
     sums : (size,) uint16
-        In and out.
+        Sums of similarities; updated in place.
     before, after : int
-        Where the sixteen are read and written.
+        Indices at which the sixteen sums are read and written.
     """
     taken = first[place0:][:SIXTEEN], first[place0 + plane :][:SIXTEEN], first[place0 + 2 * plane :][:SIXTEEN]
     _compare(taken, second, place1, plane, most, sums, before, after)
 
 
 def compare_one(first, place0, second, place1, plane, most, sums, before, after):
-    """Like `compare_sixteen`, of one pixel and sixteen."""
+    """Do the same as `compare_sixteen`, but compare one pixel with sixteen."""
     taken = first[place0], first[place0 + plane], first[place0 + 2 * plane]
     _compare(taken, second, place1, plane, most, sums, before, after)
 
@@ -75,7 +75,7 @@ def _signature(first, second, sums):
 
 @intrinsic
 def _vector_pairs(typing, first, place0, second, place1, plane, most, sums, before, after):
-    """The processor's own instructions, pixel by pixel."""
+    """Run `compare_sixteen` in vector instructions."""
 
     def emit(context, builder, signature, arguments):
         return _emit(context, builder, signature, arguments, one=False)
@@ -85,7 +85,7 @@ def _vector_pairs(typing, first, place0, second, place1, plane, most, sums, befo
 
 @intrinsic
 def _vector_one(typing, first, place0, second, place1, plane, most, sums, before, after):
-    """The same with one pixel against all."""
+    """Run `compare_one` in vector instructions."""
 
     def emit(context, builder, signature, arguments):
         return _emit(context, builder, signature, arguments, one=True)
@@ -121,7 +121,7 @@ def _emit(context, builder, signature, arguments, *, one):
 
 @overload(compare_sixteen, inline="always")
 def _compiled_pairs(first, place0, second, place1, plane, most, sums, before, after):
-    """What `compare_sixteen` is within kernels."""
+    """Return the implementation of `compare_sixteen` within kernels."""
 
     def compiled(first, place0, second, place1, plane, most, sums, before, after):
         _vector_pairs(first, place0, second, place1, plane, most, sums, before, after)
@@ -131,7 +131,7 @@ def _compiled_pairs(first, place0, second, place1, plane, most, sums, before, af
 
 @overload(compare_one, inline="always")
 def _compiled_one(first, place0, second, place1, plane, most, sums, before, after):
-    """What `compare_one` is within kernels."""
+    """Return the implementation of `compare_one` within kernels."""
 
     def compiled(first, place0, second, place1, plane, most, sums, before, after):
         _vector_one(first, place0, second, place1, plane, most, sums, before, after)

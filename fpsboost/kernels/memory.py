@@ -11,7 +11,7 @@ CACHE_LINE = 64
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Like `numpy.empty`, with the last axis rounded up to whole cache lines and the first byte on one.
+    """Return an array like `numpy.empty`, its last axis rounded up to whole cache lines and its first byte aligned.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     Returns
     -------
     ndarray
-        Contiguous; the last axis may be longer than asked for.
+        Contiguous; the last axis may be longer than requested.
 
     Examples
     --------

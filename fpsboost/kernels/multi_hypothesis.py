@@ -1,10 +1,10 @@
-"""The in-between frame as a weighted mean of both frames along every candidate motion.
+"""In-between frame as a weighted mean of both frames along every candidate motion.
 
 Each node has a window, which overlaps those of its neighbours. A candidate is one motion for a whole window, so that
-all its samples lie on a grid of their own: both frames are read in rows, without looking any pixel up. Every pixel then
-weighs the candidates by the report's patch similarity of what they bring together at time t: the non-local mean again,
-over motions instead of pixels. Windows fade into each other, so that no border between them can be seen (overlapped
-block motion compensation, Orchard and Sullivan 1994, doi:10.1109/83.334974).
+all its samples lie on a regular grid: both frames are read in rows, without looking up single pixels. At every pixel,
+the candidates are weighted by the report's patch similarity of the two samples at time t: non-local means over motions
+instead of pixels. Windows are faded into each other, so that no borders are visible (overlapped block motion
+compensation, Orchard and Sullivan 1994, doi:10.1109/83.334974).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fpsboost.kernels.lanes import EIGHT, filter_eight, filter_sixteen
 from fpsboost.kernels.spline import MARGIN, spline_weights
 from fpsboost.kernels.tiles import Index
 from fpsboost.kernels.window_rows import (
-    END,
+    END_WEIGHT,
     SQUARES,
     add_row,
     blend_rows,
@@ -36,67 +36,68 @@ from fpsboost.kernels.window_rows import (
 
 
 class Samples(NamedTuple):
-    """An image as planes with repeated edges, and the spline through them; see `fpsboost.kernels.spline`."""
+    """Planes of an image with repeated edges, and their spline coefficients; see `fpsboost.kernels.spline`."""
 
     planes: NDArray[Any]
-    """(C, H + 2 MARGIN, W + 2 MARGIN or more) uint8, uint16 or float32."""
+    """Values, (C, H + 2 MARGIN, W + 2 MARGIN or more) uint8, uint16 or float32."""
     coefficients: NDArray[Any]
-    """float32, shaped like the planes: of their values times `unit`."""
+    """float32, shaped like the planes: coefficients of their values times `unit`."""
     unit: np.float32
 
 
 class Room(NamedTuple):
-    """What is written to while a window is sampled."""
+    """Work arrays for sampling a window."""
 
     rows: NDArray[Any]
-    """((WINDOW + 3) * WINDOW,) float32."""
+    """((WINDOW + 3) * WINDOW,) float32, rows filtered horizontally."""
     first: NDArray[Any]
-    """(AREA,) float32, a window of frame 0."""
+    """Window of frame 0, (AREA,) float32."""
     second: NDArray[Any]
-    """(AREA,) float32, a window of frame 1."""
+    """Window of frame 1, (AREA,) float32."""
     taps: NDArray[Any]
-    """(16,) float32, weights across and down in frame 0, and in frame 1."""
+    """(16,) float32, horizontal and vertical weights in frame 0, then in frame 1."""
 
 
 WINDOW = 2 * CELL
 """Side of a window, pixels."""
 
 AREA = WINDOW * WINDOW
-"""Pixels of a window: what is done to each alike is one loop over all of them."""
+"""Pixels of a window: an operation that is the same for all of them is one loop."""
 
 HALF = WINDOW // 2
-"""Weights across a window: one for two pixels, as of chroma. They are means over patches, which change slowly."""
+"""Number of weights across a window: one for two pixels, as for subsampled chroma. Weights are means over patches,
+which vary slowly."""
 
 QUADS = HALF * HALF
-"""Squares of two by two pixels of a window, which have one weight."""
+"""Number of squares of two by two pixels in a window; each square has one weight."""
 
 BLOCK = EIGHT
-"""Side of the parts of a window that move as their middle does, pixels."""
+"""Side of the blocks of a window that move as their centre does, pixels."""
 
 MIN_GRADIENT, MAX_GRADIENT = np.float32(0.05), np.float32(0.5)
-"""Changes of motion from pixel to pixel between which a window is zoomed or turned; the sum along both axes.
+"""Minimum and maximum motion gradient of a window that is zoomed or rotated, pixels per pixel; the sum over both axes.
 
-Below them the parts of a window would be moved by less than windows overlap anyway. Above them there is no zoom and no
-turn, which would have to be by half or by 30 degrees from frame to frame, but the border of two motions, and the parts
-would be torn apart at their edges.
+Below the minimum, the blocks of a window would move by less than windows overlap anyway. A gradient above the maximum
+is not zoom or rotation, which would have to be by half or by 30 degrees from frame to frame, but the boundary of two
+motions, where the blocks would be torn apart.
 """
 
 PATCH_RADIUS = 2
-"""Of the patches that are compared at time t, squares; beyond their window they are cut off."""
+"""Radius of the patches that are compared at time t, squares; patches are truncated at the border of their window."""
 
 PADDED = HALF + 2 * PATCH_RADIUS
-"""Squares of a window's row with zeros on both sides, for sums over patches."""
+"""Squares in a row of a window with zero padding on both sides, for sums over patches."""
 
 SPARE = LANES
 """Columns that planes need beyond the right margin."""
 
-TINY = np.float32(1e-30)
-"""Keeps sums of weights above zero."""
+MIN_WEIGHT_SUM = np.float32(1e-30)
+"""Initial value of sums of weights, which keeps them above zero."""
 
 
 @njit(**FINITE_JIT)
 def decay(x):
-    """exp(-x) for x >= 0, to a millionth: a polynomial of x / 64, squared six times."""
+    """Return exp(-x) for x >= 0, accurate to a millionth: a polynomial of x / 64, squared six times."""
     x = min(x, np.float32(60)) * np.float32(1 / 64)
     half, sixth, one = np.float32(0.5), np.float32(1 / 6), np.float32(1)
     p = fma(x, np.float32(-1 / 120), np.float32(1 / 24))
@@ -111,25 +112,27 @@ def decay(x):
 
 @njit(**FINITE_JIT)
 def locate_window(top, left, motion, t, height, width, marks):
-    """Where a window at time t lies in both frames.
+    """Return the position of a window in both frames at time t.
 
     Parameters
     ----------
     top, left : int
-        Its first pixel.
+        First pixel of the window.
     motion : (MOTION,) float32
     t : float32
     height, width : int
-        Of the frames.
+        Size of the frames.
     marks : (4, WINDOW) float32 out
-        Where a part lies outside: 1 for each column inside of frame 0, each row, and the same for frame 1, else 0.
+        Written if the window is partly outside: 1 for each column inside of frame 0, else 0, each row, and the same
+        for frame 1.
 
     Returns
     -------
     y0, x0, y1, x1 : float32
-        In coordinates of the planes, no farther out than they go: beyond their margin nothing changes any more.
+        Position of the first pixel in plane coordinates, limited to the margin, beyond which the repeated edges do not
+        change.
     within : bool
-        Whether all of it lies inside of both frames.
+        Whether the whole window lies inside of both frames.
     """
     curve = t * (np.float32(1) - t) * np.float32(0.5)
     x0 = np.float32(left) + curve * motion[2] - t * motion[0]
@@ -150,7 +153,7 @@ def locate_window(top, left, motion, t, height, width, marks):
 
 @njit(**FINITE_JIT)
 def fetch_rigid(planes, coefficients, unit, begin, stride, y, x, wide, tall, rows, out):
-    """Sample a window that moves as a whole; whole places are copied. See `fetch_window`."""
+    """Sample a window that moves as a whole; integer positions are copied. See `fetch_window`."""
     top, left = int(y), int(x)  # never below 1
     fraction_y, fraction_x = y - np.float32(top), x - np.float32(left)
     if fraction_y == 0 and fraction_x == 0:
@@ -171,7 +174,7 @@ def fetch_rigid(planes, coefficients, unit, begin, stride, y, x, wide, tall, row
 
 @njit(**FINITE_JIT)
 def locate_block(y, x, down, across, share, motion, wide, tall, end, stride):
-    """Where a block of a window that is zoomed or turned lies: it moves as its middle does."""
+    """Return the position of a block of a zoomed or rotated window; a block moves as its centre does."""
     one, last_y, last_x = np.float32(1), np.float32(end - BLOCK - 3), np.float32(stride - BLOCK - 3)
     from_x, from_y = np.float32(across + (BLOCK - wide) // 2), np.float32(down + (BLOCK - tall) // 2)
     place_x = x + np.float32(across) + share * (from_x * motion[4] + from_y * motion[6])
@@ -181,36 +184,36 @@ def locate_block(y, x, down, across, share, motion, wide, tall, end, stride):
 
 @njit(**FINITE_JIT)
 def is_rigid(motion):
-    """Whether a window moves as a whole."""
+    """Return whether a window moves as a whole."""
     gradient = abs(motion[4]) + abs(motion[5]) + abs(motion[6]) + abs(motion[7])
     return gradient < MIN_GRADIENT or gradient > MAX_GRADIENT
 
 
 @njit(**FINITE_JIT)
 def fetch_window(planes, coefficients, unit, begin, stride, end, y, x, share, motion, wide, tall, rows, out):
-    """Sample a window whose middle moves with its first pixel at (y, x), in coordinates of the plane.
+    """Sample a window whose motion at the centre places its first pixel at (y, x), in plane coordinates.
 
     Parameters
     ----------
     planes : (size,) uint8, uint16 or float32
     coefficients : (size,) float32
-        Of the spline through the planes times `unit`.
+        Spline coefficients of the planes times `unit`.
     unit : float32
     begin : int
-        Where in both a plane begins.
+        Index of the first element of a plane, in both arrays.
     stride : int
-        Distance of their rows.
+        Distance between rows.
     end : int
         Rows of a plane.
     y, x : float32
-        At least 1, and a window and 2 pixels from the ends.
+        Position, at least 1, and at least a window and 2 pixels from the ends.
     share : float32
-        Of the motion that leads from time t to this frame: below 0 against it.
+        Share of the motion from time t to this frame; negative against its direction.
     motion : (MOTION,) float32
     wide, tall : int
         Columns and rows of the window.
     rows : ((tall + 3) * wide,) float32
-        Room.
+        Work array.
     out : (tall * wide,) float32 out
     """
     if is_rigid(motion):
@@ -231,7 +234,7 @@ def fetch_window(planes, coefficients, unit, begin, stride, end, y, x, share, mo
 
 @njit(**FINITE_JIT)
 def set_taps(y, x, number, taps):
-    """The weights of a place in one of two frames; return its first coefficient's row and column."""
+    """Write the weights of a position in one of two frames; return the row and column of its first coefficient."""
     top, left = int(y), int(x)
     for k, fraction in enumerate((x - np.float32(left), y - np.float32(top))):
         w0, w1, w2, w3 = spline_weights(fraction)
@@ -245,18 +248,18 @@ def mix_fetched(
     planes0, spline0, planes1, spline1, unit, begin, stride, end, y0, x0, y1, x1, t, motion, wide, tall, within, marks,
     room, distance, mixed,
 ):  # fmt: skip
-    """Sample a window of both frames, mix them by time, and add up their squared differences.
+    """Sample a window of both frames, blend the samples by time, and add up their squared differences.
 
     Parameters
     ----------
     planes0, spline0, planes1, spline1, unit, begin, stride, end, y0, x0, y1, x1, motion, wide, tall
-        As for `fetch_window`, of both frames.
+        As for `fetch_window`, for both frames.
     t : float32
     within, marks
-        As `locate_window` gives them: what lies outside has no share, unless both samples do.
+        As returned by `locate_window`: samples outside of their frame have no weight unless both are outside.
     room : Room
     distance : (tall * wide,) float32
-        In and out.
+        Sums of squared differences; updated in place.
     mixed : (tall * wide,) float32 out
     """
     one, rigid = np.float32(1), is_rigid(motion)
@@ -291,7 +294,7 @@ def mix_fetched(
 
 @njit(**FINITE_JIT)
 def mark_inside(start, size, marks):
-    """1 where the samples of a window lie inside of a frame along one axis, else 0."""
+    """Write 1 for the samples of a window that lie inside of a frame along one axis, else 0."""
     for i in range(WINDOW):
         place = start + np.float32(i)
         marks[i] = np.float32(1) if place >= 0 and place <= size - 1 else np.float32(0)
@@ -299,7 +302,7 @@ def mark_inside(start, size, marks):
 
 @njit(**FINITE_JIT)
 def mix_inside(t, marks, across, down, first, second, mixed):
-    """Mix two windows, of which parts lie outside of their frames: those have no share unless both do.
+    """Blend two windows that are partly outside; samples outside have no weight unless both are outside.
 
     Each sample stands for `across` columns and `down` rows of pixels.
     """
@@ -316,7 +319,7 @@ def mix_inside(t, marks, across, down, first, second, mixed):
 
 @njit(**FINITE_JIT)
 def pool_chroma(values, down, pooled):
-    """Add to each square of a window the mean of its samples of chroma, of which there are one or two."""
+    """Add the mean of its one or two chroma samples to each square of a window."""
     if down == 2:
         for i in range(Index(QUADS)):
             pooled[i] += values[i]
@@ -329,9 +332,9 @@ def pool_chroma(values, down, pooled):
 
 @njit(**FINITE_JIT)
 def sum_patches(values, padded, half_way, sums):
-    """Sums over the patch around each square of a window; `padded` and `half_way` have zeros around it.
+    """Sum the values over the patch around each square of a window, vertically, then horizontally.
 
-    First down, then across.
+    `padded` and `half_way` have zeros around the window.
     """
     for i in range(Index(QUADS)):
         padded[Index(PATCH_RADIUS * HALF) + i] = values[i]
@@ -343,7 +346,9 @@ def sum_patches(values, padded, half_way, sums):
 
 @njit(**FINITE_JIT)
 def spread_squares(squares, across, down, spread):
-    """Give each sample of a window what lies there between the squares: steps would show where nothing fits.
+    """Interpolate the values of the squares at each sample of a window.
+
+    Without interpolation, steps would be visible where no candidate fits.
 
     A sample stands for `across` columns and `down` rows of pixels.
     """
@@ -360,19 +365,19 @@ def spread_squares(squares, across, down, spread):
 
 @njit(**FINITE_JIT)
 def add_window(weight, wide, values, first_y, last_y, first_x, last_x, left, band):
-    """Add a window to a plane of a band.
+    """Add a weighted window to a plane of a band.
 
     Parameters
     ----------
     weight, values : (size,) float32
     wide : int
-        Of the window.
+        Columns of the window.
     first_y, last_y, first_x, last_x : int
-        The part of it that lies within the frame.
+        Part of the window that lies within the frame.
     left : int
-        Column of the plane where it begins.
+        Column of the plane at which the window begins.
     band : (rows, columns) float32
-        In and out.
+        Updated in place.
     """
     columns, flat = band.shape[1], band.reshape(band.size)
     for j in range(first_y, last_y):
@@ -387,7 +392,10 @@ def add_window(weight, wide, values, first_y, last_y, first_x, last_x, left, ban
 
 @njit(**FINITE_JIT)
 def smallest(values, room):
-    """The least of a window's values, by halves: a compiler does not reorder comparisons, and one by one they wait."""
+    """Return the minimum of a window's values, computed by repeated halving.
+
+    A compiler does not reorder comparisons, and a sequential minimum would be limited by their latency.
+    """
     size = QUADS // 2
     for i in range(size):
         room[i] = min(values[i], values[i + size])
@@ -403,18 +411,18 @@ def smallest(values, room):
 
 @njit(**FINITE_JIT)
 def finish_rows(band, first, last, top, white, half, lowest, highest, straight_alpha, image):
-    """Write rows of the frame, which no window adds to any more.
+    """Normalise and write rows of the frame that no further window contributes to.
 
     Parameters
     ----------
     band : (C + 1 or more, rows, width) float32
-        Weighted sums of the planes, and sums of the weights; the first to be divided.
+        Weighted sums of the planes, and sums of the weights; the weighted sums are divided in place.
     first, last, top : int
-        Rows of the band to write, from `first` to before `last`, and the row of the frame where the band begins.
+        Rows of the band to write, from `first` to before `last`, and the row of the frame at which the band begins.
     white, half, lowest, highest : float32
-        What 1 becomes, what is added before the fraction is cut off, and the range of the image's values.
+        Factor on the values, offset added before truncation, and range of the image's values.
     straight_alpha : bool
-        Whether all other planes are to be divided by the last.
+        Whether to divide all other planes by the last one.
     image : (C, height, width) out
     """
     channels, _, width = image.shape
@@ -437,10 +445,10 @@ def finish_rows(band, first, last, top, white, half, lowest, highest, straight_a
 
 @njit(**FINITE_JIT)
 def finish_confidence(weights, similarities, first, last, top, confidence):
-    """Write rows of the confidence, which no window adds to any more: weighted mean similarity to the eighth power.
+    """Write rows of the confidence that no further window contributes to: mean similarity to the eighth power.
 
-    That is what it would be with a v of about a third: a few levels of difference are nothing to the weights, but
-    something to the eye.
+    The mean is weighted. The power corresponds to a v of about a third: a few levels of difference hardly change the
+    weights, but are visible.
     """
     for j in range(first, last):
         for x in range(confidence.shape[1]):
@@ -451,8 +459,8 @@ def finish_confidence(weights, similarities, first, last, top, confidence):
 
 
 @njit(**FINITE_JIT)
-def move_up(band, rows):
-    """The rows of a band below become its first ones, and those below zero."""
+def shift_rows_up(band, rows):
+    """Shift the rows of a band up by `rows`, and fill the rows below with zeros."""
     planes, height, width = band.shape
     for c in range(planes):
         for j in range(height - rows):
@@ -468,16 +476,16 @@ def blend_hypotheses(
     samples0, samples1, chroma0, chroma1, down, t, count, motions, weights, scale, sharpness, enough, negligible,
     shape, inverse, white, half, lowest, highest, straight_alpha, image, chroma, confidence,
 ):  # fmt: skip
-    """Make the in-between frame, row of nodes by row of nodes.
+    """Write the in-between frame, one row of nodes at a time.
 
     Parameters
     ----------
     samples0, samples1 : Samples
-        Of both frames, with at least SPARE columns beyond the right margin.
+        Samples of both frames, with at least SPARE columns beyond the right margin.
     chroma0, chroma1 : Samples
-        Of planes that have one sample for two columns of pixels; none where all planes are full.
+        Samples of planes that have one sample for two columns of pixels; empty without chroma subsampling.
     down : int
-        Rows of pixels for a row of these, 1 or 2.
+        Rows of pixels per row of chroma, 1 or 2.
     t : float32
     count : (rows, columns) int32
     motions : (rows, columns, room, MOTION) float32
@@ -486,26 +494,27 @@ def blend_hypotheses(
     scale : float32
         Factor on squared colour differences.
     sharpness : float32
-        How fast a candidate's weight falls with its similarity.
+        Rate at which a candidate's weight decays as its similarity falls.
     enough : float32
-        Once every pixel of a window has found this similarity, the candidates with fewer votes are left out.
+        Similarity at which, once every pixel of a window has it, the candidates with fewer votes are skipped.
     negligible : float32
-        So are they once the votes of the next are less than this share of the weight that every pixel has by then.
+        Remaining candidates are also skipped once the votes of the next one are below this share of the least
+        accumulated weight of any pixel.
     shape, inverse : (QUADS,) float32
-        What `window_shape` and `patch_shares` give.
+        As returned by `window_shape` and `patch_shares`.
     white, half, lowest, highest, straight_alpha
         As for `finish_rows`.
     image : (C, height, width) out
     chroma : (0 or 2, rows of chroma, columns of chroma) out
     confidence : (height, width) float32 out
-        Or without columns, where nobody asks.
+        Has no columns if the confidence is not requested.
     """
     channels, end, stride = samples0.planes.shape
     flat0, spline0, unit = samples0.planes.ravel(), samples0.coefficients.ravel(), samples0.unit
     flat1, spline1 = samples1.planes.ravel(), samples1.coefficients.ravel()
     _, height, width = image.shape
     rows_of_nodes, columns_of_nodes = count.shape
-    # what the windows of a row of nodes add up to: the weighted mean of each plane, weights and weighted similarities
+    # sums over the windows of a row of nodes: weighted values of each plane, weights and weighted similarities
     told = 1 if confidence.shape[1] else 0
     band = np.zeros((channels + 1 + told, WINDOW, width), np.float32)
     one, margin = np.float32(1), np.float32(MARGIN)
@@ -519,12 +528,12 @@ def blend_hypotheses(
     node_similarities, most_similar = np.empty(QUADS, np.float32), np.empty(QUADS, np.float32)
     of_pixels, of_node = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
     marks = np.empty((4, WINDOW), np.float32)
-    # the same for chroma
+    # work arrays for chroma
     differences, end_of_chroma, stride_of_chroma = chroma0.planes.shape
     chroma_flat0, chroma_spline0 = chroma0.planes.ravel(), chroma0.coefficients.ravel()
     chroma_flat1, chroma_spline1 = chroma1.planes.ravel(), chroma1.coefficients.ravel()
     chroma_width = chroma.shape[2]
-    # no constants, for which everything below would be compiled once more
+    # not constants, for which all kernels below would be compiled again
     pixels, samples = marks.shape[1], marks.shape[1] // 2
     tall, has_alpha, cell = pixels // down, straight_alpha, pixels // 2
     chroma_area, by_row = tall * HALF, one / np.float32(down)
@@ -540,7 +549,7 @@ def blend_hypotheses(
             left = column * CELL - (WINDOW - CELL) // 2
             begin_x, end_x = max(-left, 0), min(width - left, WINDOW)
             total[:] = 0
-            node_weights[:] = TINY
+            node_weights[:] = MIN_WEIGHT_SUM
             node_similarities[:] = 0
             most_similar[:] = 0
             chroma_total[:] = 0
@@ -563,7 +572,7 @@ def blend_hypotheses(
                 for j in range(HALF):
                     pool_row(distance, 2 * j * WINDOW, WINDOW, np.float32(0.25), apart, j * HALF)
                 if differences:
-                    # a sample lies as far from its place half a motion away whatever pixel it belongs to
+                    # in units of chroma samples; the chroma siting has no influence on displacements
                     y0, y1 = (y0 - margin) * by_row + margin, (y1 - margin) * by_row + margin
                     x0, x1 = (x0 - margin) * np.float32(0.5) + margin, (x1 - margin) * np.float32(0.5) + margin
                     chroma_motion[4], chroma_motion[7] = motion[4], motion[7]
@@ -600,7 +609,7 @@ def blend_hypotheses(
                     target, source = chroma_total[c], chroma_mixed[c]
                     for i in range(chroma_area):
                         target[i] = fma(of_pixels[i], source[i], target[i])
-            # between neighbours, too, the more similar one counts more, but not so much that its border shows
+            # the more similar of neighbouring windows has more weight, but not so much that its border is visible
             for i in range(QUADS):
                 weight[i] = shape[i] / math.sqrt(node_weights[i])
             spread_squares(weight, 1, 1, of_pixels)
@@ -619,22 +628,22 @@ def blend_hypotheses(
                 for c in range(differences + 1):
                     source = chroma_total[c] if c < differences else of_node
                     add_window(of_pixels, samples, source, first_y, last_y, first_x, last_x, left // 2, chroma_band[c])
-        # the next row of nodes reaches over the lower half
+        # the windows of the next row of nodes overlap the lower half
         ready = CELL if row < rows_of_nodes - 1 else end_y
         if told:
             finish_confidence(band[channels], band[channels + 1], begin_y, ready, top, confidence)
         finish_rows(band, begin_y, ready, top, white, half, lowest, highest, has_alpha, image)
-        move_up(band, cell)
+        shift_rows_up(band, cell)
         if differences:
             begin, ready = begin_y // down, (ready + down - 1) // down
             finish_rows(chroma_band, begin, ready, top // down, white, half, lowest, highest, has_alpha, chroma)
-            move_up(chroma_band, cell // down)
+            shift_rows_up(chroma_band, cell // down)
 
 
 def window_shape() -> np.ndarray:
-    """How much each square of a window counts, (QUADS,) float32: from 0 at its border to 1, smooth at both ends.
+    """Return the weight of each square of a window, (QUADS,) float32: from 0 at its border to 1 at its centre.
 
-    The windows that overlap at a square add up to 1.
+    The weight is smooth at both ends, and the weights of the windows that overlap at a square add up to 1.
     """
     way = 1 - np.abs(np.arange(HALF) + 0.5 - HALF / 2) / (HALF / 2)
     smooth = way * way * (3 - 2 * way)
@@ -642,6 +651,6 @@ def window_shape() -> np.ndarray:
 
 
 def patch_shares() -> np.ndarray:
-    """One over what the squares of the patch around each one count that its window has, (QUADS,) float32."""
-    length = np.convolve(np.ones(HALF), [END, 1, 1, 1, END], mode="same")
+    """Return 1 over the total weight of the squares of each patch that lie within its window, (QUADS,) float32."""
+    length = np.convolve(np.ones(HALF), [END_WEIGHT, 1, 1, 1, END_WEIGHT], mode="same")
     return (1 / np.outer(length, length)).ravel().astype(np.float32)

@@ -1,4 +1,4 @@
-"""Lists of the most similar offsets of eight points at once, in the processor's own instructions."""
+"""Lists of the most similar offsets of eight points at once, in vector instructions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numba.extending import intrinsic, overload
 from fpsboost.kernels.lanes import EIGHT, address_of, spread_value
 
 NUMBERS = 3
-"""Of an entry: similarity, dx, dy."""
+"""Number of values per entry: similarity, dx, dy."""
 
 NOTHING, NOWHERE = -2.0, 1e6
 """Similarity and offset of an empty entry."""
@@ -19,19 +19,21 @@ _FLOATS, _INTEGERS = ir.VectorType(ir.FloatType(), EIGHT), ir.VectorType(ir.IntT
 
 
 def insert_eight(dx, dy, similarities, at, lists, size, capacity):
-    """Put an offset into the lists of eight points, which fall by similarity; of neighbouring offsets the better stays.
+    """Insert an offset into the lists of eight points, sorted by decreasing similarity.
+
+    Of neighbouring offsets, only the more similar one is kept.
 
     Parameters
     ----------
     dx, dy : float32
     similarities : (size,) float32
-        Of the offset at every point.
+        Similarity of the offset at every point.
     at : int
-        The first of the eight points; no bounds are checked.
+        Index of the first of the eight points; no bounds are checked.
     lists : (capacity * NUMBERS * size,) float32
-        Entry by entry, number by number, point by point; empty ones last, with NOTHING and NOWHERE. In and out.
+        Ordered by entry, value and point; empty entries last, with NOTHING and NOWHERE. Updated in place.
     size, capacity : int
-        Points, and entries of a list.
+        Number of points, and of entries per list.
     """
     for point in range(at, at + EIGHT):
         held = [similarities[point], dx, dy]
@@ -99,7 +101,7 @@ def _emit(context, builder, signature, arguments):
 
 @overload(insert_eight, inline="always")
 def _compiled(dx, dy, similarities, at, lists, size, capacity):
-    """What `insert_eight` is within kernels."""
+    """Return the implementation of `insert_eight` within kernels."""
 
     def compiled(dx, dy, similarities, at, lists, size, capacity):
         _insert_eight(dx, dy, similarities, at, lists, size, capacity)

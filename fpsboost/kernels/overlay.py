@@ -1,4 +1,4 @@
-"""What stands still in front of a moving picture: titles, logos, the car that a camera follows."""
+"""Detection of static overlays on moving frames: titles, logos, the car that the camera follows."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ STAYS, STANDS_OUT = 1, 2
 
 @njit(inline="always", **JIT)
 def apart(one, other):
-    """How far two levels of 8 bits are from each other, in 8 bits: four times as many fit into a vector as of 32."""
+    """Return the absolute difference of two 8-bit levels as 8 bits: a vector holds four times as many as of 32 bits."""
     return np.uint8(max(one, other) - min(one, other))
 
 
 @njit(cache=True, **JIT)
 def mark_overlay(image0, image1, before, after, motion, spacing, shortest, same, different, marks):
-    """Find the pixels that stay as they are although what surrounds them moves.
+    """Find the pixels that stay the same although their surroundings move.
 
     Parameters
     ----------
     image0, image1 : (H, W) uint8
     before, after : (H, W) uint8
-        Further frames in which the pixel must be the same.
+        Further frames in which the pixel must be the same, one before and one after the pair.
     motion : (rows, columns, 2) float32
-        How the surroundings of each block of `spacing` pixels move from frame 0 to frame 1.
+        Motion of the surroundings of each block of `spacing` pixels from frame 0 to frame 1, pixels.
     spacing : int
     shortest : float32
-        Motion below which surroundings count as still, pixels.
+        Motion below which the surroundings count as static, pixels.
     same, different : int
-        Levels: what differs by at most `same` stays, by more than `different` changes.
+        Difference in levels up to which a pixel is the same, and above which it is different.
     marks : (H, W) uint8 out
-        STAYS where a pixel stays the same; STANDS_OUT where, besides, it would not if it moved; else 0.
+        STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved; else 0.
     """
     height, width = marks.shape
     for y in range(height):
@@ -46,7 +46,7 @@ def mark_overlay(image0, image1, before, after, motion, spacing, shortest, same,
                 marks[y, left:right] = 0
                 continue
             begin, size = Index(left), right - left
-            # had it moved with its surroundings, its colour would be on this side or that in one of the frames
+            # had the pixel moved along, one of the frames would show its colour on one side or the other
             smallest[:] = 255
             for sign in (-1, 1):
                 v, u = y + sign * int(np.rint(dy)), left + sign * int(np.rint(dx))

@@ -1,4 +1,4 @@
-"""What the vectors of points some pixels apart say together: whether they come back, and how they change."""
+"""Kernels on the vectors of points several pixels apart: forward-backward error, gradients and accelerations."""
 
 from __future__ import annotations
 
@@ -12,22 +12,25 @@ from fpsboost.kernels.jit import FINITE_JIT, JIT
 
 @njit(inline="always", **FINITE_JIT)
 def minmod(before, after):
-    """The smaller one of two numbers of one sign, else 0; without branches, which nobody could foretell."""
+    """Return the smaller in magnitude of two numbers of the same sign, else 0.
+
+    It has no branches, which could not be predicted.
+    """
     nothing = np.float32(0)
     return max(min(before, after), nothing) + min(max(before, after), nothing)
 
 
 @njit(cache=True, **FINITE_JIT)
 def find_gradients(vectors, spacing, gradients):
-    """How vectors change along both axes, by the minmod limiter; 0 at the ends of an axis.
+    """Write the gradients of vectors along both axes, using the minmod limiter; 0 at the ends of an axis.
 
     Parameters
     ----------
     vectors : (rows, columns, 2) float32
     spacing : float32
-        Distance of the points, pixels.
+        Distance between points, pixels.
     gradients : (rows, columns, 2, 2) float32 out
-        Along x, of dx and dy, then along y; pixels per pixel.
+        Of dx and dy along x, then along y; pixels per pixel.
     """
     rows, columns, _ = vectors.shape
     gradients[:] = 0
@@ -45,7 +48,7 @@ def find_gradients(vectors, spacing, gradients):
 
 @njit(inline="always", **JIT)
 def forward_backward_vector_error(dx, dy, back, spacing, height, width, y, x):
-    """How far from its beginning a pixel's vector ends, there and back, and whether it leads into the frame."""
+    """Return the forward-backward error of a pixel's vector, and whether the vector ends within the frame."""
     landing_y, landing_x = np.rint(np.float64(y) + dy), np.rint(np.float64(x) + dx)
     nearest_y, nearest_x = min(max(int(landing_y), 0), height - 1), min(max(int(landing_x), 0), width - 1)
     row, column = nearest_y // spacing, nearest_x // spacing
@@ -56,7 +59,7 @@ def forward_backward_vector_error(dx, dy, back, spacing, height, width, y, x):
 
 @njit(cache=True, **JIT)
 def measure_forward_backward_errors(vectors, y, x, back, spacing, height, width, distance):
-    """How far from where they began vectors end, there and back.
+    """Measure the forward-backward error of vectors.
 
     Parameters
     ----------
@@ -64,10 +67,10 @@ def measure_forward_backward_errors(vectors, y, x, back, spacing, height, width,
         Motion of the pixels in rows `y` and columns `x`.
     y, x : (rows,), (columns,) int64
     back : (points down, points across, 2) float32
-        Motion of the other frame, one vector for `spacing` x `spacing` pixels; beyond its edges as at them.
+        Motion of the other frame, one vector for `spacing` x `spacing` pixels; its edges are repeated.
     spacing, height, width : int
     distance : (rows, columns) float32 out
-        Pixels.
+        Forward-backward error, pixels.
     """
     for i in range(y.size):
         for j in range(x.size):
@@ -78,24 +81,24 @@ def measure_forward_backward_errors(vectors, y, x, back, spacing, height, width,
 
 @njit(cache=True, **JIT)
 def find_accelerations(there, back, away, away_back, spacing, height, width, y, x, ratio, consistent, changes):
-    """How motion changes at the frame that two pairs share.
+    """Estimate the acceleration at the frame that two neighbouring pairs share.
 
     Parameters
     ----------
     there, back : (points down, points across, 2) float32
-        Motion from the shared frame to the other one of the pair, and back.
+        Motion from the shared frame to the other frame of the pair, and back.
     away, away_back : (points down, points across, 2) float32
         The same to the other frame of the neighbouring pair.
     spacing, height, width : int
-        All have one vector for `spacing` x `spacing` pixels of a frame.
+        All fields have one vector for `spacing` x `spacing` pixels of a frame of this size.
     y, x : (rows,), (columns,) int64
         Rows and columns of the points.
     ratio : float
-        Duration of the neighbouring pair over that of the pair.
+        Duration of the neighbouring pair divided by that of the pair.
     consistent : float32
-        A vector counts if it leads into the frame and the way there and back ends this near to where it began, pixels.
+        Maximum forward-backward error of a valid vector, pixels; a valid vector also ends within the frame.
     changes : (rows, columns, 3) float32 out
-        1 where both vectors count, and the acceleration, pixels per interval squared; else 0.
+        1 where both vectors are valid, and the acceleration, pixels per interval squared; else 0.
     """
     # x(1) = v + a / 2 and x(-r) = -r v + r^2 a / 2
     duration, factor = np.float32(ratio), np.float32(2 / (ratio + ratio * ratio))

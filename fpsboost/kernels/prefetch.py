@@ -1,4 +1,4 @@
-"""Word to the processor of what is read next: small windows of many rows are no pattern that it finds by itself."""
+"""Prefetch instruction for data that is read soon: hardware prefetchers do not detect small windows of many rows."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from fpsboost.kernels.lanes import address_of
 
 
 def prefetch(flat, place):
-    """Fetch the cache line of an element of a flat array; changes nothing, and the place need not exist."""
+    """Prefetch the cache line of an element of a flat array; the result is unchanged, and no bounds are checked."""
 
 
 @intrinsic
 def _instruction(typing, flat, place):
-    """The processor's own instruction."""
+    """Emit the processor's prefetch instruction."""
     return types.void(flat, place), _emit
 
 
@@ -31,7 +31,7 @@ def _emit(context, builder, signature, arguments):
 
 @overload(prefetch, inline="always")
 def _compiled(flat, place):
-    """What `prefetch` is within kernels."""
+    """Return the implementation of `prefetch` within kernels."""
 
     def compiled(flat, place):
         _instruction(flat, place)

@@ -1,7 +1,8 @@
-"""Whole-pixel motion made exact: one weighted least-squares step at every point.
+"""Subpixel refinement of motion: weighted least-squares steps at every point.
 
-Around each point, the motion is moved so that the two frames differ least (Lucas and Kanade 1981). Each pixel of the
-window counts by its similarity, as in the search itself, so that another object in the window has no say.
+The vector of each point is moved to minimise the difference of the two frames in a window around the point (Lucas and
+Kanade 1981). Each pixel of the window is weighted by its similarity, as in the search, so that another object in the
+window has no influence.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from fpsboost.kernels.window_products import PRODUCTS, SIDE, window_products
 
 @njit(inline="always", **FINITE_JIT)
 def significance(explained, change):
-    """How much of a step is to be believed, 0 to 1, given how much of the squared change it explains.
+    """Return how much of a step to trust, 0 to 1, given how much of the squared change it explains.
 
-    Two free numbers explain some of any noise: so much is no evidence of motion (the positive-part shrinkage of James
-    and Stein 1961).
+    Two free parameters explain some of any noise, which is no evidence of motion (positive-part shrinkage of James and
+    Stein 1961).
     """
     rest = max(change - explained, np.float32(0)) * np.float32(1 / (SIDE * SIDE / 2 - 1))
     return max(explained - rest, np.float32(0)) / max(explained, np.float32(1e-20))
@@ -27,7 +28,7 @@ def significance(explained, change):
 
 @njit(inline="always", **FINITE_JIT)
 def prefetch_rows(flat, place, stride, plane):
-    """Fetch a cache line of every row of a window, in all planes."""
+    """Prefetch a cache line of every row of a window, in all planes."""
     for _ in range(SIDE):
         prefetch(flat, place)
         prefetch(flat, place + plane)
@@ -37,7 +38,7 @@ def prefetch_rows(flat, place, stride, plane):
 
 @njit(cache=True, **FINITE_JIT)
 def refine_points(planes0, planes1, padding, height, width, step, tail, damping, largest, steps, known, flow):
-    """Move the vector of every point by the least-squares step of its window.
+    """Refine the vector of every point by least-squares steps on its window.
 
     Parameters
     ----------
@@ -45,19 +46,19 @@ def refine_points(planes0, planes1, padding, height, width, step, tail, damping,
         Components in levels, with repeated edges.
     padding, height, width : int
     step : int
-        Distance of the points, pixels.
+        Distance between points, pixels.
     tail : float32
-        How fast the weight of a pixel falls with its squared difference, for levels.
+        Rate at which the weight of a pixel falls with its squared difference in levels.
     damping : float32
-        Added to the squared gradients; keeps flat areas where they are.
+        Added to the squared gradients; prevents steps in flat areas.
     largest : float32
-        Longest step along x or y, pixels.
+        Maximum step along x and y, pixels.
     steps : int
-        A vector that moves by more than half a pixel is rounded and moved again, this often in all.
+        Maximum number of steps: a vector whose rounded value changes is rounded and refined again.
     known : (points down, points across, 2) float32
-        Vectors that were refined before: those that begin at the same whole pixels end there, too.
+        Vectors that were refined before; a vector that rounds to the same whole pixels takes the known value.
     flow : (points down, points across, 2) float32
-        Rounded to whole pixels at first; in and out.
+        Motion, rounded to whole pixels at first; updated in place.
     """
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
@@ -71,17 +72,17 @@ def refine_points(planes0, planes1, padding, height, width, step, tail, damping,
                 flow[row, point, 0], flow[row, point, 1] = known[row, point, 0], known[row, point, 1]
                 continue
             for _ in range(steps):
-                # beyond the padding nothing changes any more
+                # limited to the padding, beyond which the repeated edges do not change
                 y1 = min(max(y0 + int(dy), 1), plane_height - SIDE - 1)
                 x1 = min(max(x0 + int(dx), 1), stride - 2 * SIDE)
                 start0, start1 = (y0 - 1) * stride + x0 - 1, (y1 - 1) * stride + x1 - 1
-                # the point after the next one mostly moves like this one
+                # the point after the next one usually has a similar motion
                 prefetch_rows(flat0, start0 + 2 * step + SIDE, stride, plane)
                 prefetch_rows(flat1, start1 + 2 * step + SIDE, stride, plane)
                 window_products(flat0, start0, flat1, start1, stride, plane, tail, products)
                 xx, xy, yy = products[0] + damping, products[1], products[2] + damping
                 xt, yt, tt = products[3], products[4], products[5]
-                # along a straight edge rounding would leave nothing or less of the determinant
+                # along a straight edge, rounding could make the determinant zero or negative
                 determinant = max(xx * yy - xy * xy, damping * (xx + yy) * np.float32(0.5))
                 along_x, along_y = (yy * xt - xy * yt) / determinant, (xx * yt - xy * xt) / determinant
                 # gradients were summed over four pixels

@@ -7,28 +7,29 @@ from numba import njit
 
 from fpsboost.kernels.jit import JIT
 
-FARTHEST = np.float32(np.finfo(np.float32).max)
+MAX_FLOAT32 = np.float32(np.finfo(np.float32).max)
 
 
 @njit(inline="always", **JIT)
 def nearest_inside(value, size):
-    """Round half up, then clamp to an index."""
+    """Return a value rounded half up and clamped to an index."""
     return min(max(int(np.floor(value + np.float32(0.5))), 0), size - 1)
 
 
 @njit(inline="always", **JIT)
 def step_back(target, motion, size):
-    """Pixel that a motion leads from to the target, clamped to an index; half pixels round towards the target.
+    """Return the pixel from which a motion leads to the target; half pixels round towards the target.
 
-    So a motion and its opposite lead equally far, and frame 0 and frame 1 have the same say.
+    The result is clamped to an index. A motion and its opposite therefore have the same length, and frame 0 and frame 1
+    the same influence.
     """
     distance = np.int64(np.ceil(np.float32(min(abs(motion), np.float32(size))) - np.float32(0.5)))
     return min(max(target - distance if motion > 0 else target + distance, 0), size - 1)
 
 
 @njit(inline="always", **JIT)
-def misses(flow, t, source_y, source_x, y, x):
-    """How far the source lands from the target at t: ``(dx, dy)``."""
+def landing_error(flow, t, source_y, source_x, y, x):
+    """Return the offset ``(dx, dy)`` of the source's landing position at time t from the target."""
     return (
         np.float32(source_x) + t * flow[source_y, source_x, 0] - np.float32(x),
         np.float32(source_y) + t * flow[source_y, source_x, 1] - np.float32(y),
@@ -37,7 +38,9 @@ def misses(flow, t, source_y, source_x, y, x):
 
 @njit(cache=True, **JIT)
 def search_iteratively(flow, t, iterations, source, found):
-    """Fixed-point search of Yang et al. 2011: q <- p - t m(q), first from q = p, until q lands on p.
+    """Search the source pixels by fixed-point iteration (Yang et al. 2011): q <- p - t m(q), until q lands on p.
+
+    The iteration starts from q = p.
 
     Parameters
     ----------
@@ -46,11 +49,11 @@ def search_iteratively(flow, t, iterations, source, found):
     t : float32
         Distance in time from the source frame, in intervals.
     iterations : int
-        Limit; beyond it the result of the first iteration stands.
+        Maximum number of iterations; without success, the result of the first iteration is used.
     source : (H, W) int32
         Out: ``y * W + x`` of the source pixel.
     found : (H, W) bool
-        Out: whether it lands on the target's pixel.
+        Out: whether the source lands on the target pixel.
     """
     height, width = flow.shape[:2]
     half = np.float32(0.5)
@@ -65,7 +68,7 @@ def search_iteratively(flow, t, iterations, source, found):
                 source_y = step_back(y, t * dy, height)
                 if iteration == 0:
                     first = source_y * width + source_x
-                miss_x, miss_y = misses(flow, t, source_y, source_x, y, x)
+                miss_x, miss_y = landing_error(flow, t, source_y, source_x, y, x)
                 if abs(miss_x) <= half and abs(miss_y) <= half:
                     success = True
                     break
@@ -75,9 +78,11 @@ def search_iteratively(flow, t, iterations, source, found):
 
 @njit(cache=True, **JIT)
 def bin_landings(flow, t, starts, members):
-    """Sort all source pixels by the pixel they land on at t (a counting sort, in raster order within a cell).
+    """Sort all source pixels by the pixel on which they land at time t.
 
-    Landings outside of the frame go to the nearest cell inside.
+    This is a counting sort, in raster order within a cell.
+
+    Landing positions outside of the frame are assigned to the nearest cell inside.
 
     Parameters
     ----------
@@ -109,18 +114,21 @@ def bin_landings(flow, t, starts, members):
 
 @njit(cache=True, **JIT)
 def search_nearest_landing(flow, t, search_radius, starts, members, source, found):
-    """Exact brute force of the report: of all sources within the search radius, the one that lands nearest.
+    """Search all sources within the search radius for the one that lands nearest to the target.
 
-    Cells are visited in square rings around the target until no further ring can hold anything nearer, so the cost
-    depends on how evenly the landings are spread and not on the radius. Of sources that land equally near, the one
-    nearest to the target wins, whichever way things move; the first in raster order if that is not one.
+    This is the report's brute force, and exact.
+
+    Cells are visited in square rings around the target until no further ring can hold a nearer landing position, so
+    that the cost depends on how evenly the landing positions are distributed and not on the radius. Of sources that
+    land equally near, the one nearest to the target wins, whatever the direction of the motion, and of several such
+    sources the first in raster order.
 
     Parameters
     ----------
     flow : (H, W, 2) float32
     t : float32
     search_radius : int
-        Sources further than this in x or y do not count.
+        Maximum distance of a source from the target in x and in y, pixels.
     starts, members
         From `bin_landings`.
     source, found
@@ -130,10 +138,10 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
     half = np.float32(0.5)
     for y in range(height):
         for x in range(width):
-            nearest, shortest = FARTHEST, np.int64(0)
+            nearest, shortest = MAX_FLOAT32, np.int64(0)
             winner = y * width + x
             for ring in range(max(height, width)):
-                # a landing in this ring is at least so far away in x or in y
+                # minimum distance in x or in y of a landing position in this ring
                 bound = np.float32(max(0.0, ring - 0.5))
                 if bound * bound > nearest:
                     break
@@ -148,7 +156,7 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
                             source_y, source_x = pixel // width, pixel % width
                             if abs(source_y - y) > search_radius or abs(source_x - x) > search_radius:
                                 continue
-                            miss_x, miss_y = misses(flow, t, source_y, source_x, y, x)
+                            miss_x, miss_y = landing_error(flow, t, source_y, source_x, y, x)
                             distance = miss_x * miss_x + miss_y * miss_y
                             length = (source_y - y) ** 2 + (source_x - x) ** 2
                             nearer_source = length < shortest or (length == shortest and pixel < winner)
@@ -156,20 +164,20 @@ def search_nearest_landing(flow, t, search_radius, starts, members, source, foun
                                 nearest, shortest = distance, length
                                 winner = pixel
             source[y, x] = winner
-            miss_x, miss_y = misses(flow, t, winner // width, winner % width, y, x)
+            miss_x, miss_y = landing_error(flow, t, winner // width, winner % width, y, x)
             found[y, x] = abs(miss_x) <= half and abs(miss_y) <= half
 
 
 @njit(cache=True, **JIT)
 def fetch_both(image0, image1, t, half, source0, found0, source1, found1, out):
-    """Colour every target from its two sources: blended in time, or from the only one that lands on it.
+    """Write the colour of every target: both sources blended in time, or the only source that lands on it.
 
     Parameters
     ----------
     image0, image1 : (H, W, C)
     t : float32
     half : float32
-        0.5 where the output is rounded to integers, else 0.
+        Rounding offset: 0.5 if the output is an integer type, else 0.
     source0, found0, source1, found1
         From the searches in frame 0 and frame 1.
     out : (H, W, C), dtype of the images

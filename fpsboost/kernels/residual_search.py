@@ -1,8 +1,9 @@
-"""Another look at what the motion of its surroundings does not explain: small things that move by themselves.
+"""Residual search for small objects that the motion of their surroundings does not explain.
 
-A patch that is much larger than an object goes with the background, and the object is lost for good at the first level.
-But then it is seen nowhere in the other frame where its surroundings lead, nor is it explained where it has gone. So
-what small patches do not find again is searched for among what they do not find in the other frame.
+A patch that is much larger than an object follows the background, and the object is lost on the coarsest level already.
+But then neither the object nor, in the other frame, its new position has a match along the motion of the surroundings.
+Points that small patches do not explain are therefore compared with the points of the other frame that are not
+explained either.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from fpsboost.kernels.tiles import Index
 
 @njit(**FINITE_JIT)
 def compare_row(flat0, flat1, plane, alike, stride, start0, start1, radius, count, share, most, total):
-    """Sums of similarities of the patch around one place and those around SIXTEEN places in a row.
+    """Sum the similarities of the patch around one position and those around SIXTEEN positions in a row.
 
-    Gives up, and says so, once none of the first `count` sums, times `share`, can be above `most` whatever the rest is.
+    Return False as soon as none of the first `count` sums, times `share`, can exceed `most`, else True.
     """
     total[:] = 0
     for j in range(-radius, radius + 1):
@@ -36,22 +37,22 @@ def compare_row(flat0, flat1, plane, alike, stride, start0, start1, radius, coun
 
 @njit(cache=True, **FINITE_JIT)
 def measure_point_similarity(planes0, planes1, alike, padding, height, width, step, radius, flow, known):
-    """Similarity of small patches at both ends of every point's motion.
+    """Measure the similarity of the small patches at both ends of every point's motion.
 
     Parameters
     ----------
     planes0, planes1 : (3, H + 2 padding, W + 2 padding or more) uint8
-        Components in levels, with repeated edges; padding is larger than the radius.
+        Components in levels, with repeated edges; the padding is larger than the radius.
     alike : uint8
         Similarity of two equal pixels; see `fpsboost.kernels.levels`.
     padding, height, width : int
     step : int
-        Distance of the points, pixels.
+        Distance between points, pixels.
     radius : int
-        r of the small patch, at most 7.
+        Radius r of the small patch, at most 7 pixels.
     flow : (points down, points across, 2) float32
     known : (points down, points across) float32 out
-        0 to 1.
+        Similarity, 0 to 1.
     """
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
@@ -80,22 +81,22 @@ def measure_point_similarity(planes0, planes1, alike, padding, height, width, st
 def search_residuals(
     planes0, planes1, alike, padding, height, width, step, limit, radius, known, elsewhere, enough, better, flow
 ):  # fmt: skip
-    """Replace the motion of points that it does not explain by one that leads to where nothing is explained either.
+    """Replace the motion of unexplained points by motion to unexplained positions of the other frame.
 
     Parameters
     ----------
     planes0, planes1, alike, padding, height, width, step, radius
         As for `measure_point_similarity`.
     limit : int
-        Largest offset.
+        Maximum offset along x and y, pixels.
     known, elsewhere : (points down, points across) float32
-        What `measure_point_similarity` gives for this frame and for the other one.
+        Similarities by `measure_point_similarity`, for this frame and for the other one.
     enough : float32
         Similarity at which a point counts as explained.
     better : float32
-        What another motion must add to it.
+        Minimum increase of the similarity by another motion.
     flow : (points down, points across, 2) float32
-        In and out; what is found is whole pixels.
+        Updated in place; motion that is found is in whole pixels.
     """
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
@@ -118,7 +119,7 @@ def search_residuals(
                     if elsewhere[other_row, other_point] >= enough:
                         other_point += 1
                         continue
-                    # neighbours that nothing explains are compared together, as many as fill a vector
+                    # unexplained neighbours are compared together, up to one vector of pixels
                     begin = other_point
                     while (
                         other_point < behind

@@ -1,12 +1,12 @@
 """Search for the most similar patch: the report's Algorithm 1 for both directions in one pass.
 
-For one offset k the similarity image ``W_k(x) = xi(A(x), B(x + k))`` serves both fields: summed over the patch it is
-the score of k at x for A->B, and the score of -k at x + k for B->A. So every offset is computed once, row by row, and
-nothing the size of a frame is ever stored: a running column sum over the last 2r + 1 rows of W, a short horizontal
-sum, two comparisons. Offsets go in fours of neighbours, which share what is read of the best so far.
+For one offset k, the similarity image ``W_k(x) = xi(A(x), B(x + k))`` serves both fields: summed over the patch, it is
+the score of k at x for A->B, and the score of -k at x + k for B->A. So every offset is computed once, row by row,
+without storing a full-size image: only a running column sum over the last 2r + 1 rows of W, a short horizontal sum, and
+two comparisons. Four neighbouring offsets are processed together and share the reads of the best scores so far.
 
-Rows of A are dealt to the threads in bands. All threads work on one vertical offset at a time, so the rows of B that
-they update are as disjoint as their rows of A.
+Rows of A are distributed over the threads in bands. All threads work on one vertical offset at a time, so that the rows
+of B that they update are as disjoint as their rows of A.
 """
 
 from __future__ import annotations
@@ -24,15 +24,18 @@ from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.similarity import similarity
 
 STRIP = 640
-"""Columns per pass: wide enough that the margins of a patch are cheap, narrow enough for the caches."""
+"""Columns per pass: wide enough for a small overhead of the patch margins, narrow enough for the caches."""
 
-GROUP = 2
-"""Fours of offsets that go down the rows together: the rows they read stay in the first-level cache."""
+QUADRUPLES_PER_PASS = 2
+"""Quadruples of offsets processed together row by row: the rows they read stay in the first-level cache."""
 
 
 @njit(**FINITE_JIT)
 def keep_best_of_four(total0, total1, total2, total3, ranks, width, best, winners):
-    """Where one of four totals beats `best`, or equals it at a lower rank, take it and its rank; ranks increase."""
+    """Update `best` and `winners` where one of four totals is larger than `best`, or equal at a lower rank.
+
+    The four ranks increase.
+    """
     rank0, rank1, rank2, rank3 = ranks
     for x in range(width):
         first, second, third, fourth, previous = total0[x], total1[x], total2[x], total3[x], best[x]
@@ -47,8 +50,8 @@ def keep_best_of_four(total0, total1, total2, total3, ranks, width, best, winner
 
 
 @njit(inline="always", **FINITE_JIT)
-def four_of(table, y, x, step):
-    """What a table says of four neighbouring offsets; its edge for those beyond it, which never win."""
+def read_quadruple(table, y, x, step):
+    """Return the table entries of four neighbouring offsets; the edge entry for those beyond it, which never win."""
     last = table.shape[1] - 1
     return (
         table[y, x],
@@ -60,8 +63,8 @@ def four_of(table, y, x, step):
 
 @njit(inline="always", **FINITE_JIT)
 def slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, width, ring, column):
-    """Weighted column sums of the last `size` rows, the new one included."""
-    # every row is stored twice, a window apart, so that the window is always contiguous
+    """Write the weighted column sums of the last `size` rows, including the new one."""
+    # every row is stored twice, `size` rows apart, so that the window is always contiguous
     newest, again = ring[slot], ring[slot + size]
     for x in range(width):
         w = np.float32(similarity(a0[x], a1[x], a2[x], b0[x], b1[x], b2[x]))
@@ -77,7 +80,7 @@ def slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, width, ring, colum
 
 @njit(inline="always", **FINITE_JIT)
 def sum_window_across(column, weights, size, width, price, total):
-    """Weighted sum of `size` neighbouring column sums, less a price."""
+    """Write the weighted sum of `size` neighbouring column sums, minus a penalty."""
     for x in range(width):
         value = -price
         for k in range(size):
@@ -92,14 +95,14 @@ def rank_offsets(search_radius: int) -> tuple[NDArray[np.int32], NDArray[np.floa
     Parameters
     ----------
     search_radius : int
-        R.
+        R, pixels.
 
     Returns
     -------
     ranks : (2R + 1, 2R + 1) int32
         Rank of the offset (dx, dy) at ``[dy + R, dx + R]``; 0 is no motion.
     offsets : ((2R + 1)^2, 2) float32
-        ``(dx, dy)`` of every rank. Both are shared by all callers and not to be written to.
+        ``(dx, dy)`` of every rank. Both arrays are shared by all callers and read-only.
     """
     dy, dx = np.mgrid[-search_radius : search_radius + 1, -search_radius : search_radius + 1]
     order = np.argsort((dx * dx + dy * dy).ravel(), kind="stable")
@@ -112,16 +115,16 @@ def rank_offsets(search_radius: int) -> tuple[NDArray[np.int32], NDArray[np.floa
 
 @lru_cache(maxsize=32)
 def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) -> Callable[..., None]:
-    """Compile the exhaustive search for one patch.
+    """Compile the exhaustive search for one patch size and window.
 
-    The patch size is a constant of the compiled code, because unrolled horizontal sums are what makes it fast.
+    The patch size is a compile-time constant, because the speed depends on unrolled horizontal sums.
 
     Parameters
     ----------
     patch_radius : int
-        r; the patch has (2r + 1) x (2r + 1) pixels.
+        Radius r of the patch of (2r + 1) x (2r + 1) pixels.
     taps : tuple of 2r + 1 float or None
-        One-dimensional weights of a separable window; None for the box.
+        One-dimensional weights of a separable window; None for a box.
 
     Returns
     -------
@@ -134,7 +137,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         best01 : (H, W + L or more) int32 (box) or float32 (taps), -1 at the start; the summed similarity
         best10 : (H, W + 2M + 2L or more), the same; column M is the first of the image
         ranks : (2R + 1, 2R + 1) int32, from `rank_offsets`
-        prices : (2R + 1, 2R + 1), the type of best; taken off the similarity of each offset, 0 for no motion
+        prices : (2R + 1, 2R + 1), the type of best; subtracted from the similarity of each offset, 0 for no motion
         winners01, winners10 : int32, shaped like best, 0 at the start; rank of the best motion
     """
     size = 2 * patch_radius + 1
@@ -149,18 +152,18 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         margin = size - 1
         search_radius = len(ranks) // 2
         shift = search_radius + 4
-        # whole lanes keep every row aligned; cleared for every group, so no longer than it must be
+        # whole lanes keep every row aligned; cleared in every pass, so no longer than necessary
         room = (min(STRIP, width) + margin + 3 * LANES - 1) // LANES * LANES
         last_four = search_radius // 4
-        rings = np.empty((4 * GROUP, ring_rows, room), dtype)
+        rings = np.empty((4 * QUADRUPLES_PER_PASS, ring_rows, room), dtype)
         column_room = room + reach + LANES
-        columns = np.empty((4 * GROUP, column_room), dtype)
+        columns = np.empty((4 * QUADRUPLES_PER_PASS, column_room), dtype)
         flat_rings, flat_columns = rings.reshape(rings.size), columns.reshape(columns.size)
         flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
         stride0, stride1 = planes0.shape[2], planes1.shape[2]
         plane0, plane1 = planes0.shape[1] * stride0, planes1.shape[1] * stride1
         partial = np.empty(room + reach, dtype)
-        # what lies before the first pixel and behind the last is no candidate: the four read over the edge
+        # positions before the first and after the last pixel are not candidates, but are read for the quadruple
         totals = np.full((4, room + 2 * LANES), -1, dtype)
         for dy in range(-search_radius, search_radius + 1):
             top, bottom = max(0, -dy), min(height, height - dy)
@@ -170,13 +173,13 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                 pixels = min(STRIP, width - left)
                 whole = (pixels + LANES - 1) // LANES * LANES
                 spread = (pixels + margin + LANES - 1) // LANES * LANES
-                for group in range(-last_four - 1, last_four + 1, GROUP):
+                for group in range(-last_four - 1, last_four + 1, QUADRUPLES_PER_PASS):
                     rings[:] = 0
                     columns[:] = 0
                     for row in range(top, bottom + margin):
                         y = row - margin
-                        for four in range(group, min(group + GROUP, last_four + 1)):
-                            # the offset nearest to zero goes first, as its rank is lowest
+                        for four in range(group, min(group + QUADRUPLES_PER_PASS, last_four + 1)):
+                            # the offset nearest to zero comes first, as its rank is lowest
                             dx, step = (4 * four, 1) if four >= 0 else (4 * four + 3, -1)
                             if abs(dx) > search_radius:
                                 continue
@@ -198,7 +201,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                             newest + x, flat_columns, at + x,
                                         )  # fmt: skip
                                 else:
-                                    # one slice a plane: a slice of all three would be strided and not vectorise
+                                    # one slice per plane: a slice of all three would be strided and would not vectorise
                                     a0 = planes0[0, row, left : left + spread]
                                     a1 = planes0[1, row, left : left + spread]
                                     a2 = planes0[2, row, left : left + spread]
@@ -220,7 +223,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                     sum_box_across(column, size, whole, price, partial, total)
                                 else:
                                     sum_window_across(column, weights, size, whole, price, total)
-                                # targets outside of the other frame are no candidates
+                                # targets outside of the other frame are not candidates
                                 first, last = max(0, -offset - left), min(pixels, width - offset - left)
                                 total[: min(first, pixels)] = -1
                                 total[max(0, last) : whole + LANES] = -1
@@ -229,12 +232,12 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                 totals[1, LANES:],
                                 totals[2, LANES:],
                                 totals[3, LANES:],
-                                four_of(ranks, search_radius + dy, search_radius + dx, step),
+                                read_quadruple(ranks, search_radius + dy, search_radius + dx, step),
                                 whole,
                                 best01[y, left:],
                                 winners01[y, left:],
                             )
-                            # where the targets of the four lie side by side, each total is shifted by its offset
+                            # each total is shifted by its offset, so that the four refer to the same target
                             begin = left + shift + min(dx, dx + 3 * step)
                             shift0 = LANES - max(0, -3 * step)
                             keep_best_of_four(
@@ -242,7 +245,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
                                 totals[1, shift0 - step :],
                                 totals[2, shift0 - 2 * step :],
                                 totals[3, shift0 - 3 * step :],
-                                four_of(ranks, search_radius - dy, search_radius - dx, -step),
+                                read_quadruple(ranks, search_radius - dy, search_radius - dx, -step),
                                 whole + LANES,
                                 best10[y + dy, begin:],
                                 winners10[y + dy, begin:],

@@ -1,8 +1,9 @@
-"""Semi-global matching: every node of a lattice chooses a label that its neighbours can go along with.
+"""Semi-global matching: choose a label for every node of a lattice that is consistent with its neighbours.
 
-The cost of a label at a node is gathered along four paths, from the left, the right, above and below; on its way, each
-path pays for every change of motion, up to a limit, so that motion may break at the edge of an object (Hirschmueller
-2008, doi:10.1109/TPAMI.2007.1166, Eq. 13). Every node has its own short list of labels instead of a common one.
+The cost of a label at a node is aggregated along four paths, from the left, the right, above and below. Along each
+path, every change of motion has a cost, up to a limit, so that motion may be discontinuous at the edge of an object
+(Hirschmueller 2008, doi:10.1109/TPAMI.2007.1166, Eq. 13). Every node has its own short list of labels instead of a
+common one.
 """
 
 from __future__ import annotations
@@ -14,30 +15,31 @@ from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.lanes import EIGHT, relax_eight
 from fpsboost.kernels.tiles import Index
 
-UNREACHABLE = np.float32(1e30)
-"""Cost of a label that a node has not."""
+MISSING_LABEL_COST = np.float32(1e30)
+"""Cost of a label that a node does not have."""
 
 
 @njit(**FINITE_JIT)
-def walk(
+def add_path_costs(
     begin, apart, length, count, motions, energy, ties, smoothness, slope, capacity, x, y, costs, cheapest, total
 ):  # fmt: skip
-    """Add the costs of the path that leads along a line of nodes.
+    """Add the costs of the path along a line of nodes.
 
     Parameters
     ----------
     begin, apart, length : int
-        Number of the first node, distance to the next, and how many there are.
+        Index of the first node, distance to the next, and number of nodes.
     count, motions, energy, ties, smoothness, slope
-        As for `smooth_labels`, flat.
+        As for `smooth_labels`, flattened.
     capacity : int
-        Labels of a node, at most.
+        Maximum number of labels of a node.
     x, y, costs : (2 room,) float32
-        Room for the motions and for the least costs of the labels of two nodes, `capacity` rounded up to EIGHT each.
+        Work arrays for the motions and for the least costs of the labels of two nodes, `capacity` rounded up to a
+        multiple of EIGHT each.
     cheapest : (room,) float32
-        Room.
+        Work array.
     total : flat float32
-        In and out.
+        Updated in place.
     """
     share, room = np.float32(0.25), cheapest.size
     before, least, tie_before = Index(room), np.float32(0), np.float32(0)
@@ -49,42 +51,42 @@ def walk(
         tie = min(ties[node], tie_before)
         limit, rise = tie * smoothness, tie * slope
         for k in range(Index(room)):
-            cheapest[k] = limit  # nothing at the first node, which ties to none before
+            cheapest[k] = limit  # 0 at the first node, which has no predecessor
         if n:
             for k in range(Index(0), Index(room), Index(EIGHT)):
                 for other in range(Index(0), Index(room), Index(EIGHT)):
                     relax_eight(x, y, here + k, before + other, costs, least, rise, limit, cheapest, k)
-        least = UNREACHABLE
+        least = MISSING_LABEL_COST
         for k in range(known):
             cost = energy[first + k] + cheapest[k]
             costs[here + k] = cost
             total[first + k] += share * cost
             least = min(least, cost)
         for k in range(known, Index(room)):
-            x[here + k], y[here + k], costs[here + k] = 0, 0, UNREACHABLE
+            x[here + k], y[here + k], costs[here + k] = 0, 0, MISSING_LABEL_COST
         before, tie_before = here, ties[node]
 
 
 @njit(cache=True, **FINITE_JIT)
 def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
-    """Costs of all labels once their neighbours have been heard.
+    """Compute the costs of all labels, aggregated over their neighbours.
 
     Parameters
     ----------
     count : (rows, columns) int32
         Labels of each node, at least one.
     motions : (rows, columns, capacity, 2) float32
-        ``(dx, dy)`` of each label, pixels; anything else behind.
+        ``(dx, dy)`` of each label, pixels; undefined beyond `count`.
     energy : (rows, columns, capacity) float32
-        Cost of each label by itself.
+        Data cost of each label.
     ties : (rows, columns) float32
-        Share of the smoothness that holds a node to its neighbours; between two nodes, the smaller one.
+        Share of the smoothness that applies to a node; between two nodes, the smaller of both.
     smoothness : float32
-        Cost of a change of motion between neighbours, at most.
+        Maximum cost of a change of motion between neighbours.
     slope : float32
-        Cost of a change by a pixel.
+        Cost of a change of motion per pixel.
     total : (rows, columns, capacity) float32 out
-        Mean over the four paths; 0 beyond `count`.
+        Mean cost over the four paths; 0 beyond `count`.
     """
     rows, columns, capacity = energy.shape
     total[:] = 0
@@ -93,16 +95,16 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
     spaces = np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32)
     cheapest, last = np.empty(room, np.float32), (rows - 1) * columns
     for row in range(rows):
-        walk(row * columns, 1, columns, *nodes, *spaces, cheapest, total.ravel())
-        walk(row * columns + columns - 1, -1, columns, *nodes, *spaces, cheapest, total.ravel())
+        add_path_costs(row * columns, 1, columns, *nodes, *spaces, cheapest, total.ravel())
+        add_path_costs(row * columns + columns - 1, -1, columns, *nodes, *spaces, cheapest, total.ravel())
     for column in range(columns):
-        walk(column, columns, rows, *nodes, *spaces, cheapest, total.ravel())
-        walk(last + column, -columns, rows, *nodes, *spaces, cheapest, total.ravel())
+        add_path_costs(column, columns, rows, *nodes, *spaces, cheapest, total.ravel())
+        add_path_costs(last + column, -columns, rows, *nodes, *spaces, cheapest, total.ravel())
 
 
 @njit(cache=True, **FINITE_JIT)
 def choose_labels(count, costs, motions, similarity, flow, chosen):
-    """Of every node's labels the cheapest, the first of those that cost the same.
+    """Choose the label with the lowest cost for every node, the first of those with equal cost.
 
     Parameters
     ----------
@@ -112,9 +114,9 @@ def choose_labels(count, costs, motions, similarity, flow, chosen):
     motions : (rows, columns, capacity, 2 or more) float32
     similarity : (rows, columns, capacity) float32
     flow : (rows, columns, 2) float32 out
-        Motion of the label.
+        Motion of the chosen label.
     chosen : (rows, columns) float32 out
-        Its similarity.
+        Similarity of the chosen label.
     """
     rows, columns = count.shape
     for row in range(Index(rows)):

@@ -1,7 +1,7 @@
-"""The shortest motion found around each point that explains it about as well as its own.
+"""Search for the shortest motion around each point that explains the point about as well as its own motion.
 
-In a pattern many motions are equally good, and a search for the most similar patch takes any of them. Which length is
-needed shows only beside the shorter motions of the surroundings.
+In a repeated pattern, many motions are equally similar, and a search for the most similar patch returns any of them.
+Comparison with the shorter motions of the surroundings shows which length is necessary.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from fpsboost.kernels.tiles import Index
 
 @njit(inline="always", **FINITE_JIT)
 def compare_patches(flat0, flat1, plane, stride, start0, start1, radius, lanes, columns):
-    """Sum of the similarities of two patches, given where their first pixels are; `columns` is room for `lanes`."""
+    """Sum the similarities of two patches, given the indices of their first pixels.
+
+    `columns` is a work array of `lanes` values.
+    """
     columns[:] = 0
     for _ in range(2 * radius + 1):
         for i in range(Index(lanes)):
@@ -38,7 +41,7 @@ def compare_patches(flat0, flat1, plane, stride, start0, start1, radius, lanes, 
 
 @njit(inline="always", **FINITE_JIT)
 def compare_along(flat0, flat1, plane, stride, padding, height, width, y, x, dy, dx, radius, lanes, columns):
-    """Sum of the similarities of the patches at both ends of a motion; -1 where it leads out of the frame."""
+    """Return the sum of the similarities of the patches at both ends of a motion; -1 if it leads out of the frame."""
     there_y, there_x = y + dy, x + dx
     if there_y < 0 or there_x < 0 or there_y >= height or there_x >= width:
         return np.int32(-1)
@@ -51,31 +54,31 @@ def compare_along(flat0, flat1, plane, stride, padding, height, width, y, x, dy,
 def find_shortest(
     planes0, planes1, padding, height, width, step, radius, lanes, around, tolerance, flow, own, best, shortest
 ):
-    """Compare each point's motion with those of the points around it, and with none.
+    """Compare each point's motion with the motions of the points around it, and with zero motion.
 
     Parameters
     ----------
     planes0, planes1 : (3, H + 2 padding, W + 2 padding or more) float32
-        Components with repeated edges, scaled by `colour_scale`; padding is larger than the radius.
+        Components with repeated edges, scaled by `colour_scale`; the padding is larger than the radius.
     padding, height, width : int
     step : int
-        Distance of the points, pixels.
+        Distance between points, pixels.
     radius : int
-        r of the compared patch.
+        Radius r of the compared patch, pixels.
     lanes : int
-        At least 2r + 1.
+        Columns compared at once, at least 2r + 1.
     around : int
-        Points each way whose motion is tried.
+        Points in each direction whose motion is compared.
     tolerance : float32
-        Similarity that a shorter motion may lack.
+        Amount by which the similarity of a shorter motion may be lower.
     flow : (points down, points across, 2) float32
-        Compared to the whole pixel.
+        Motion; rounded to whole pixels for the comparison.
     own : (points down, points across) float32 out
         Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame.
     best : (points down, points across) float32 out
-        The largest of all that were tried.
+        Largest similarity of all motions compared.
     shortest : (points down, points across) float32 out
-        The larger component of the shortest motion that is similar enough, pixels.
+        Larger component of the shortest motion whose similarity is sufficient, pixels.
     """
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
@@ -105,7 +108,7 @@ def find_shortest(
                     other_dy = int(np.rint(flow[other_row, other, 1]))
                     other_dx = int(np.rint(flow[other_row, other, 0]))
                     if other_dy == last_dy and other_dx == last_dx:
-                        continue  # as its neighbour, most of the time
+                        continue  # usually equal to its neighbour
                     last_dy, last_dx = other_dy, other_dx
                     total = compare_along(
                         flat0, flat1, plane, stride, padding, height, width, y, x, other_dy, other_dx, radius, lanes,

@@ -1,4 +1,4 @@
-"""Small copies of images: every pixel the mean over what it covers, in one pass over the image."""
+"""Reduction of images by area averaging: every pixel is the mean over the area it covers, in a single pass."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fpsboost.kernels.jit import JIT
 
 @njit(cache=True, **JIT)
 def shrink(rows, small):
-    """Write the mean over the area of each pixel of a small copy; pixels that it covers in part count in part.
+    """Write the mean over the area of each pixel of a reduced image; partly covered pixels count in part.
 
     Parameters
     ----------

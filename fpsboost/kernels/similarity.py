@@ -1,9 +1,9 @@
 """The report's similarity of two pixels (section 3.2, Eqs. 3 and 4) as a row kernel that vectorises.
 
-The product over the colour components of ``exp(-d^2 / (2 v^2))`` is one exponential of a sum. With the images scaled
-beforehand by `colour_scale`, it is ``2^-s`` of a plain sum of squares s, and that is computed in integers: a polynomial
-for the fraction of s, a shift for its whole part. Fixed-point values make every later sum exact, whatever its order, so
-that running sums do not drift, ties in flat areas stay ties, and the answer does not depend on the number of threads.
+The product over the colour components of ``exp(-d^2 / (2 v^2))`` is one exponential of a sum. With images scaled by
+`colour_scale`, it is ``2^-s`` of a plain sum of squares s, and computed in integers: a polynomial for the fraction of
+s, a shift for its integer part. Fixed-point values make every later sum exact, whatever its order, so that running sums
+do not drift, ties in flat areas stay ties, and the result does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fpsboost.kernels.jit import FINITE_JIT
 
 FRACTION_BITS = 20
 UNIT = 1 << FRACTION_BITS
-"""The fixed-point similarity of two equal pixels."""
+"""Fixed-point similarity of two equal pixels."""
 
 _CHEBYSHEV = np.polynomial.chebyshev.Chebyshev.interpolate(lambda f: 2.0**-f, 5, domain=[0, 1])
 _C0, _C1, _C2, _C3, _C4, _C5 = (
@@ -27,24 +27,25 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
 _ROUNDED_C0 = np.float32(_C0 + np.float32(0.5))
 
 COEFFICIENTS = _ROUNDED_C0, _C1, _C2, _C3, _C4, _C5
-"""Of the polynomial that is `UNIT` times 2^-f for a fraction f, from the constant on, which also rounds."""
+"""Coefficients of the polynomial that approximates `UNIT` times 2^-f for a fraction f, the constant, which includes the
+rounding offset, first."""
 
-LARGEST = np.float32(FRACTION_BITS + 1)
-"""Sum of squares from which on the similarity is 0."""
+MAX_SQUARED_DISTANCE = np.float32(FRACTION_BITS + 1)
+"""Sum of squared differences at and above which the similarity is 0."""
 
 
 def colour_scale(v: float) -> float:
-    """Factor on colours in [0, 1] after which the similarity is ``2^-(sum of squared differences)``."""
+    """Return the factor on colours in [0, 1] after which the similarity is ``2^-(sum of squared differences)``."""
     return math.sqrt(math.log2(math.e) / 2) / v
 
 
 @njit(inline="always", **FINITE_JIT)
 def similarity(a0, a1, a2, b0, b1, b2):
-    """Fixed-point similarity of two pixels given as three scaled components each."""
+    """Return the fixed-point similarity of two pixels given as three scaled components each."""
     d0 = a0 - b0
     d1 = a1 - b1
     d2 = a2 - b2
-    s = min(fma(d2, d2, fma(d1, d1, d0 * d0)), LARGEST)
+    s = min(fma(d2, d2, fma(d1, d1, d0 * d0)), MAX_SQUARED_DISTANCE)
     whole = np.int32(s)
     f = s - np.float32(whole)
     p = fma(fma(fma(fma(fma(_C5, f, _C4), f, _C3), f, _C2), f, _C1), f, _ROUNDED_C0)

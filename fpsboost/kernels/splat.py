@@ -1,4 +1,4 @@
-"""Pixels painted forward along their motion, as video coding would (section 2.1 of the report)."""
+"""Forward splatting of pixels along their motion, as in video coding (section 2.1 of the report)."""
 
 from __future__ import annotations
 
@@ -8,30 +8,31 @@ from numba import njit
 from fpsboost.kernels.jit import JIT
 from fpsboost.kernels.reproject import nearest_inside
 
-NOTHING = -1
+NO_SOURCE = -1
 
 
 @njit(cache=True, **JIT)
 def splat(flow, similarity, least_similarity, t, source0, source1):
-    """Find the most similar pixel that lands on each place at time t, and where it is in both frames.
+    """Find the most similar pixel that lands on each target at time t, and its position in both frames.
 
-    Where nothing lands, both are the place itself. A pass over the frame costs so little that it runs in one thread.
+    Where no pixel lands, both positions are the target itself. The kernel runs in one thread, as a pass over the frame
+    is cheap.
 
     Parameters
     ----------
     flow : (H, W, 2) float32
     similarity : (H, W) float32
     least_similarity : float32
-        Pixels of less do not count.
+        Minimum similarity of a pixel that is splatted.
     t : float32
     source0 : (H, W) int32
         Out: ``y * W + x`` of the pixel in frame 0, the first of several in raster order.
     source1 : (H, W) int32
-        Out: the pixel of frame 1 that it moves to, or the nearest at the edge.
+        Out: the pixel of frame 1 to which it moves, clamped to the frame.
     """
     height, width = similarity.shape
     half = np.float32(0.5)
-    source0[:] = NOTHING
+    source0[:] = NO_SOURCE
     for y in range(height):
         for x in range(width):
             if not similarity[y, x] >= least_similarity:
@@ -42,12 +43,12 @@ def splat(flow, similarity, least_similarity, t, source0, source1):
                 continue
             target_y, target_x = int(place_y), int(place_x)
             other = source0[target_y, target_x]
-            if other == NOTHING or similarity[y, x] > similarity[other // width, other % width]:
+            if other == NO_SOURCE or similarity[y, x] > similarity[other // width, other % width]:
                 source0[target_y, target_x] = y * width + x
     for y in range(height):
         for x in range(width):
             pixel = source0[y, x]
-            if pixel == NOTHING:
+            if pixel == NO_SOURCE:
                 source0[y, x] = source1[y, x] = y * width + x
                 continue
             y0, x0 = pixel // width, pixel % width

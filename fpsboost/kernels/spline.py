@@ -1,7 +1,7 @@
-"""Cubic B-spline interpolation: coefficients once a frame, four weights a sample.
+"""Cubic B-spline interpolation: coefficients computed once per frame, four weights per sample.
 
-Samples of an interpolating cubic spline are as sharp as those of a windowed sinc of eight, from a kernel of four; the
-price is a filter over each frame beforehand (Unser, Aldroubi, Eden 1993, doi:10.1109/78.193220).
+Samples of an interpolating cubic spline are as sharp as those of a windowed sinc with eight taps, from a kernel of four
+taps; in return, each frame is filtered beforehand (Unser, Aldroubi, Eden 1993, doi:10.1109/78.193220).
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT
 
 MARGIN = 40
-"""Edges are repeated this far beyond the frame, pixels."""
+"""Width of the repeated edges beyond the frame, pixels."""
 
 POLE = math.sqrt(3) - 2
-"""The filter's response falls by this factor with every pixel of distance."""
+"""Pole of the recursive prefilter: its impulse response decays by this factor per pixel."""
 
 
 @njit(cache=True, **FINITE_JIT)
 def fill_planes(image, scale, premultiply, planes):
-    """An image as planes with repeated edges.
+    """Write an image as planes with repeated edges.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def fill_planes(image, scale, premultiply, planes):
 
 @njit(cache=True, **FINITE_JIT)
 def find_coefficients(planes, unit, response, coefficients):
-    """B-spline coefficients of planes with repeated edges.
+    """Compute the B-spline coefficients of planes with repeated edges.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def find_coefficients(planes, unit, response, coefficients):
     taps = response.shape[0] - 1
     line = np.empty(width + 2 * taps, np.float32)
     down = line[taps : taps + width]
-    rows = np.empty((2 * taps + 1, width), np.float32)  # the last ones, each converted once
+    rows = np.empty((2 * taps + 1, width), np.float32)  # ring buffer of the latest rows, each converted once
     for c, y in np.ndindex(channels, height):
         for fresh in range(y + taps if y else 0, y + taps + 1):
             row, source = rows[fresh % len(rows)], planes[c, min(fresh, height - 1)]
@@ -74,7 +74,7 @@ def find_coefficients(planes, unit, response, coefficients):
         here = rows[y % len(rows)]
         for x in range(width):
             down[x] = response[0] * here[x]
-        for n in range(1, taps + 1, 2):  # two taps at once, as each reads and writes the whole row
+        for n in range(1, taps + 1, 2):  # two taps at once, as every pass reads and writes the whole row
             weight, farther = response[n], response[n + 1]
             above, below = rows[max(y - n, 0) % len(rows)], rows[(y + n) % len(rows)]
             higher, lower = rows[max(y - n - 1, 0) % len(rows)], rows[(y + n + 1) % len(rows)]
@@ -94,22 +94,24 @@ def find_coefficients(planes, unit, response, coefficients):
 
 
 def filter_response(precision: float) -> np.ndarray:
-    """Half of the symmetric response that turns samples into coefficients, (taps + 1,) float32, taps even.
+    """Return half of the symmetric impulse response that turns samples into coefficients.
+
+    It is (taps + 1,) float32, and the number of taps is even.
 
     Parameters
     ----------
     precision : float
-        What is cut off may add up to this share of the largest difference between two samples.
+        Maximum truncation error as a share of the largest difference between two samples.
     """
     taps = math.ceil(math.log(precision) / math.log(-POLE) / 2) * 2
     response = np.array([math.sqrt(3) * POLE**n for n in range(taps + 1)])
-    # flat areas keep their brightness whatever was cut off
+    # normalised, so that flat areas keep their brightness despite the truncation
     return (response / (response[0] + 2 * response[1:].sum())).astype(np.float32)
 
 
 @njit(**FINITE_JIT)
 def spline_weights(fraction):
-    """Weights of the four coefficients around a place."""
+    """Return the weights of the four coefficients around a position."""
     f = fraction
     g = np.float32(1) - f
     sixth, two_thirds, half = np.float32(1 / 6), np.float32(2 / 3), np.float32(0.5)

@@ -1,11 +1,11 @@
-"""Search by tiles over the distinct offsets that a coarser level proposes, at points a few pixels apart.
+"""Search by tiles over the distinct offsets that a coarser level proposes, at points several pixels apart.
 
-Neighbouring points mostly propose the same few offsets. So for each tile the distinct proposals in and around it are
-gathered once, each with its neighbours, and the similarity of every one of them is computed over the whole tile and
-summed around each point: the cost is that of a few dozen offsets, whatever the search radius.
+Neighbouring points mostly propose the same few offsets. For each tile, the distinct proposals in and around the tile
+and their neighbours are therefore collected once, and the similarity of each of them is computed over the whole tile
+and summed around each point: the cost is that of a few dozen offsets, whatever the search range.
 
-Each point keeps its most similar offsets, one for every local maximum: in a repeated pattern several are equally
-similar, and only the neighbours can tell which is right.
+Each point keeps its most similar offsets, one per local maximum: in a repeated pattern, several are equally similar,
+and only the neighbours can tell which one is correct.
 """
 
 from __future__ import annotations
@@ -21,26 +21,27 @@ from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, NUMBERS, insert_eigh
 TILE = 32
 """Side of a tile, pixels."""
 
-AROUND = 8
-"""Proposals are gathered this far beyond the tile, pixels."""
+PROPOSAL_MARGIN = 8
+"""Distance beyond the tile within which proposals are collected, pixels."""
 
 PADDING = TILE + LANES
-"""How far beyond the frame a tile may be compared, pixels."""
+"""Maximum distance beyond the frame at which a tile may be compared, pixels."""
 
 Index = np.uint64
-"""Of array elements: unsigned, so that numba need not look for places counted from the end."""
+"""Type of array indices: unsigned, so that numba need not handle negative indices."""
 
 
 @njit(**FINITE_JIT)
 def gather_offsets(proposals, top, left, bottom, right, reach, limit, seen, offsets):
     """List the distinct offsets within `reach`, along x and y together, of any proposal in a window of places.
 
-    Returns how many. `seen` is (2 limit + 1)^2 flags, false at the start and at the end; `offsets` (2, capacity) out.
+    Return the number of offsets. `seen` has (2 limit + 1)^2 flags, false at the start and at the end; `offsets` is a
+    (2, capacity) output.
     """
     count = 1
-    offsets[:, 0] = 0  # no motion is always among them
+    offsets[:, 0] = 0  # zero motion is always included
     seen[limit, limit] = True
-    # proposals go before their neighbours, and no farther: of equally similar offsets the first one stays
+    # by distance from the proposal: of equally similar offsets, the first one is kept
     for around in range(reach + 1):
         for y in range(top, bottom):
             for x in range(left, right):
@@ -59,7 +60,7 @@ def gather_offsets(proposals, top, left, bottom, right, reach, limit, seen, offs
 
 @njit(inline="always", **FINITE_JIT)
 def sum_patches(column, size, step, across, totals):
-    """Sums over `size` columns around each of `across` points of a row, the first at step / 2."""
+    """Sum `size` columns around each of `across` points of a row, the first at step / 2."""
     if step > 1:
         for q in range(across):
             total = np.int32(0)
@@ -75,7 +76,7 @@ def sum_patches(column, size, step, across, totals):
 
 @njit(**FINITE_JIT)
 def write_lists(lists, size, first_down, first_across, down, across, per_tile, count, best, flows):
-    """Write the lists of a tile's points, without empty entries, to those of the frame."""
+    """Write the lists of a tile's points to those of the frame, without empty entries."""
     for p in range(down):
         for q in range(across):
             row, column, point = first_down + p, first_across + q, p * per_tile + q
@@ -92,7 +93,7 @@ def write_lists(lists, size, first_down, first_across, down, across, per_tile, c
 
 @njit(**FINITE_JIT)
 def keep_offset(dx, dy, value, row, column, count, best, flows):
-    """Put an offset at the end of a point's list, in the place of the last one if there is no room, if it is none."""
+    """Append an offset to a point's list if it is not listed yet; if the list is full, replace the last entry."""
     listed = count[row, column]
     for k in range(listed):
         if flows[row, column, k, 0] == dx and flows[row, column, k, 1] == dy:
@@ -117,26 +118,26 @@ def search_tiles(
     most : int
         Similarity of two equal pixels; see `fpsboost.kernels.levels`.
     height, width : int
-        H and W.
+        Size of the frame, H and W.
     proposals : (places down, places across, 2) int32
         Motion (dx, dy) at places `spacing` pixels apart, the first at spacing / 2.
     expected : (places down, places across, 2) int32
-        Motion that every point there keeps, however similar it is, if it is among the proposals or none.
+        Motion that every point there keeps, whatever its similarity, if it is among the proposals or zero.
     spacing, step : int
-        Distances between places and between points, pixels; `step` divides TILE.
+        Distances between places and between points, pixels; `step` is a divisor of TILE.
     reach, limit : int
-        How far around each proposal to search, along x and y together, and the largest offset.
+        Search range around each proposal, along x and y together, and maximum offset along x and y, pixels.
     radius : int
-        r of the patch, which has (2r + 1) x (2r + 1) pixels.
+        Radius r of the patch of (2r + 1) x (2r + 1) pixels.
     every : int
         1, or 2 to compare every second row of the patches; then `step` is a multiple of 4.
     count : (points down, points across) int32 out
-        How many offsets each point has, at least one. One that is better than a listed neighbour takes its place, so
-        that most are local maxima.
+        Number of offsets of each point, at least one. An offset that is more similar than a listed neighbour replaces
+        it, so that most are local maxima.
     best : (points down, points across, capacity) float32 out
-        Mean similarity, at points `step` pixels apart, the first at step / 2; falling.
+        Mean similarity, at points `step` pixels apart, the first at step / 2; in decreasing order.
     flows : (points down, points across, capacity, 2) float32 out
-        Whole pixels.
+        Offsets, whole pixels.
     """
     size, padding = 2 * radius + 1, PADDING + radius
     lanes = (TILE + 2 * radius + SIXTEEN - 1) // SIXTEEN * SIXTEEN
@@ -150,10 +151,10 @@ def search_tiles(
     per_tile = TILE // step
     tiles_across = (width + TILE - 1) // TILE
     tiles = (height + TILE - 1) // TILE * tiles_across
-    capacity = min((2 * limit + 1) ** 2, 1 + ((2 * reach + 1) * ((TILE + 2 * AROUND) // spacing + 2)) ** 2)
+    capacity = min((2 * limit + 1) ** 2, 1 + ((2 * reach + 1) * ((TILE + 2 * PROPOSAL_MARGIN) // spacing + 2)) ** 2)
     seen = np.zeros((2 * limit + 1, 2 * limit + 1), np.bool_)
     offsets = np.empty((2, capacity), np.int32)
-    # sums of each column from the tile's top, of no row at first
+    # cumulative sums of each column from the tile's top, starting with an empty sum
     running = np.zeros((TILE + 2 * radius + 1) * lanes, np.uint16)
     column, totals = np.empty(lanes, np.uint16), np.empty(TILE, np.int32)
     likely, kept = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
@@ -164,11 +165,11 @@ def search_tiles(
         bottom, right = min(top + TILE, height), min(left + TILE, width)
         first_down, first_across = top // step, left // step
         down, across = min(per_tile, points_down - first_down), min(per_tile, points_across - first_across)
-        # where no offset leads into the frame, no motion is all there is
+        # if no offset leads into the frame, zero motion is the only entry
         count[first_down : first_down + down, first_across : first_across + across] = 0
         best[first_down : first_down + down, first_across : first_across + across] = np.float32(-2)
         flows[first_down : first_down + down, first_across : first_across + across] = 0
-        values[:] = np.float32(NOTHING)  # of points beyond the frame, too
+        values[:] = np.float32(NOTHING)  # includes points beyond the frame
         for k in range(entries):
             begin = k * NUMBERS * points
             for i in range(points):
@@ -176,10 +177,10 @@ def search_tiles(
                 lists[begin + points + i] = lists[begin + 2 * points + i] = np.float32(NOWHERE)
         proposed = gather_offsets(
             proposals,
-            max(0, (top - AROUND) // spacing),
-            max(0, (left - AROUND) // spacing),
-            min(places_down, (bottom + AROUND - 1) // spacing + 1),
-            min(places_across, (right + AROUND - 1) // spacing + 1),
+            max(0, (top - PROPOSAL_MARGIN) // spacing),
+            max(0, (left - PROPOSAL_MARGIN) // spacing),
+            min(places_down, (bottom + PROPOSAL_MARGIN - 1) // spacing + 1),
+            min(places_across, (right + PROPOSAL_MARGIN - 1) // spacing + 1),
             reach,
             limit,
             seen,
@@ -196,7 +197,7 @@ def search_tiles(
         for k in range(proposed):
             dy, dx = offsets[0, k], offsets[1, k]
             if min(top + dy, left + dx) < -TILE or reached + dy > height + TILE or right + dx > width + TILE:
-                continue  # hardly anything of the tile would be inside
+                continue  # the tile would lie mostly outside
             for row in range((reached - top + 2 * radius + every - 1) // every):
                 # the patch around the tile's first pixel begins here, in padded coordinates
                 y0, x0 = top - radius + padding + row * every, left - radius + padding

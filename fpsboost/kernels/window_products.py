@@ -1,6 +1,6 @@
-"""What a least-squares step sums up over a window: products of gradients and changes, eight pixels at once.
+"""Sums of a least-squares step over a window: products of gradients and temporal differences, eight pixels at once.
 
-Whole numbers until they are multiplied: a gradient is the difference of two levels in each frame.
+Values are integers until they are multiplied: a gradient is the difference of two levels in each frame.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from numba.extending import intrinsic, overload
 from fpsboost.kernels.lanes import address_of, spread_value
 
 SIDE = 8
-"""Of the window, pixels."""
+"""Side of the window, pixels."""
 
 PRODUCTS = 6
-"""Of gradients along x and y: xx, xy, yy; of those and the change: xt, yt; and of the change: tt."""
+"""Number of sums: gradients along x and y: xx, xy, yy; gradients and temporal difference: xt, yt; temporal difference:
+tt."""
 
 _READ = 16
 _BYTES, _WORDS = ir.VectorType(ir.IntType(8), _READ), ir.VectorType(ir.IntType(16), _READ)
@@ -25,20 +26,20 @@ _INTEGERS, _FLOATS = ir.VectorType(ir.IntType(32), SIDE), ir.VectorType(ir.Float
 
 
 def window_products(first, start0, second, start1, stride, plane, tail, sums):
-    """Sum the products of a window's pixels, each weighed by its similarity, ``(1 + tail tt)^-4``.
+    """Sum the products of a window's pixels, each weighted by its similarity, ``(1 + tail tt)^-4``.
 
     Parameters
     ----------
     first, second : (size,) uint8
         Three planes of both frames.
     start0, start1 : int
-        The pixel above and left of the window's first one, in the first plane; no bounds are checked.
+        Index of the pixel above and to the left of the window's first one, in the first plane; no bounds are checked.
     stride, plane : int
-        Distances of rows and of planes.
+        Distances between rows and between planes.
     tail : float32
-        How fast the weight of a pixel falls.
+        Rate at which the weight of a pixel falls with tt.
     sums : (PRODUCTS,) float32 out
-        Gradients are sums of four differences, over two pixels in both frames.
+        Gradients are sums of four one-pixel differences: over two pixels, in both frames.
     """
     products = np.zeros((PRODUCTS, SIDE, SIDE), np.float32)
     for c in range(3):
@@ -57,7 +58,7 @@ def window_products(first, start0, second, start1, stride, plane, tail, sums):
 
 @intrinsic
 def _window_products(typing, first, start0, second, start1, stride, plane, tail, sums):
-    """The processor's own instructions."""
+    """Run `window_products` in vector instructions."""
     place = types.int64
     return types.void(first, place, second, place, place, place, types.float32, sums), _emit
 
@@ -83,7 +84,7 @@ def _emit(context, builder, signature, arguments):
         return builder.sitofp(builder.sext(words, _INTEGERS), _FLOATS)
 
     def rows(start0, start1):
-        """Sums and changes of both frames in a plane, from the row above the window to the one below."""
+        """Return sums and differences of both frames in a plane, from the row above the window to the one below."""
         taken = []
         for _ in range(SIDE + 2):
             one, other = levels(0, first, start0), levels(2, second, start1)
@@ -113,12 +114,12 @@ def _emit(context, builder, signature, arguments):
     for k, total in enumerate(totals):
         place = ir.Constant(start0.type, k)
         address = address_of(context, builder, signature.args[7], sums, place, ir.FloatType())
-        builder.store(_added_up(builder, total), address)
+        builder.store(_horizontal_sum(builder, total), address)
     return context.get_dummy_value()
 
 
-def _added_up(builder, values):
-    """The sum of a vector, by halves."""
+def _horizontal_sum(builder, values):
+    """Return the sum of a vector's elements, by repeated halving."""
     length = values.type.count
     while length > 1:
         length //= 2
@@ -133,7 +134,7 @@ def _added_up(builder, values):
 
 @overload(window_products, inline="always")
 def _compiled(first, start0, second, start1, stride, plane, tail, sums):
-    """What `window_products` is within kernels."""
+    """Return the implementation of `window_products` within kernels."""
 
     def compiled(first, start0, second, start1, stride, plane, tail, sums):
         _window_products(first, start0, second, start1, stride, plane, tail, sums)

@@ -1,4 +1,4 @@
-"""Rows of the windows that `fpsboost.kernels.multi_hypothesis` works on, in vector instructions.
+"""Vector instructions for rows of the windows of `fpsboost.kernels.multi_hypothesis`.
 
 The loops are so short that the compiler would leave them scalar. A row has 16 squares of two by two pixels.
 """
@@ -16,76 +16,79 @@ from numba.extending import intrinsic, overload
 from fpsboost.kernels.lanes import address_of, spread_value
 
 SQUARES = 16
-"""Squares of a row."""
+"""Squares per row."""
 
 PIXELS = 2 * SQUARES
-"""Pixels of a row."""
+"""Pixels per row."""
 
-END = 0.75
-"""What the first and the last of five squares count: as if patches of nine pixels around each pixel were summed."""
+END_WEIGHT = 0.75
+"""Weight of the first and the last of five squares: equivalent to sums over patches of nine pixels around each
+pixel."""
 
 _INDEX = ir.IntType(32)
 _SQUARES, _PIXELS = ir.VectorType(ir.FloatType(), SQUARES), ir.VectorType(ir.FloatType(), PIXELS)
 
 
 def sum_five(source, begin, step, out, target):
-    """Write ``END s[0] + s[1] + s[2] + s[3] + END s[4]`` of sixteen values, where ``s[n]`` begins `n` steps on.
+    """Write ``E s[0] + s[1] + s[2] + s[3] + E s[4]`` of sixteen values, where E is END_WEIGHT.
 
-    No bounds are checked, here and below; see `fpsboost.kernels.lanes.row_filter`.
+    ``s[n]`` begins `n` steps on.
+
+    No bounds are checked in this module; see `fpsboost.kernels.lanes.row_filter`.
     """
     taps = [source[begin + n * step :][:SQUARES] for n in range(5)]
-    out[target : target + SQUARES] = (taps[1] + taps[2] + taps[3]) + np.float32(END) * (taps[0] + taps[4])
+    out[target : target + SQUARES] = (taps[1] + taps[2] + taps[3]) + np.float32(END_WEIGHT) * (taps[0] + taps[4])
 
 
 def pool_row(values, begin, below, share, sums, target):
-    """Add `share` of the sum over the pixels of each of sixteen squares.
+    """Add `share` times the sum over the pixels of each of sixteen squares to the sums of the squares.
 
     Parameters
     ----------
     values : (size,) float32
     begin, below : int
-        The first pixel of the row above, and the distance to that of the row below.
+        Index of the first pixel of the upper row, and distance to that of the lower row.
     share : float32
     sums : (size,) float32
-        In and out.
+        Updated in place.
     target : int
-        Where the squares begin.
+        Index of the first square.
     """
     both = values[begin : begin + PIXELS] + values[begin + below :][:PIXELS]
     sums[target : target + SQUARES] += share * (both[::2] + both[1::2])
 
 
 def add_row(weights, begin, values, here, sums, there):
-    """Add sixteen values times their weights.
+    """Add sixteen values times their weights to the sums.
 
     Parameters
     ----------
     weights, values : (size,) float32
     begin, here, there : int
-        Where the weights, the values and the sums begin.
+        Indices of the first weight, value and sum.
     sums : (size,) float32
-        In and out.
+        Updated in place.
     """
     sums[there : there + SQUARES] += weights[begin : begin + SQUARES] * values[here : here + SQUARES]
 
 
 def blend_rows(squares, near, far, out, target):
-    """Write sixteen values a quarter of the way between two rows of squares.
+    """Write sixteen values interpolated a quarter of the way between two rows of squares.
 
     Parameters
     ----------
     squares : (size,) float32
     near, far : int
-        Where the nearer and the farther row begin.
+        Indices of the first square of the nearer and of the farther row.
     out : (size,) float32 out
     target : int
-        Where the sixteen begin.
+        Index of the first of the sixteen values.
     """
     out[target : target + SQUARES] = _between(squares[near:][:SQUARES], squares[far:][:SQUARES])
 
 
 def spread_rows(squares, near, far, out, target):
-    """Write what 32 pixels have between sixteen squares, a quarter of the way to their neighbours, too."""
+    """Write the values of 32 pixels interpolated between sixteen squares, horizontally by a quarter as well."""
     values = _between(squares[near:][:SQUARES], squares[far:][:SQUARES])
     out[target : target + PIXELS : 2] = _between(values, np.append(values[:1], values[:-1]))
     out[target + 1 : target + PIXELS : 2] = _between(values, np.append(values[1:], values[-1:]))
@@ -96,7 +99,7 @@ def _between(near, far):
 
 
 class _Rows:
-    """Vectors of the arrays that an intrinsic is given."""
+    """Loads, stores and operations on vectors of the arrays that an intrinsic receives."""
 
     def __init__(self, context, builder, signature, arguments):
         self.context, self.builder, self.kinds, self.arguments = context, builder, signature.args, arguments
@@ -118,12 +121,12 @@ class _Rows:
         )
 
     def chosen(self, values, places, further=None):
-        """The values at some places, where those of `further` come after them."""
+        """Return the values at the given positions; positions in `further` are counted after those in `values`."""
         mask = ir.Constant(ir.VectorType(_INDEX, len(places)), list(places))
         return self.builder.shuffle_vector(values, values if further is None else further, mask)
 
     def between(self, near, far):
-        """A quarter of the way from near to far."""
+        """Return the value a quarter of the way from near to far."""
         nearer, farther = (ir.Constant(near.type, [share] * near.type.count) for share in (0.75, 0.25))
         return self.fma(far, farther, self.builder.fmul(near, nearer))
 
@@ -137,7 +140,7 @@ def _sum_five(typing, source, begin, step, out, target):
             taps.append(rows.load(0, begin))
             begin = builder.add(begin, step)
         near, far = builder.fadd(builder.fadd(taps[1], taps[2]), taps[3]), builder.fadd(taps[0], taps[4])
-        rows.store(rows.fma(far, ir.Constant(_SQUARES, [END] * SQUARES), near), 3, target)
+        rows.store(rows.fma(far, ir.Constant(_SQUARES, [END_WEIGHT] * SQUARES), near), 3, target)
         return context.get_dummy_value()
 
     return types.void(source, types.int64, types.int64, out, types.int64), emit
@@ -230,31 +233,31 @@ def _compiled_spread(squares, near, far, out, target):
 
 
 def columns_mixer(columns: int) -> Callable[..., None]:
-    """What samples this many columns of two windows, mixes them and adds up their squared differences."""
+    """Return a function that samples this many columns of two windows, blends them and sums squared differences."""
     vector = ir.VectorType(ir.FloatType(), columns)
 
     def mix_columns(first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target):
-        """Sample some columns of two windows, mix them and add up their squared differences.
+        """Sample some columns of two windows, blend them and add up their squared differences.
 
         Parameters
         ----------
         first, second : (size,) float32
-            Coefficients of both frames' splines.
+            Spline coefficients of both frames.
         begin0, begin1 : int
-            Where the sixteen coefficients of the first sample begin in each.
+            Index of the first of the sixteen coefficients of the first sample, in each frame.
         stride : int
-            Distance of their rows.
+            Distance between rows of coefficients.
         tall, wide : int
-            Rows of the window, and the distance of its rows in what is written.
+            Rows of the window, and distance between its rows in the output.
         taps : (16,) float32
-            Weights across and down in the first frame, and in the second.
+            Horizontal and vertical weights in the first frame, then in the second.
         t : float32
-            Share of the second frame.
+            Weight of the second frame.
         mixed : (size,) float32 out
         distance : (size,) float32
-            In and out.
+            Sums of squared differences; updated in place.
         target : int
-            Where the columns begin in both.
+            Index of the first column in both.
         """
         samples = []
         for source, begin, (across, down) in zip((first, second), (begin0, begin1), taps.reshape(2, 2, 4), strict=True):
@@ -293,7 +296,7 @@ def columns_mixer(columns: int) -> Callable[..., None]:
             held = [[cgutils.alloca_once(builder, vector) for _ in range(3)] for _ in range(2)]
 
             def filtered(frame):
-                """The next row of a frame, across."""
+                """Return the next row of a frame, filtered horizontally."""
                 begin = builder.load(places[frame])
                 builder.store(builder.add(begin, stride), places[frame])
                 taken = [builder.add(begin, ir.Constant(begin.type, n)) for n in range(4)]

@@ -1,9 +1,9 @@
 """Motion between two frames.
 
-One contract, `MotionEstimator`, and its implementations: `ExhaustiveSearch` (the report's), `CoarseToFine` (the
+`MotionEstimator` is the protocol. Its implementations are `ExhaustiveSearch` (the report's), `CoarseToFine` (the
 default), `Dis`, `Farneback` and `TvL1` (OpenCV's optical flow), `BlockMatching` and `CodecMotion` (video coding's),
-`RenderedMotion` (a renderer's vectors) and `ZeroMotion` (no motion at all). Each is a frozen dataclass
-whose fields are its options.
+`RenderedMotion` (a renderer's vectors) and `ZeroMotion` (no motion). Each is a frozen dataclass whose fields are its
+options.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fpsboost.motion.field import MotionField
 
 
 class MotionEstimator(Protocol):
-    """Contract: where do the pixels of each frame go in the other one?"""
+    """Protocol of estimators of the motion between two frames, in both directions."""
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions.
@@ -28,6 +28,6 @@ class MotionEstimator(Protocol):
         Returns
         -------
         field01, field10 : MotionField
-            From frame 0 to frame 1 and back; two independent fields, not each other's inverse.
+            Motion from frame 0 to frame 1 and back; two independent fields, not each other's inverse.
         """
         ...

@@ -17,11 +17,11 @@ from fpsboost.motion.field import MotionField
 
 Pattern = Literal["full", "three-step", "diamond"]
 
-HERE = np.array([(0, 0)], np.int32)
-SQUARE = np.array([(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)], np.int32)
+ZERO_OFFSET = np.array([(0, 0)], np.int32)
+SQUARE_OFFSETS = np.array([(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)], np.int32)
 LARGE_DIAMOND = np.array([(-2, 0), (-1, -1), (-1, 1), (0, -2), (0, 2), (1, -1), (1, 1), (2, 0)], np.int32)
 SMALL_DIAMOND = np.array([(-1, 0), (0, -1), (0, 1), (1, 0)], np.int32)
-"""Places around another, ``(dy, dx)``."""
+"""Search patterns: offsets from a position, ``(dy, dx)``."""
 
 MAX_BLOCK = 128
 MAX_RANGE = 1000
@@ -29,21 +29,21 @@ MAX_RANGE = 1000
 
 @dataclass(frozen=True)
 class BlockMatching:
-    """For every block of a frame, the place in the other one with the lowest sum of absolute differences.
+    """Block matching: each block's motion has the lowest sum of absolute differences to the other frame.
 
-    That is Equation 1 of the report, over all colour channels, multiplied by alpha where there is alpha. Of places that
-    are as good as each other, the nearest counts. Both directions are searched independently. The similarity of a block
-    is 1 less the mean difference of its values, as a share of white: where it is low, the motion is not usable.
+    The sum is Equation 1 of the report, over all colour channels, multiplied by alpha if there is alpha. Of equally
+    good positions, the nearest one is chosen. Both directions are searched independently. The similarity of a block is
+    1 minus the mean difference of its values, as a share of white: where it is low, the motion is not usable.
 
     Parameters
     ----------
     block_size : int
         Side of a block, pixels, from 2 to 128; blocks at the right and at the bottom edge may be smaller.
     search_range : int
-        Largest motion along x and y, whole pixels, from 1 to 1000; only places within the frame are looked at.
+        Largest motion along x and y, whole pixels, from 1 to 1000; only positions within the frame are compared.
     pattern : {'full', 'three-step', 'diamond'}
-        *full*: every offset. *three-step*: eight places around the best so far, in steps that halve (Koga et al. 1981).
-        *diamond*: a diamond of places that follows the best one, then a smaller one (Zhu and Ma 2000,
+        *full*: every offset. *three-step*: eight positions around the best so far, at step sizes that halve (Koga et
+        al. 1981). *diamond*: a diamond of positions that follows the best one, then a smaller one (Zhu and Ma 2000,
         doi:10.1109/83.821744).
 
     Raises
@@ -72,7 +72,7 @@ class BlockMatching:
         check_choice("--pattern", self.pattern, get_args(Pattern))
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.array, image1.array)
         values0, values1 = (image.cached(colour_values) for image in (image0, image1))
         white = white_of(image0.array)
@@ -104,7 +104,7 @@ class BlockMatching:
 
 
 def colour_values(image: Image) -> NDArray[Any]:
-    """The colours as numbers that can be compared, multiplied by alpha where there is alpha; see `white_of`.
+    """Return the colours as comparable numbers, multiplied by alpha if there is alpha; see `white_of`.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def colour_values(image: Image) -> NDArray[Any]:
     colours, alpha = values[..., :-1], values[..., -1:]
     products: NDArray[Any]
     if image.dtype == np.uint8:
-        products = colours.astype(np.uint16) * alpha  # which holds them as they are
+        products = colours.astype(np.uint16) * alpha  # uint16 holds the products exactly
     elif image.dtype == np.uint16:
         products = (colours.astype(np.uint32) * alpha // np.iinfo(np.uint16).max).astype(np.uint16)
     else:
@@ -130,7 +130,7 @@ def colour_values(image: Image) -> NDArray[Any]:
 
 
 def white_of(image: Image) -> float:
-    """What white is in the `colour_values` of images of this type."""
+    """Return the value of white in the `colour_values` of images of this type."""
     if image.dtype == np.float32:
         return 1
     white = int(np.iinfo(image.dtype).max)
@@ -138,7 +138,7 @@ def white_of(image: Image) -> float:
 
 
 class SearchPlan(NamedTuple):
-    """What `fpsboost.kernels.block.match_blocks` tries, turn after turn."""
+    """Passes and offsets that `fpsboost.kernels.block.match_blocks` tries."""
 
     offsets: NDArray[np.int32]
     turns: NDArray[np.int32]
@@ -146,23 +146,23 @@ class SearchPlan(NamedTuple):
 
 
 def search_plan(pattern: Pattern, search_range: int) -> SearchPlan:
-    """The places that a pattern looks at, from the best so far.
+    """Return the offsets that a pattern compares, relative to the best position so far.
 
     Parameters
     ----------
     pattern : {'full', 'three-step', 'diamond'}
     search_range : int
-        Pixels.
+        Maximum offset along x and y, pixels.
     """
     if pattern == "full":
-        # the nearest first: they are good most often, and then most of a bad place need not be looked at
+        # nearest first: a good match found early allows most later sums to be stopped early
         turns = [_nearest_first(search_range)]
     elif pattern == "three-step":
-        # with all that follow, the first step reaches as far as the range
+        # the steps add up to at least the search range
         steps = [2**power for power in reversed(range(search_range.bit_length()))]
-        turns = [HERE, *(step * SQUARE for step in steps)]
+        turns = [ZERO_OFFSET, *(step * SQUARE_OFFSETS for step in steps)]
     else:
-        turns = [HERE, LARGE_DIAMOND, SMALL_DIAMOND]
+        turns = [ZERO_OFFSET, LARGE_DIAMOND, SMALL_DIAMOND]
     return SearchPlan(
         np.concatenate(turns),
         np.cumsum([0, *map(len, turns)], dtype=np.int32),
@@ -171,7 +171,7 @@ def search_plan(pattern: Pattern, search_range: int) -> SearchPlan:
 
 
 def _nearest_first(search_range: int) -> NDArray[np.int32]:
-    """All ``(dy, dx)`` within the range, sorted by length, then in raster order."""
+    """Return all ``(dy, dx)`` within the range, sorted by length, then in raster order."""
     along = np.arange(-search_range, search_range + 1, dtype=np.int32)
     offsets = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)
     ordered: NDArray[np.int32] = offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]

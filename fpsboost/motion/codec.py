@@ -1,4 +1,4 @@
-"""The motion that a video encoder chose, read back from its stream."""
+"""Motion vectors chosen by a video encoder, read back from its stream."""
 
 from __future__ import annotations
 
@@ -27,44 +27,45 @@ Preset = Literal[
 
 ENCODER = "libx264"
 
-BLOCK, CELL = 16, 8
+MAX_BLOCK, MIN_BLOCK = 16, 8
 """Sides of the largest and the smallest block that has a vector of its own, pixels."""
 
 MIN_SIDE = 16
-"""Smaller frames are encoded as this large."""
+"""Minimum side of an encoded frame, pixels; smaller frames are padded."""
 
-RATE = 25
-"""Frames per second, since a stream must have some."""
+FRAME_RATE = 25
+"""Frame rate of the stream, frames per second; any value will do."""
 
-NO_VECTORS = [(name, np.int32) for name in ("w", "h", "dst_x", "dst_y", "motion_x", "motion_y", "motion_scale")]
+VECTOR_DTYPE = [(name, np.int32) for name in ("w", "h", "dst_x", "dst_y", "motion_x", "motion_y", "motion_scale")]
 
-ONE_FROM_THE_OTHER = "keyint=250:scenecut=0:bframes=0:ref=1:weightp=0:threads=1"
-"""The first frame by itself, the second from it alone, as bright as it is; the same stream on any number of cores."""
+X264_PARAMETERS = "keyint=250:scenecut=0:bframes=0:ref=1:weightp=0:threads=1"
+"""Options for an intra-coded first frame and a second frame predicted from it alone, without weighted prediction; the
+same stream on any number of cores."""
 
 
 @dataclass(frozen=True)
 class CodecMotion:
-    """The motion vectors of an H.264 stream: the pair is encoded by x264 in memory, and FFmpeg tells what it reads.
+    """Motion vectors of an H.264 stream: the pair is encoded by x264 in memory, and FFmpeg exports the vectors.
 
-    The vectors of a predicted frame say where each of its blocks comes from, to a quarter of a pixel; for the other
-    direction, the pair is encoded the other way round. An encoder looks for what is cheap to store, which need not be
-    how things move. Blocks that it stored as they are have no motion and a similarity of 0; that of all others is 1
-    less the mean difference to what lies at the other end of the vector, rounded to whole pixels, as a share of white.
+    The vectors of a predicted frame point to the source of each of its blocks, to a quarter of a pixel; for the other
+    direction, the pair is encoded in reverse order. An encoder minimises the size of the stream, which need not give
+    the true motion. Intra-coded blocks have no motion and a similarity of 0; the similarity of all others is 1 minus
+    the mean difference to the block at the other end of the vector, rounded to whole pixels, as a share of white.
 
-    The encoder sees 8 bits, with a colour for every four pixels, and an even number of pixels along both sides, edges
-    repeated.
+    The encoder receives 8 bits per component, 4:2:0 chroma subsampling, and an even number of pixels along both sides,
+    with repeated edges.
 
     Parameters
     ----------
     crf : int
         Quality of the stream, from 0 to 51; lower is better.
     preset : {'ultrafast', 'superfast', ..., 'veryslow', 'placebo'}
-        How long x264 looks for good motion.
+        Preset of x264, which determines the effort of its motion search.
 
     Raises
     ------
     OptionError
-        A value is out of range; or, once motion is asked for, this FFmpeg has no x264.
+        A value is out of range; or, when motion is estimated, this FFmpeg has no x264.
 
     Examples
     --------
@@ -86,12 +87,12 @@ class CodecMotion:
         check_choice("preset", self.preset, get_args(Preset))
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.array, image1.array)
-        return self._towards(image1, image0), self._towards(image0, image1)
+        return self._estimate_one_way(image1, image0), self._estimate_one_way(image0, image1)
 
-    def _towards(self, reference: FrameCache, predicted: FrameCache) -> MotionField:
-        """The motion of the predicted frame's blocks."""
+    def _estimate_one_way(self, reference: FrameCache, predicted: FrameCache) -> MotionField:
+        """Return the motion of the predicted frame's blocks."""
         packets = self._encode(reference.cached(_as_yuv), predicted.cached(_as_yuv))
         return _field(_read_vectors(packets), predicted, reference)
 
@@ -103,8 +104,8 @@ class CodecMotion:
         assert isinstance(encoder, av.VideoCodecContext)
         frames = [av.VideoFrame.from_ndarray(picture, format="yuv420p") for picture in pictures]
         encoder.width, encoder.height, encoder.pix_fmt = frames[0].width, frames[0].height, "yuv420p"
-        encoder.time_base, encoder.framerate = Fraction(1, RATE), Fraction(RATE)
-        parameters = ":".join([ONE_FROM_THE_OTHER, *repeatable_parameters])
+        encoder.time_base, encoder.framerate = Fraction(1, FRAME_RATE), Fraction(FRAME_RATE)
+        parameters = ":".join([X264_PARAMETERS, *repeatable_parameters])
         encoder.options = {"crf": str(self.crf), "preset": self.preset, "x264-params": parameters}
         packets: list[av.Packet[Any]] = []
         for number, frame in enumerate(frames):
@@ -114,7 +115,7 @@ class CodecMotion:
 
 
 def _as_yuv(image: Image) -> NDArray[Any]:
-    """8 bits, a colour for every four pixels, an even number of pixels along both sides: (H * 3 / 2, W) uint8."""
+    """Convert an image to yuv420p with an even number of pixels along both sides: (H * 3 / 2, W) uint8."""
     if image.dtype == np.uint8 and image.shape[2] == 3:
         colours = image
     else:
@@ -129,15 +130,15 @@ def _as_yuv(image: Image) -> NDArray[Any]:
 
 
 def _read_vectors(packets: list[av.Packet[Any]]) -> NDArray[Any]:
-    """The vectors of the second frame, as FFmpeg has them: one structure for each block that has one."""
+    """Return the vectors of the second frame as FFmpeg exports them: one structure per block with a vector."""
     decoder = av.CodecContext.create("h264", "r")
     assert isinstance(decoder, av.VideoCodecContext)
     decoder.flags2 |= Flags2.export_mvs
     decoder.thread_count = 1
     frames = [frame for packet in [*packets, None] for frame in decoder.decode(packet)]
     vectors = frames[1].side_data.get("MOTION_VECTORS")
-    # a copy: the array lies in the frame's own memory, which goes with the frame
-    return np.empty(0, NO_VECTORS) if vectors is None else vectors.to_ndarray().copy()
+    # a copy: the array refers to memory that is freed with the frame
+    return np.empty(0, VECTOR_DTYPE) if vectors is None else vectors.to_ndarray().copy()
 
 
 def _field(vectors: NDArray[Any], image: FrameCache, other: FrameCache) -> MotionField:
@@ -155,20 +156,22 @@ def _field(vectors: NDArray[Any], image: FrameCache, other: FrameCache) -> Motio
 
 
 def _block_numbers(vectors: NDArray[Any], height: int, width: int) -> NDArray[Any]:
-    """Which vector each pixel has, counted from 1; 0 where it has none: (H, W)."""
-    cells = np.zeros((-(-height // BLOCK) * BLOCK // CELL, -(-width // BLOCK) * BLOCK // CELL), np.intp)
+    """Return the number of the vector of each pixel, counted from 1; 0 without a vector: (H, W)."""
+    cells = np.zeros(
+        (-(-height // MAX_BLOCK) * MAX_BLOCK // MIN_BLOCK, -(-width // MAX_BLOCK) * MAX_BLOCK // MIN_BLOCK), np.intp
+    )
     top, left = vectors["dst_y"] - vectors["h"] // 2, vectors["dst_x"] - vectors["w"] // 2
-    for down in range(0, BLOCK, CELL):
-        for across in range(0, BLOCK, CELL):
+    for down in range(0, MAX_BLOCK, MIN_BLOCK):
+        for across in range(0, MAX_BLOCK, MIN_BLOCK):
             (which,) = np.nonzero((vectors["h"] > down) & (vectors["w"] > across))
-            row, column = (top[which] + down) // CELL, (left[which] + across) // CELL
-            within = (row < cells.shape[0]) & (column < cells.shape[1])  # a tiny frame is encoded larger than it is
+            row, column = (top[which] + down) // MIN_BLOCK, (left[which] + across) // MIN_BLOCK
+            within = (row < cells.shape[0]) & (column < cells.shape[1])  # a tiny frame is padded before it is encoded
             cells[row[within], column[within]] = which[within] + 1
-    return cells.repeat(CELL, axis=0).repeat(CELL, axis=1)[:height, :width]
+    return cells.repeat(MIN_BLOCK, axis=0).repeat(MIN_BLOCK, axis=1)[:height, :width]
 
 
 def _differences(image: FrameCache, other: FrameCache, flow: NDArray[Any]) -> NDArray[Any]:
-    """Of every pixel to what lies at the other end of its rounded vector: mean over the colours, white 1."""
+    """Return each pixel's difference to the other end of its rounded vector: mean over the channels, white 1."""
     height, width = flow.shape[:2]
     here, there = (each.cached(colour_values) for each in (image, other))
     y, x = np.mgrid[:height, :width]

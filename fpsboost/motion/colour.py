@@ -1,4 +1,4 @@
-"""Images as the three float components that motion is estimated on."""
+"""Conversion of images to the components on which motion is estimated."""
 
 from __future__ import annotations
 
@@ -17,22 +17,23 @@ from fpsboost.kernels.shrink import shrink
 from fpsboost.ycbcr import YCbCrImage
 
 Components = NDArray[Any]
-"""(H, W, 3) float32."""
+"""Components of an image, (H, W, 3) float32."""
 
-HIGHLIGHTS = np.float32(0.5)
-"""Twice as bright as white looks brighter by 0.35, as twice as bright as a middle gray does."""
+HIGHLIGHT_SLOPE = np.float32(0.5)
+"""Factor on the logarithm of values above white: twice as bright as white is brighter by 0.35, as is twice as bright as
+a middle gray."""
 
-MIDDLE = np.float32(128)
-"""Level of no difference from the local mean."""
+ZERO_LEVEL = np.float32(128)
+"""Level of zero difference from the local mean."""
 
-BRIGHTEST = np.float32(1e6)
-"""Times white, for looking at motion."""
+MAX_VALUE = np.float32(1e6)
+"""Maximum magnitude of a value in motion estimation, in units of white."""
 
 
 def colour_components(image: Image) -> Components:
-    """Colours in [0, 1], multiplied by alpha so that the colour of a transparent pixel does not matter.
+    """Return colours in [0, 1], multiplied by alpha, so that the colour of a transparent pixel has no influence.
 
-    Beyond white they are compressed; see `compress_highlights`.
+    Values above white are compressed; see `compress_highlights`.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def colour_components(image: Image) -> Components:
 
 
 def gray(image: Pixels) -> NDArray[Any]:
-    """Luma in 8 bits.
+    """Return the luma in 8 bits.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def gray(image: Pixels) -> NDArray[Any]:
             of_codes = (np.arange(256) - black) * (255 / span)
             levels: NDArray[Any] = cv2.LUT(image.planes[0], np.rint(of_codes.clip(0, 255)).astype(np.uint8))
             return levels
-        above = np.maximum(image.planes[0], image.dtype.type(black))  # what follows takes the absolute value
+        above = np.maximum(image.planes[0], image.dtype.type(black))  # because convertScaleAbs takes the absolute value
         levels = cv2.convertScaleAbs(above, alpha=255 / span, beta=-255 / span * black)
         return levels
     if image.dtype == np.uint8 and image.shape[2] == 3:
@@ -80,15 +81,17 @@ def gray(image: Pixels) -> NDArray[Any]:
 
 
 def contrast_components(image: Pixels, high_pass_size: int = 9) -> Components:
-    """Half luma, doubled high-pass luma, mean chroma: sees low contrast and forgives slow brightness changes.
+    """Return half luma, doubled high-pass luma and mean chroma, which are sensitive to low contrast.
 
-    The report's plain colours are blind to low contrast at v = 0.25; these components are not.
+    They are also robust to slow brightness changes.
+
+    The report's plain colours are insensitive to low contrast at v = 0.25; these components are not.
 
     Parameters
     ----------
     image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     high_pass_size : int
-        Side of the box whose mean is taken off, pixels.
+        Side of the box whose mean is subtracted, pixels.
 
     Returns
     -------
@@ -100,7 +103,10 @@ def contrast_components(image: Pixels, high_pass_size: int = 9) -> Components:
 
 
 def _luma_and_chroma(image: Pixels) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Luma in [0, 1], and the mean of both differences of colour with 0.5 for gray; 0 for images of one channel."""
+    """Return luma in [0, 1], and the mean of both colour differences.
+
+    The mean is 0.5 for gray; 0 for images of one channel.
+    """
     if isinstance(image, YCbCrImage):
         black, luma_span, neutral, chroma_span = image.coding.levels
         height, width, _ = image.shape
@@ -115,15 +121,15 @@ def _luma_and_chroma(image: Pixels) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int = 9) -> NDArray[Any]:
-    """`contrast_components` in bytes for the kernels, in one go.
+    """Return the `contrast_components` in bytes for the kernels, computed in a single pass.
 
     Parameters
     ----------
     image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     padding : int
-        Pixels on every side; the right has room for a few vectors more.
+        Pixels on every side; the right side is padded by a few vectors more.
     v : float
-        Width of the similarity measure.
+        Bandwidth of the similarity.
     high_pass_size : int
         As in `contrast_components`.
 
@@ -145,12 +151,12 @@ def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int =
         colours = compress_highlights(image) if image.dtype == np.float32 else image
         split_colours(colours, np.float32(1 / white), scale, padding, luma, planes)
     local_mean = cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))
-    finish_planes(luma, local_mean.reshape(luma.shape), scale, MIDDLE, padding, planes)
+    finish_planes(luma, local_mean.reshape(luma.shape), scale, ZERO_LEVEL, padding, planes)
     return planes
 
 
 def normalised(image: Image) -> NDArray[Any]:
-    """The image as float32 with 1.0 for white, shape unchanged; what is no number becomes black, infinity white."""
+    """Return the image as float32 with 1.0 for white and unchanged shape; NaN becomes black, infinity white."""
     if image.dtype == np.float32:
         return np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
     scale = 1 / np.iinfo(image.dtype).max
@@ -159,25 +165,24 @@ def normalised(image: Image) -> NDArray[Any]:
 
 
 def compress_highlights(image: Image) -> NDArray[Any]:
-    """`normalised`, with highlights above white as their logarithm: contrast is what counts there, not difference.
+    """Return the `normalised` image with a logarithmic curve above white, where contrast matters, not difference.
 
-    Otherwise two frames of a scene that is brightly lit would have nothing in common, and motion could not be followed
-    in it.
+    Otherwise the similarity of two frames of a brightly lit scene would be 0, and motion could not be estimated.
     """
-    values = _in_bounds(normalised(image))
+    values = _clipped(normalised(image))
     if image.dtype == np.float32 and values.max(initial=0) > 1:
-        values = np.where(values > 1, 1 + HIGHLIGHTS * np.log(np.maximum(values, 1)), values)
+        values = np.where(values > 1, 1 + HIGHLIGHT_SLOPE * np.log(np.maximum(values, 1)), values)
     return values
 
 
 def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
-    """A thumbnail in gray or BGR, float32 with 1.0 for white.
+    """Return a thumbnail in gray or BGR, float32 with 1.0 for white.
 
     Parameters
     ----------
     image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     longer_side : int
-        Of the thumbnail, pixels.
+        Longer side of the thumbnail, pixels.
 
     Returns
     -------
@@ -191,11 +196,14 @@ def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
         return cv2.transform(codes, image.coding.to_bgr()).clip(0, 1)
     small = _shrunk(image, size)
     white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
-    return _in_bounds(normalised(small * np.float32(1 / white)))
+    return _clipped(normalised(small * np.float32(1 / white)))
 
 
 def _shrunk(image: Image, size: tuple[int, int]) -> NDArray[Any]:
-    """The image at a width and a height, float32 with its own white; enlarged where it is smaller."""
+    """Return the image resized to a width and a height, float32 with its own white.
+
+    It is enlarged where it is smaller.
+    """
     height, width, channels = image.shape
     across, down = min(size[0], width), min(size[1], height)
     small = np.empty((down, across, channels), np.float32)
@@ -205,17 +213,17 @@ def _shrunk(image: Image, size: tuple[int, int]) -> NDArray[Any]:
     return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)
 
 
-def _in_bounds(values: NDArray[Any]) -> NDArray[Any]:
-    """Damaged files hold float32's largest numbers, which no sum or difference can be taken of."""
-    if np.abs(values).max(initial=0) <= BRIGHTEST:
+def _clipped(values: NDArray[Any]) -> NDArray[Any]:
+    """Return the values clipped to MAX_VALUE: damaged files hold float32's largest numbers, whose sums overflow."""
+    if np.abs(values).max(initial=0) <= MAX_VALUE:
         return values
-    return values.clip(-BRIGHTEST, BRIGHTEST)
+    return values.clip(-MAX_VALUE, MAX_VALUE)
 
 
 def padded_planes(
     components: Components, padding: int, extra_left: int, extra_right: int, scale: float
 ) -> NDArray[Any]:
-    """Planes with repeated edges, as the search kernels want them.
+    """Return planes with repeated edges, as required by the search kernels.
 
     Parameters
     ----------
@@ -223,7 +231,7 @@ def padded_planes(
     padding : int
         Pixels on every side.
     extra_left, extra_right : int
-        Further columns.
+        Additional columns.
     scale : float
         Factor on every value.
 

@@ -1,9 +1,9 @@
-"""The report's motion search, exactly as reported: every offset, every pixel, both directions.
+"""The report's motion search, exactly as reported: every offset at every pixel, in both directions.
 
 Algorithm 1 of the report ("Image-based Reprojection Using a Non-local Means Algorithm"): for every offset k in the
 neighbourhood, the similarity image ``W_k(x) = xi(A(x), B(x + k))`` is summed over the similarity area in two
-one-dimensional passes, and the offset with the largest sum is the motion. `docs/method.md` has the method as formulas,
-and what the report leaves open.
+one-dimensional passes, and the offset with the largest sum is the motion. `docs/method.md` states the method in
+formulas, and what the report leaves open.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ExhaustiveSearch:
     Parameters
     ----------
     search_radius : int or None
-        Largest motion that can be found, pixels in x and in y; None chooses it for each pair, see
+        Largest motion that can be found, pixels in x and in y; None for an automatic choice for each pair, see
         `fpsboost.motion.search_radius` (section 4.1).
     patch_radius : int
         r of the similarity area of (2r + 1) x (2r + 1) pixels, 1 to 20; 5 in the report.
@@ -43,7 +43,7 @@ class ExhaustiveSearch:
     implementation : {'fused', 'passes'}
         One fused kernel, or full-image passes of OpenCV per offset: the same field, about 11 times slower.
     vectors : VectorFolder or None
-        A renderer's motion vectors; where they are given, the search radius is chosen by them.
+        A renderer's motion vectors; if given, they determine the search radius.
 
     Raises
     ------
@@ -88,7 +88,7 @@ class ExhaustiveSearch:
         return replace(self, vectors=None)
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`; flows are whole pixels."""
+        """Estimate the motion in both directions, in whole pixels; see `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.array, image1.array)
         radius = self.search_radius or choose_search_radius(image0, image1, self.vectors)
         search = search_fused if self.implementation == "fused" else search_by_passes

@@ -1,4 +1,4 @@
-"""A motion field: the vectors of a frame's pixels, and how alike their ends were found to be."""
+"""Motion field: the vectors of a frame's pixels, and the similarity at both ends of each."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from fpsboost.kernels.points import find_gradients, measure_forward_backward_err
 
 @dataclass(frozen=True)
 class MotionField:
-    """Motion of every pixel of one frame towards another.
+    """Motion of every pixel of one frame to another frame.
 
     Attributes
     ----------
     vectors : (rows, columns, 2) float32
         ``(dx, dy)`` in pixels; the direction is in the variable's name (``field01``, ``field10``).
     similarities : (rows, columns) float32
-        How alike the patches or blocks at both ends were found to be, in [0, 1], each estimator by its own measure; 1
-        everywhere where it has none. The default's belong to the whole pixels that its vectors were refined from.
+        Similarity of the patches or blocks at both ends of each vector, in [0, 1], by the estimator's own measure; 1
+        everywhere if it has none. The default's belongs to the whole-pixel vector before refinement.
     search_radius : int or None
-        Largest motion that was searched for, pixels in x and in y, where an estimator chose it for these frames.
+        Search range, pixels in x and in y, if the estimator chose it for these frames.
     spacing : int
         Pixels along x and y that share a vector.
     size : (H, W) or None
-        Of the frame; None where every pixel has a vector of its own.
+        Size of the frame; None if every pixel has a vector of its own.
     """
 
     vectors: NDArray[Any]
@@ -39,22 +39,22 @@ class MotionField:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """``(H, W)`` of the frame."""
+        """Size of the frame, ``(H, W)``."""
         height, width = self.size or self.similarities.shape
         return height, width
 
     @cached_property
     def flow(self) -> NDArray[Any]:
-        """(H, W, 2) float32, the vector of every pixel."""
+        """Vector of every pixel, (H, W, 2) float32."""
         return self._at_pixels(self.vectors)
 
     @cached_property
     def similarity(self) -> NDArray[Any]:
-        """(H, W) float32, for every pixel the similarity of the point whose vector it shares, not of its own patch."""
+        """Similarity of the point whose vector each pixel shares, not of its own patch, (H, W) float32."""
         return self._at_pixels(self.similarities)
 
     def at_points(self, spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Vectors and similarities of the pixels at points `spacing` apart; see `point_places`.
+        """Return the vectors and similarities at points `spacing` apart; see `point_places`.
 
         Returns
         -------
@@ -69,21 +69,21 @@ class MotionField:
 
 
 def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:
-    """Give every pixel of a frame, or the finer points of `size`, what its point has."""
+    """Repeat the value of each point for every pixel of a frame, or for the finer points of `size`."""
     height, width = size[:2]
-    # rows last, which are copied as a whole
+    # rows last, as they are copied as a whole
     return values.repeat(spacing, axis=1)[:, :width].repeat(spacing, axis=0)[:height]
 
 
 def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Rows and columns of points `spacing` apart, the first at spacing / 2 and the last within the frame."""
+    """Return the rows and columns of points `spacing` apart, the first at spacing / 2, the last within the frame."""
     height, width = size[:2]
     y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in (height, width))
     return y, x
 
 
 def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[Any], back: MotionField) -> NDArray[Any]:
-    """How far from where they began vectors end, there and back.
+    """Return the forward-backward error of vectors.
 
     Parameters
     ----------
@@ -92,12 +92,12 @@ def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[An
     y : (rows,) int
     x : (columns,) int
     back : MotionField
-        Of the other frame; beyond its edges as at them.
+        Motion of the other frame; its edges are repeated.
 
     Returns
     -------
     (rows, columns) float32
-        Pixels.
+        Distance between the start of a vector and the end of the way there and back, pixels.
     """
     distance = np.empty(vectors.shape[:2], np.float32)
     measure_forward_backward_errors(vectors, y, x, back.vectors, back.spacing, *back.shape, distance)
@@ -105,21 +105,21 @@ def forward_backward_error(vectors: NDArray[Any], y: NDArray[Any], x: NDArray[An
 
 
 def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
-    """How motion changes from pixel to pixel around points: by zoom, rotation and perspective, not from thing to thing.
+    """Return the motion gradients around points: those of zoom, rotation and perspective, not of object boundaries.
 
-    Of the differences from the neighbours on both sides the smaller one where they have one sign, else none (the minmod
-    limiter; Roe 1986, doi:10.1146/annurev.fl.18.010186.002005): at the edge of an object one of them is large.
+    A gradient is the smaller of the differences from the neighbours on both sides if they have the same sign, else 0
+    (minmod limiter; Roe 1986, doi:10.1146/annurev.fl.18.010186.002005): at the edge of an object, one of them is large.
 
     Parameters
     ----------
     vectors : (rows, columns, 2) float32
     spacing : int
-        Distance of the points, pixels.
+        Distance between points, pixels.
 
     Returns
     -------
     (rows, columns, 2, 2) float32
-        Along x, of dx and dy, then along y; pixels per pixel.
+        Gradients of dx and dy along x, then along y; pixels per pixel.
     """
     gradients = np.empty((*vectors.shape, 2), np.float32)
     find_gradients(vectors, np.float32(spacing), gradients)

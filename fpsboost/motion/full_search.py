@@ -1,7 +1,7 @@
-"""Every offset, every pixel, both directions: one fused kernel, and OpenCV passes as its readable reference.
+"""Search for every offset at every pixel, in both directions: a fused kernel, and OpenCV passes as its reference.
 
-Edges: pixels repeat beyond the border for the sums, and an offset that leads out of the other frame is no candidate.
-Ties: where several offsets are equally similar (flat areas), the smallest motion wins.
+Edges: pixels are repeated beyond the border for the sums, and an offset that leads out of the other frame is not a
+candidate. Ties: if several offsets are equally similar (flat areas), the smallest motion wins.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Window = Literal["box", "gaussian"]
 
 
 def window_taps(window: Window, patch_radius: int) -> tuple[float, ...]:
-    """Weights of one axis of the separable window, summing to 1 (section 3.1).
+    """Return the weights of one axis of the separable window, summing to 1 (section 3.1).
 
-    The report gives the Gaussian "a variance of 0.5 times the size of the similarity area", and that is taken as it
-    stands: a variance of (2r + 1) / 2 pixels squared. See `docs/method.md` for the figures of the other reading.
+    The report gives the Gaussian "a variance of 0.5 times the size of the similarity area", which is taken literally: a
+    variance of (2r + 1) / 2 pixels squared. See `docs/method.md` for the results of the other reading.
     """
     size = 2 * patch_radius + 1
     if window == "box":
@@ -52,12 +52,12 @@ def search_fused(
     search_radius, patch_radius, window, v
         As in `ExhaustiveSearch`.
     penalty : float
-        What a pixel of motion, in x and in y, costs in units of similarity; nothing in the report.
+        Cost of a pixel of motion, in x and in y, in units of similarity; 0 in the report.
 
     Returns
     -------
     field01, field10 : MotionField
-        Similarities are those of the winners, less what they paid.
+        Motion in both directions; the similarities are those of the best offsets, minus their penalties.
     """
     height, width = colours0.shape[:2]
     taps = None if window == "box" else window_taps(window, patch_radius)

@@ -1,4 +1,4 @@
-"""Optical flow of OpenCV behind the contract of this package, and no motion at all."""
+"""Optical flow of OpenCV as motion estimators."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ DIS_PRESETS = {
     "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
     "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
 }
-MIN_SIDE = 32  # below this the pyramid of DIS has no level left
+MIN_SIDE = 32  # minimum side for a pyramid level of DIS, pixels
 
 
 @dataclass(frozen=True)
 class Dis:
-    """Dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29), as OpenCV has it.
+    """Dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29), in OpenCV's implementation.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Dis:
         check_choice("preset", self.preset, DIS_PRESETS)
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
         flow = cv2.DISOpticalFlow.create(DIS_PRESETS[self.preset])
         flow01, flow10 = (
@@ -52,7 +52,7 @@ class Dis:
 
 @dataclass(frozen=True)
 class Farneback:
-    """Polynomial expansion (Farnebäck 2003, doi:10.1007/3-540-45103-X_50), as OpenCV has it.
+    """Polynomial expansion (Farnebäck 2003, doi:10.1007/3-540-45103-X_50), in OpenCV's implementation.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Farneback:
     window_size : int
         Side of the averaging window, pixels.
     iterations : int
-        Iterations a level.
+        Iterations per level.
 
     Raises
     ------
@@ -81,7 +81,7 @@ class Farneback:
                 raise OptionError(f"{name} must be at least 1, not {getattr(self, name)}.")
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
         flow01, flow10 = (self._flow(a, b) for a, b in ((gray0, gray1), (gray1, gray0)))
         return _field(_unpadded(flow01, image0.pixels)), _field(_unpadded(flow10, image0.pixels))
@@ -104,22 +104,22 @@ class Farneback:
 
 @dataclass(frozen=True)
 class TvL1:
-    """Total variation and L1 (Zach et al. 2007, doi:10.1007/978-3-540-74936-3_22), as OpenCV contrib has it.
+    """Total variation and L1 (Zach et al. 2007, doi:10.1007/978-3-540-74936-3_22), in OpenCV contrib's implementation.
 
     Parameters
     ----------
     levels : int
         Levels of the pyramid, at least 1.
     scale_step : float
-        Size of each level in that of the one before, at least 0.1, or nothing may be left, and below 1. OpenCV's own
-        0.8 misses larger motion.
+        Size of each level relative to the one before, at least 0.1, or a level may be empty, and below 1. OpenCV's
+        default of 0.8 misses larger motion.
     warps : int
-        Times that each level is warped by what is known so far, at least 1.
+        Number of times that each level is warped by the current estimate, at least 1.
     epsilon : float
-        Change below which a level counts as solved; greater is faster.
+        Change below which a level counts as converged; greater is faster.
     inner_iterations, outer_iterations : int
-        Between two looks at the change, and times that the motion is filtered, at least 1. OpenCV's own 30 and 10, and
-        an epsilon of 0.01, take seven times as long and find no better motion.
+        Iterations between two checks of the change, and number of times that the motion is filtered, at least 1.
+        OpenCV's defaults of 30 and 10, and an epsilon of 0.01, take seven times as long and find no better motion.
 
     Raises
     ------
@@ -144,7 +144,7 @@ class TvL1:
             raise OptionError(f"epsilon must be above 0, not {self.epsilon}.")
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
         gray0, gray1 = _gray_pair(image0, image1)
         flow = cv2.optflow.DualTVL1OpticalFlow.create(
             nscales=self.levels,

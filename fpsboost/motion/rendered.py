@@ -1,4 +1,4 @@
-"""Motion that a renderer wrote, as an estimator."""
+"""Motion vectors written by a renderer, as a motion estimator."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from fpsboost.motion.zero import ZeroMotion
 
 @dataclass(frozen=True)
 class RenderedMotion:
-    """The renderer's motion of each of the two frames, continued in a straight line to the other.
+    """A renderer's motion vectors of each of the two frames, extrapolated linearly to the other frame.
 
-    Vectors go one frame far; those of a pair that lies several frames apart are made that much longer.
+    Vectors span one frame; for a pair that is several frames apart, they are multiplied by the distance.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ class RenderedMotion:
         return ZeroMotion()
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`.
+        """Return the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`.
 
         Raises
         ------
         OptionError
             The images are not output frames.
         InputError
-            They have no vectors, or some of another size.
+            The images have no vectors, or vectors of another size.
         """
         check_pair(image0.array, image1.array)
         number0, number1 = frame_number(image0.output_position), frame_number(image1.output_position)
@@ -59,12 +59,12 @@ class RenderedMotion:
 
 
 def frame_number(place: Fraction | None) -> int:
-    """The output frame that an image is.
+    """Return the number of the output frame at a position.
 
     Raises
     ------
     OptionError
-        It is none of them.
+        The position is not that of an output frame.
     """
     if place is None or place.denominator != 1:
         raise not_an_output_frame()
@@ -72,7 +72,7 @@ def frame_number(place: Fraction | None) -> int:
 
 
 def not_an_output_frame() -> OptionError:
-    """What to raise where an image has no vectors because it is none of the output's frames."""
+    """Return the error to raise if an image has no vectors because it is not an output frame."""
     return OptionError(
         "A renderer's motion vectors need a whole factor, so that every input frame is an output frame too; "
         "give --factor 2 or another whole number."

@@ -1,15 +1,15 @@
-"""How far the report's search must look: the largest motion of a pair of frames, plus 20 % (section 4.1).
+"""Choice of the report's search radius: the largest motion of a pair of frames, plus 20 % (section 4.1).
 
-The renderer knows the largest motion. Where it is not asked, it is estimated from regular motion fields, because the
-most similar patch by itself is no evidence: in a pattern it may be many periods away.
+The renderer knows the largest motion. Without its vectors, it is estimated from regularised motion fields, because the
+most similar patch by itself is no evidence: in a repeated pattern, it may be many periods away.
 
-- OpenCV's DIS flow is regular. A vector of it counts where it leads there and back, and as long as the shortest motion
-  found around it that explains the point as well.
-- What no vector around a point explains is looked up in the coarse-to-fine search, which sees things that are small and
-  fast. Its vectors count where they explain a good part of a connected region: a thing that moves by itself is
-  explained as a whole, while chance matches in what changes are scattered.
+- OpenCV's DIS flow is regularised. A vector of it is used if its forward-backward error is small, with the length of
+  the shortest motion in its neighbourhood that explains the point as well.
+- Points that no vector around them explains are looked up in the coarse-to-fine search, which finds small and fast
+  objects. Its vectors are used if they explain a good part of a connected region: an object that moves by itself is
+  explained as a whole, while chance matches in changing areas are scattered.
 
-What counts is a lower bound: edges, occlusions and things that change are left out, and they are often the fastest.
+The result is a lower bound: edges, occlusions and changing areas are left out, and they are often the fastest.
 """
 
 from __future__ import annotations
@@ -32,60 +32,61 @@ from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import RenderedMotion
 
-MARGIN = 1.2
-"""The report's: the radius is the largest motion plus 20 %."""
+RADIUS_MARGIN = 1.2
+"""Ratio of the radius to the largest motion: the report's 20 % more."""
 
 MIN_RADIUS_SHARE = 1 / 32
-"""Of the frame's longer side, the least radius. Refraction moves faster than the surfaces that a renderer's vectors
-follow: a glass cube that turns slowly, its surfaces by 2.5 pixels, needs 12 in a picture of 384."""
+"""Minimum radius as a share of the frame's longer side. Refraction moves faster than the surfaces that a renderer's
+vectors follow: a slowly rotating glass cube whose surfaces move by 2.5 pixels needs a radius of 12 in a frame of
+384."""
 
 MIN_RADIUS = 4
-"""Pixels, for the smallest frames."""
+"""Minimum radius, pixels, for the smallest frames."""
 
-UNSEEN = 4 / 3
-"""How much larger than what counts the largest motion is taken to be. Over 36 pairs of rendered frames with known
-vectors, it was 0.9 to 1.9 times that, and 1.0 in pans."""
+UNDERESTIMATION_FACTOR = 4 / 3
+"""Assumed ratio of the largest motion to the lower bound. Over 36 pairs of rendered frames with known vectors, it was
+0.9 to 1.9, and 1.0 in pans."""
 
-LONGER_SIDE = 640
-"""Frames are reduced to it, pixels."""
+MAX_LONGER_SIDE = 640
+"""Maximum longer side, pixels; larger frames are reduced to it."""
 
-MAX_MOTION = 1 / 4
-"""Of the frame's longer side, the largest motion that is looked for."""
+MAX_MOTION_SHARE = 1 / 4
+"""Search range as a share of the frame's longer side."""
 
 STEP = 4
-"""Distance of the points that are looked at, pixels."""
+"""Distance between the points that are compared, pixels."""
 
-AROUND = 4
-"""Points each way whose motion may explain a point as well: 16 pixels."""
+NEIGHBOURHOOD_RADIUS = 4
+"""Points in each direction whose motion may explain a point as well: 16 pixels."""
 
-BORDER = 16
-"""How far around the frame its edges are repeated, pixels: a window farther out would see nothing else."""
+EDGE_PADDING = 16
+"""Width of the repeated edges around the frame, pixels: a window farther outside would contain nothing else."""
 
 PATCH_RADIUS = 5
-"""Of the patches that are compared, the report's."""
+"""Radius of the patches that are compared, as in the report, pixels."""
 
 BANDWIDTH = 0.09
-"""Bandwidth of the similarity, that of the default method."""
+"""Bandwidth of the similarity, as in the default method."""
 
 CONSISTENCY_TOLERANCE = 0.5
-"""Pixels by which a vector of DIS may miss on the way back: all that counts is exact to less than a pixel."""
+"""Maximum forward-backward error of a valid vector of DIS, pixels: all valid vectors are exact to less than a pixel."""
 
-TOLERANCE = 0.2
-"""Similarity that a shorter motion may lack, and that a longer one must add."""
+SIMILARITY_TOLERANCE = 0.2
+"""Amount by which the similarity of a shorter motion may be lower, and that of a longer one must be higher."""
 
 MIN_SIMILARITY = 0.5
-"""Below it, a motion explains nothing."""
+"""Minimum similarity of a motion that explains a point."""
 
-EXPLAINED = 0.7
-"""From it on, a point needs no other explanation."""
+EXPLAINED_SIMILARITY = 0.7
+"""Similarity from which on a point needs no other explanation."""
 
-MIN_SHARE = 0.2
-"""Of a connected region that is not explained, the part that a thing's own motion explains: the rest is what it covers
+MIN_EXPLAINED_SHARE = 0.2
+"""Minimum share of a connected unexplained region that an object's own motion explains; the rest is what it occludes
 and uncovers."""
 
-MIN_POINTS = math.ceil(2 * (2 * PATCH_RADIUS + 1) ** 2 / STEP**2)
-"""Of a thing that moves by itself: twice a patch. What is smaller goes with its surroundings in a patch of the report's
-size, and cannot be told from chance."""
+MIN_OBJECT_POINTS = math.ceil(2 * (2 * PATCH_RADIUS + 1) ** 2 / STEP**2)
+"""Minimum number of points of an object that moves by itself: twice a patch. A smaller object follows its surroundings
+in a patch of the report's size, and cannot be distinguished from chance."""
 
 
 def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: VectorFolder | None = None) -> int:
@@ -96,17 +97,17 @@ def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: Vector
     image0, image1 : FrameCache
         Two frames of one size and type.
     vectors : VectorFolder, optional
-        The renderer's motion, which is estimated where it is not given.
+        The renderer's motion; estimated if not given.
 
     Returns
     -------
     int
-        Pixels in x and in y: the largest motion plus 20 %, and at least 1/32 of the frame's longer side.
+        Radius in x and in y, pixels: the largest motion plus 20 %, and at least 1/32 of the frame's longer side.
 
     Raises
     ------
     OptionError, InputError
-        As `fpsboost.io.vector_folder.RenderedMotion.estimate`.
+        As `fpsboost.motion.rendered.RenderedMotion.estimate`.
 
     Examples
     --------
@@ -120,15 +121,15 @@ def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: Vector
     if vectors is not None:
         fields = RenderedMotion(vectors).estimate(image0, image1)
         largest = max(float(np.abs(field.flow).max()) for field in fields)
-        radius = max(MARGIN * largest, least)
+        radius = max(RADIUS_MARGIN * largest, least)
     else:
-        radius = MARGIN * max(UNSEEN * expected_motion(image0, image1), least)
-    # vectors in half floats must not push a whole number over the next one
+        radius = RADIUS_MARGIN * max(UNDERESTIMATION_FACTOR * expected_motion(image0, image1), least)
+    # rounding errors of half-float vectors must not increase the radius by one
     return min(max(MIN_RADIUS, math.ceil(radius - 1e-3)), max(MIN_RADIUS, longer_side))
 
 
 def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
-    """Estimate the largest motion of two frames from what of it is certain.
+    """Estimate the largest motion of two frames from its reliable part.
 
     Parameters
     ----------
@@ -138,33 +139,33 @@ def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
     Returns
     -------
     float
-        Larger component, pixels of the frames: a lower bound; see `UNSEEN`.
+        Larger component, pixels of the frames: a lower bound; see `UNDERESTIMATION_FACTOR`.
     """
-    scale: float = max(1.0, max(image0.pixels.shape[:2]) / LONGER_SIDE)
+    scale: float = max(1.0, max(image0.pixels.shape[:2]) / MAX_LONGER_SIDE)
     if scale > 1:
-        image0, image1 = (FrameCache(image.cached(small_copy, LONGER_SIDE)) for image in (image0, image1))
+        image0, image1 = (FrameCache(image.cached(small_copy, MAX_LONGER_SIDE)) for image in (image0, image1))
     regular = Dis("medium").estimate(image0, image1)
-    detailed = CoarseToFine(reach=MAX_MOTION, step=STEP).estimate(image0, image1)
+    detailed = CoarseToFine(reach=MAX_MOTION_SHARE, step=STEP).estimate(image0, image1)
     planes0, planes1 = (
-        padded_planes(image.cached(contrast_components), BORDER, 0, 2 * LANES, colour_scale(BANDWIDTH))
+        padded_planes(image.cached(contrast_components), EDGE_PADDING, 0, 2 * LANES, colour_scale(BANDWIDTH))
         for image in (image0, image1)
     )
     size = image0.pixels.shape[:2]
     largest = 0.0
     for planes, there, back in (((planes0, planes1), 0, 1), ((planes1, planes0), 1, 0)):
-        compared = _compare(*planes, size, regular[there], AROUND)
-        certain = _round_trip(regular[there], regular[back], size) <= CONSISTENCY_TOLERANCE
+        compared = _compare(*planes, size, regular[there], NEIGHBOURHOOD_RADIUS)
+        certain = _point_errors(regular[there], regular[back], size) <= CONSISTENCY_TOLERANCE
         certain &= compared.own >= MIN_SIMILARITY
-        longest = _longest_of_neighbours(np.where(certain, compared.shortest, 0))
+        longest = _largest_neighbour_motion(np.where(certain, compared.shortest, 0))
         gain = _compare(*planes, size, detailed[there], 0).own - compared.best
-        round_trips = _round_trip(detailed[there], detailed[back], size)
-        things = _longest_of_things(detailed[there], round_trips, gain, compared.best < EXPLAINED)
+        round_trips = _point_errors(detailed[there], detailed[back], size)
+        things = _largest_object_motion(detailed[there], round_trips, gain, compared.best < EXPLAINED_SIMILARITY)
         largest = max(largest, longest, things)
     return scale * largest
 
 
 class _Compared(NamedTuple):
-    """What `find_shortest` finds out, each (points down, points across) float32."""
+    """Results of `find_shortest`, each (points down, points across) float32."""
 
     own: NDArray[Any]
     best: NDArray[Any]
@@ -179,38 +180,38 @@ def _compare(
     find_shortest(
         planes0,
         planes1,
-        BORDER,
+        EDGE_PADDING,
         *size,
         STEP,
         PATCH_RADIUS,
         LANES,
         around,
-        np.float32(TOLERANCE),
+        np.float32(SIMILARITY_TOLERANCE),
         points,
         *results,
     )
     return results
 
 
-def _round_trip(there: MotionField, back: MotionField, size: tuple[int, ...]) -> NDArray[Any]:
+def _point_errors(there: MotionField, back: MotionField, size: tuple[int, ...]) -> NDArray[Any]:
     return forward_backward_error(there.at_points(STEP)[0], *point_places(size, STEP), back)
 
 
-def _longest_of_neighbours(lengths: NDArray[Any]) -> float:
-    """The largest length that two neighbouring points have: a single one may be chance."""
+def _largest_neighbour_motion(lengths: NDArray[Any]) -> float:
+    """Return the largest length that two neighbouring points have; that of a single point may be chance."""
     across = np.minimum(lengths[:, 1:], lengths[:, :-1])
     down = np.minimum(lengths[1:], lengths[:-1])
     return float(max(across.max(initial=0), down.max(initial=0)))
 
 
-def _longest_of_things(
+def _largest_object_motion(
     field: MotionField, round_trips: NDArray[Any], gain: NDArray[Any], unexplained: NDArray[Any]
 ) -> float:
-    """The largest motion of things that move by themselves, of which the regular field knows nothing."""
+    """Return the largest motion of objects that move by themselves and are missing from the regularised field."""
     lengths = np.abs(field.at_points(STEP)[0]).max(axis=-1)
-    gained = unexplained & (gain >= TOLERANCE) & (round_trips <= 1 + 0.05 * lengths)
+    gained = unexplained & (gain >= SIMILARITY_TOLERANCE) & (round_trips <= 1 + 0.05 * lengths)
     count, labels = cv2.connectedComponents(unexplained.astype(np.uint8))
     points, gains = (np.bincount(labels[mask], minlength=count) for mask in (unexplained, gained))
-    things = np.flatnonzero((gains >= MIN_POINTS) & (gains >= MIN_SHARE * points))
-    # nine tenths: of a thing's many points, some are matched elsewhere
+    things = np.flatnonzero((gains >= MIN_OBJECT_POINTS) & (gains >= MIN_EXPLAINED_SHARE * points))
+    # 90th percentile, as some of the many points of an object are mismatched
     return max((float(np.percentile(lengths[gained & (labels == thing)], 90)) for thing in things), default=0.0)

@@ -1,8 +1,8 @@
-"""Curved paths: how motion changes from pair to pair.
+"""Curved trajectories from the change of motion from pair to pair.
 
-Between two frames alone everything moves in straight lines at constant speed, which the report names among its
-limits. The pairs before and after show whether it speeds up, slows down or turns; from both sides the path is that of
-a Catmull-Rom spline, from one side a parabola (Xu et al. 2019, arXiv:1911.00627).
+Between two frames alone, all motion is linear at constant speed, which the report names among its limits. The pairs
+before and after show whether it accelerates, decelerates or turns; with both of them, the trajectory is that of a
+Catmull-Rom spline, with one of them a parabola (Xu et al. 2019, arXiv:1911.00627).
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from fpsboost.kernels.points import find_accelerations
 from fpsboost.motion.field import MotionField, point_places
 
 CONSISTENT = 1.5
-"""A vector counts if the way there and back ends this near to where it began, pixels."""
+"""Maximum forward-backward error of a valid vector, pixels."""
 
 ONE_SIDED = 0.8
-"""Share of the acceleration that is believed from one neighbouring pair alone."""
+"""Weight of the acceleration if it is estimated from one neighbouring pair only."""
 
 TWO_SIDED = 1.5
-"""The same from both. A Catmull-Rom spline has 1, which is exact for motion that is slow to change; the ideal
-interpolation of motion that may change from pair to pair, a sinc, has 4 where it is cut off after two frames on each
-side."""
+"""Weight of the acceleration if it is estimated from both neighbouring pairs. A Catmull-Rom spline has 1, which is
+exact for slowly changing motion; the ideal interpolation of motion that may change from pair to pair, a sinc, has 4 if
+truncated after two frames on each side."""
 
 
 class Neighbour(NamedTuple):
-    """The motion of the pair before or after."""
+    """Motion of the pair before or after."""
 
     field01: MotionField
     field10: MotionField
     ratio: float
-    """Its duration over that of the pair in between."""
+    """Duration of the neighbouring pair divided by that of the pair in between."""
 
 
 def accelerations_at_points(
@@ -42,24 +42,23 @@ def accelerations_at_points(
     ratio: float,
     spacing: int,
 ) -> NDArray[Any]:
-    """How motion changes at the frame that two pairs share, at points `spacing` apart.
+    """Estimate the acceleration at the frame that two neighbouring pairs share, at points `spacing` apart.
 
     Parameters
     ----------
     onward : tuple of MotionField
-        Motion from the shared frame to the other one of the pair, and back to it.
+        Motion from the shared frame to the other frame of the pair, and back.
     away : tuple of MotionField or None
-        The same to the other frame of the neighbouring pair, and back; None where there is none.
+        The same to the other frame of the neighbouring pair, and back; None if there is no such pair.
     ratio : float
-        Duration of the neighbouring pair over that of the pair.
+        Duration of the neighbouring pair divided by that of the pair.
     spacing : int
-        Pixels; see `fpsboost.motion.field.point_places`.
+        Distance between points, pixels; see `fpsboost.motion.field.point_places`.
 
     Returns
     -------
     (rows, columns, 3) float32
-        1 where vectors in both directions lead there and back, and the acceleration in pixels per interval squared;
-        else 0.
+        1 where the vectors in both directions are valid, and the acceleration in pixels per interval squared; else 0.
     """
     y, x = point_places(onward[0].shape, spacing)
     changes = np.zeros((y.size, x.size, 3), np.float32)

@@ -1,4 +1,4 @@
-"""No motion: what mixing and repeating start from."""
+"""Zero motion, for blending and repeating frames."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from fpsboost.motion.field import MotionField
 
 @dataclass(frozen=True)
 class ZeroMotion:
-    """Every pixel stays where it is: the motion of `blend` and `nearest`."""
+    """Zero motion of every pixel, as used by `blend` and `nearest`."""
 
     takes_planes: ClassVar[bool] = True
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
-        """See `fpsboost.motion.MotionEstimator.estimate`."""
+        """Return zero motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
         check_pair(image0.pixels, image1.pixels)
         height, width = image0.pixels.shape[:2]
         nothing, alike = np.zeros((1, 1, 2), np.float32), np.ones((1, 1), np.float32)

@@ -1,8 +1,8 @@
-"""In-between frames from two frames and the motion between them.
+"""Synthesis of in-between frames from two frames and the motion between them.
 
-One contract, `Synthesizer`, and its implementations: `MultiHypothesis` (the default), `Reproject` (the report's),
-`SceneAssisted` (with a renderer's vectors), `Splat` (blocks moved, as in video coding), `Warp` (what people usually
-write around an optical flow), `Blend` and `Nearest` (which need no motion).
+`Synthesizer` is the protocol. Its implementations are `MultiHypothesis` (the default), `Reproject` (the report's),
+`SceneAssisted` (with a renderer's vectors), `Splat` (forward splatting, as in video coding), `Warp` (the usual backward
+warp along an optical flow), `Blend` and `Nearest` (which need no motion).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fpsboost.motion.trajectory import Neighbour
 
 @dataclass(frozen=True)
 class FramePair:
-    """Two frames and what is known of the way from one to the other.
+    """Two frames and the motion between them.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class FramePair:
     field01, field10 : MotionField
         Motion in both directions.
     before, after : Neighbour, optional
-        Motion of the pairs that share its first and its last frame: paths are curved by them, and straight without.
+        Motion of the pairs that share its first and its last frame; without them, trajectories are linear.
     """
 
     image0: FrameCache
@@ -40,10 +40,10 @@ class FramePair:
 
 
 class Synthesizer(Protocol):
-    """Contract: what does the scene look like between two frames?"""
+    """Protocol of synthesizers of the frames between two frames."""
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
-        """Make one image for every time.
+        """Generate one image for every time.
 
         Parameters
         ----------
@@ -54,6 +54,6 @@ class Synthesizer(Protocol):
         Yields
         ------
         (H, W, C), dtype of the frames, or YCbCrImage where they are
-            New arrays; made one at a time, so that any number of them needs the memory of one.
+            New arrays, generated one at a time, so that any number of them needs the memory of one.
         """
         ...

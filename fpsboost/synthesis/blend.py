@@ -1,4 +1,4 @@
-"""In-between frames that need no motion."""
+"""In-between frames without motion: blending and frame repetition."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from fpsboost.ycbcr import YCbCrImage
 
 @dataclass(frozen=True)
 class Blend:
-    """Mix the two frames in time, without motion."""
+    """Blend of the two frames by time, without motion."""
 
     takes_planes: ClassVar[bool] = True
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`; only the frames are looked at."""
+        """Generate blended images, from the frames alone; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         for t in times:
             if isinstance(image0, YCbCrImage) and isinstance(image1, YCbCrImage):
@@ -36,12 +36,12 @@ def _mixed(t: float, image0: Image, image1: Image) -> Image:
 
 @dataclass(frozen=True)
 class Nearest:
-    """Repeat the frame that is nearer in time; the earlier one at the middle."""
+    """Repetition of the frame that is nearer in time; the earlier one at the middle."""
 
     takes_planes: ClassVar[bool] = True
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`; only the frames are looked at."""
+        """Generate copies of the nearer frame; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         for t in times:
             yield (image0 if t <= 0.5 else image1).copy()

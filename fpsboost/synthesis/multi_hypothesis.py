@@ -1,6 +1,7 @@
-"""The default: every pixel a mean over the motions that may hold there, weighed by patch similarity at time t.
+"""The default synthesis: the mean over the candidate motions of every pixel, weighted by patch similarity at time t.
 
-What a point of either frame says of the motion around a node is a vote, and what few say fades out.
+The motion at each point of both frames is a vote for the motion around the nodes where it lands; candidates with few
+votes are suppressed.
 """
 
 from __future__ import annotations
@@ -26,88 +27,89 @@ from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
 from fpsboost.ycbcr import YCbCrImage
 
-CAPACITY = 48
-"""Motions that are told apart around one node, at most."""
+CANDIDATE_CAPACITY = 48
+"""Maximum number of distinct motions collected per node."""
 
 ZERO_MOTION_PRIOR = np.float32(0.25)
-"""Votes of no motion at all."""
+"""Votes for zero motion."""
 
 ACCELERATION_TOLERANCE = np.float32(20)
-"""Standard deviation of a candidate's accelerations at which their mean counts half, pixels."""
+"""Standard deviation of a candidate's accelerations at which their mean is given half its weight, pixels."""
 
 MIN_SHARE = np.float32(0.01)
-"""Added to a candidate's share of the votes, so that one with hardly any is not out of the question."""
+"""Added to a candidate's share of the votes, so that one with hardly any votes is not excluded."""
 
 CONSISTENCY_TOLERANCE = 16
-"""A motion whose way there and back ends so far from where it began has half a vote, pixels."""
+"""Forward-backward error at which the vote of a motion is halved, pixels."""
 
 
 class InterpolatedImage(NamedTuple):
-    """An in-between frame and how far it can be trusted."""
+    """In-between frame and its confidence."""
 
     image: Image
-    """(H, W, C)."""
+    """Colours, (H, W, C)."""
     confidence: NDArray[Any]
-    """(H, W) float32 in [0, 1]."""
+    """Confidence of every pixel, (H, W) float32 in [0, 1]."""
 
 
 class Votes(NamedTuple):
-    """What the points of a frame vote for; see `fpsboost.kernels.candidates.collect_candidates`."""
+    """Votes of the points of a frame; see `fpsboost.kernels.candidates.collect_candidates`."""
 
     vectors: NDArray[Any]
-    """(rows, columns, 2) float32."""
+    """Motion to the other frame, (rows, columns, 2) float32."""
     gradients: NDArray[Any]
-    """(rows, columns, 2, 2) float32."""
+    """Gradients of the motion, (rows, columns, 2, 2) float32."""
     accelerations: NDArray[Any]
-    """(rows, columns, 3) float32."""
+    """Whether the acceleration is known, and the acceleration, (rows, columns, 3) float32."""
     trust: NDArray[Any]
-    """(rows, columns) float32."""
+    """Weight of each vote, (rows, columns) float32."""
 
 
 class SampledImage(NamedTuple):
-    """An image as `blend_hypotheses` reads it."""
+    """Image in the form that `blend_hypotheses` reads."""
 
     full: Samples
-    """The planes that have all pixels."""
+    """Planes at full resolution."""
     chroma: Samples
-    """Those of half the width, if any."""
+    """Planes of half the width, if any."""
 
 
 class Candidates(NamedTuple):
-    """The motions that may hold around each node; see `fpsboost.kernels.candidates.list_candidates`."""
+    """Candidate motions around each node; see `fpsboost.kernels.candidates.list_candidates`."""
 
     listed: NDArray[Any]
-    """(rows, columns) int32, how many."""
+    """Number of candidates, (rows, columns) int32."""
     motions: NDArray[Any]
-    """(rows, columns, room, MOTION) float32."""
+    """Motion of each candidate, (rows, columns, room, MOTION) float32."""
     weights: NDArray[Any]
-    """(rows, columns, room) float32."""
+    """Prior weight of each candidate, (rows, columns, room) float32."""
 
 
 @dataclass(frozen=True)
 class MultiHypothesis:
-    """Collect the motions of both frames that lead past each node at time t, and weigh what they bring together.
+    """Weighted mean over the motions of both frames that pass each node at time t.
 
     Parameters
     ----------
     step : int
-        One pixel in so many of each frame, along x and y, has its motion tried.
+        Distance along x and y between the pixels of each frame whose motion is a candidate, pixels.
     support : float
-        A motion is tried this far around the place where it leads to, and counts the less the farther, pixels.
+        Maximum distance between a node and the landing position of a motion that votes for it, pixels; the weight
+        decreases with distance.
     tolerance : float
-        Motions that differ by less are tried once, pixels.
+        Motions that differ by less are merged, pixels.
     most : int
-        Motions that are tried around one node.
+        Maximum number of candidates per node, besides zero motion.
     least : float
-        Weight in that of the best candidate below which a motion is not tried.
+        Minimum weight of a candidate relative to that of the best one.
     width : float
-        v of the similarity at time t, for colours in [0, 1].
+        Bandwidth v of the similarity at time t, for colours in [0, 1].
     sharpness : float
-        How clearly the most similar motion wins: its weight is ``exp(sharpness * similarity)``.
+        Sharpness of the weighting: the weight of a candidate is ``exp(sharpness * similarity)``.
     enough : float
-        Similarity at which a node needs no further candidates.
+        Similarity from which on a node needs no further candidates.
     negligible : float
-        A candidate is left out once its votes are below this share of the weight that every pixel has by then.
+        A candidate is skipped if its votes are below this share of the least accumulated weight of any pixel.
     """
 
     takes_planes: ClassVar[bool] = True
@@ -139,19 +141,19 @@ class MultiHypothesis:
             raise OptionError(f"width must be above 0, not {self.width}.")
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         nobody_asks = np.empty((0, 0), np.float32)
         for candidates, t in self._listed(frame_pair, times):
             yield self._fused(frame_pair, candidates, t, nobody_asks)
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
-        """Like `synthesize`, with the confidence of every pixel; for arrays."""
+        """Generate images like `synthesize`, as arrays, with the confidence of every pixel."""
         for candidates, t in self._listed(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
             yield InterpolatedImage(as_array(self._fused(frame_pair, candidates, t, confidence)), confidence)
 
     def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
-        """The candidates at each time."""
+        """Yield the candidates at each time, and the time."""
         votes_of_both = self._collect_votes(frame_pair)
         for t in times:
             yield self._candidates(votes_of_both, frame_pair.image0.pixels.shape[:2], t), t
@@ -169,7 +171,7 @@ class MultiHypothesis:
             image0.subsampling[0] if isinstance(image0, YCbCrImage) else 1,
             np.float32(t),
             *candidates,
-            np.float32(0.5 / self.width**2 * _colours_for_one(image0)),
+            np.float32(0.5 / self.width**2 * _difference_factor(image0)),
             np.float32(self.sharpness),
             np.float32(self.enough),
             np.float32(self.negligible),
@@ -188,11 +190,14 @@ class MultiHypothesis:
         return made
 
     def _candidates(self, votes_of_both: tuple[Votes, Votes], size: tuple[int, int], t: float) -> Candidates:
-        """What may hold around each node."""
+        """Return the candidates around each node at time t."""
         height, width = size
         nodes = -(-height // CELL), -(-width // CELL)
         count = np.zeros(nodes, np.int32)
-        votes, sums = np.zeros((*nodes, CAPACITY), np.float32), np.zeros((*nodes, CAPACITY, SUMS), np.float32)
+        votes, sums = (
+            np.zeros((*nodes, CANDIDATE_CAPACITY), np.float32),
+            np.zeros((*nodes, CANDIDATE_CAPACITY, SUMS), np.float32),
+        )
         for each, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
             collect_candidates(
                 *each,
@@ -207,7 +212,7 @@ class MultiHypothesis:
                 votes,
                 sums,
             )
-        room = self.most + 1  # and no motion
+        room = self.most + 1  # including zero motion
         motions, weights = np.zeros((*nodes, room, MOTION), np.float32), np.empty((*nodes, room), np.float32)
         list_candidates(
             count,
@@ -223,7 +228,7 @@ class MultiHypothesis:
         return Candidates(count, motions, weights)
 
     def _collect_votes(self, frame_pair: FramePair) -> tuple[Votes, Votes]:
-        """What the points of each frame vote for: motion towards the other, and how it changes there."""
+        """Return the votes of the points of each frame: motion to the other frame, its gradients and acceleration."""
         field01, field10 = frame_pair.field01, frame_pair.field10
         before, after = frame_pair.before, frame_pair.after
         share = np.float32(TWO_SIDED if before and after else ONE_SIDED)
@@ -236,10 +241,10 @@ class MultiHypothesis:
         return self._votes(field01, field10, changes0), self._votes(field10, field01, changes1)
 
     def _votes(self, field: MotionField, other: MotionField, changes: NDArray[Any]) -> Votes:
-        """A frame's motion with what the vote of each of its points counts.
+        """Return the votes of a frame's points with their weights.
 
-        As much as its patches are alike, where that is known, and the less the farther from its beginning the way there
-        and back ends: what is hidden in the other frame is found again by chance only, and somewhere else.
+        A weight is proportional to the similarity of the patches, if it is known, and decreases with the
+        forward-backward error: what is occluded in the other frame is matched by chance only, at another position.
         """
         vectors, similarities = field.at_points(self.step)
         inconsistency = forward_backward_error(vectors, *point_places(field.shape, self.step), other) / np.float32(
@@ -259,7 +264,7 @@ def _samples(image: Pixels) -> SampledImage:
 
 def _planar_samples(image: YCbCrImage, planes: Sequence[NDArray[Any]]) -> Samples:
     height, width = planes[0].shape if planes else (0, 0)
-    unit = np.float32(1 / _white(image))  # of chroma, too: it counts about as much as in a sum over B, G and R
+    unit = np.float32(1 / _white(image))  # also for chroma, whose weight is then about that in a sum over B, G and R
     padded = aligned_empty((len(planes), height + 2 * MARGIN, width + 2 * MARGIN + SPARE), image.dtype)
     beyond = padded.shape[2] - MARGIN - width
     for plane, target in zip(planes, padded, strict=True):
@@ -268,11 +273,11 @@ def _planar_samples(image: YCbCrImage, planes: Sequence[NDArray[Any]]) -> Sample
 
 
 def _array_samples(image: Image) -> Samples:
-    """Planes of an image's own type, and their spline; colours with straight alpha are multiplied by it."""
+    """Return the planes of an image in its own type, and their spline; straight alpha is premultiplied."""
     height, width, channels = image.shape
     is_float = image.dtype == np.float32
     premultiply = has_alpha(image) and not is_float
-    if is_float:  # what is no number would spread to its surroundings
+    if is_float:  # NaN and infinity would spread to their surroundings
         image = normalised(image)
     one, to_one = np.float32(1), np.float32(1 if is_float else 1 / np.iinfo(image.dtype).max)
     scale, unit = (to_one, one) if premultiply else (one, to_one)
@@ -289,7 +294,7 @@ def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Sam
 
 
 def _blank(image: Pixels) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
-    """An image like this one to be written to: whole, its full planes as (C, H, W), and those of half the width."""
+    """Return an empty image like this one, its full planes as (C, H, W), and its planes of half the width."""
     if not isinstance(image, YCbCrImage):
         made = np.empty_like(image)
         return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), image.dtype)
@@ -300,25 +305,31 @@ def _blank(image: Pixels) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
 
 
 def _white(image: Pixels) -> np.float32:
-    """Levels from black to white."""
+    """Return the number of levels from black to white."""
     if isinstance(image, YCbCrImage):
         return np.float32(image.coding.levels.luma_span)
     return np.float32(1) if image.dtype == np.float32 else value_range(image)[1]
 
 
-def _colours_for_one(image: Pixels) -> float:
-    """What differences of a gray count for, that all have one scale: three times where they are counted once."""
+def _difference_factor(image: Pixels) -> float:
+    """Return the factor on squared differences that gives a difference in gray the same scale for all image types.
+
+    It is 3 where such differences are counted once.
+    """
     return 3.0 if isinstance(image, YCbCrImage) else max(1, 3 / image.shape[2])
 
 
 def _extremes(image: Image) -> tuple[np.float32, np.float32]:
-    """The lowest and the highest number of a float image."""
+    """Return the lowest and the highest value of a float image."""
     numbers = normalised(image)
     return numbers.min(), numbers.max()
 
 
 def _value_range(frame_pair: FramePair) -> tuple[np.float32, np.float32]:
-    """What a made frame may hold: sharp samples overshoot, but nothing may be darker or brighter than all there is."""
+    """Return the range of values of a generated frame.
+
+    The spline overshoots, but no value of a float frame may be outside of the range of both frames.
+    """
     if frame_pair.image0.pixels.dtype != np.float32:
         return value_range(frame_pair.image0.pixels)
     (lowest0, highest0), (lowest1, highest1) = (

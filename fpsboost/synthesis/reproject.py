@@ -1,4 +1,4 @@
-"""The report's second step: every in-between pixel looks for the source pixel that lands on it."""
+"""The report's second step: search the source pixel that lands on each in-between pixel."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ SourceSearch = Literal["iterative", "brute-force"]
 
 @dataclass(frozen=True)
 class Reproject:
-    """Search both frames for the pixel that moves to the target (section 3 of the report).
+    """Search of both frames for the pixel that moves to the target (section 3 of the report).
 
-    A source is *found* where it lands within half a pixel of the target in x and in y. Found in both frames, the two
-    colours are blended in time; found in one, that one is taken, so that what is hidden in one frame comes from the
-    other; found in neither, both are blended as they are.
+    A source is *found* if it lands within half a pixel of the target in x and in y. If it is found in both frames, the
+    two colours are blended in time; if in one, that one is used, so that what is occluded in one frame comes from the
+    other; if in neither, both are blended unchanged.
 
     Parameters
     ----------
     search : {'iterative', 'brute-force'}
-        *iterative*: the fixed-point search of Yang et al. 2011 from T - m(T) on, T being the target, with the first
-        iteration's result where it fails (section 2.2).
+        *iterative*: the fixed-point search of Yang et al. 2011 from T - m(T) on, where T is the target, with the first
+        iteration's result if it fails (section 2.2).
         *brute-force*: of all sources within the search radius, the one that lands nearest; of several, the one nearest
-        to the target. Any order of the frame instead would take a pan's colours from one frame alone, and half a pixel
-        from where they belong.
+        to the target. A choice by raster order would instead take a pan's colours from one frame alone, at an offset of
+        half a pixel.
     iterations : int
-        Limit of the iterative search, at least 1.
+        Maximum number of iterations of the iterative search, at least 1.
 
     Raises
     ------
@@ -53,7 +53,7 @@ class Reproject:
             raise OptionError(f"--iterations must be at least 1, not {self.iterations}.")
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight, as in the report."""
+        """Generate images on linear trajectories; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         image0, image1 = frame_pair.image0.array, frame_pair.image1.array
         for t in times:
             source0, found0 = self.find_sources(frame_pair.field01.flow, t)
@@ -78,7 +78,7 @@ class Reproject:
         source : (H, W) int32
             ``y * W + x`` of the source pixel.
         found : (H, W) bool
-            Whether it lands within half a pixel of the target.
+            Whether the source lands within half a pixel of the target.
         """
         height, width = flow.shape[:2]
         source, found = np.empty((height, width), np.int32), np.empty((height, width), np.bool_)
@@ -87,7 +87,7 @@ class Reproject:
             return source, found
         starts, members = np.empty(height * width + 1, np.int32), np.empty(height * width, np.int32)
         bin_landings(flow, np.float32(t), starts, members)
-        # no source is further from its landing than the largest motion, which the neighbourhood bounds (section 3)
+        # no source is further from its landing position than the largest motion, which bounds the search (section 3)
         radius = math.ceil(float(np.abs(flow).max(initial=0)))
         search_nearest_landing(flow, np.float32(t), radius, starts, members, source, found)
         return source, found

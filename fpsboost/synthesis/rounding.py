@@ -1,4 +1,4 @@
-"""How images become float values to compute with, and results pixels of an image's own type."""
+"""Conversion of images to float values, and of results to pixels of an image's own type."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from fpsboost.ycbcr import YCbCrImage
 
 
 def rounding_offset(image: Pixels) -> np.float32:
-    """What to add before the conversion to the image's type: 0.5 for integers, 0 for float."""
+    """Return the offset to add before the conversion to the image's type: 0.5 for integers, 0 for float."""
     return np.float32(0 if image.dtype == np.float32 else 0.5)
 
 
 def value_range(image: Pixels) -> tuple[np.float32, np.float32]:
-    """The lowest and highest value that images of this type hold."""
+    """Return the lowest and highest value that images of this type hold."""
     if isinstance(image, YCbCrImage):
         return np.float32(0), np.float32(image.coding.highest)
     if image.dtype == np.float32:
@@ -27,8 +27,8 @@ def value_range(image: Pixels) -> tuple[np.float32, np.float32]:
 
 
 def premultiplied(image: Image) -> NDArray[Any]:
-    """(H, W, C) float32 with the image's own white; colours with straight alpha are multiplied by it."""
-    if image.dtype == np.float32:  # what is no number would spread to its surroundings
+    """Return (H, W, C) float32 with the image's own white, with straight alpha premultiplied."""
+    if image.dtype == np.float32:  # NaN and infinity would spread to their surroundings
         return normalised(image)
     values: NDArray[Any] = image.astype(np.float32)
     if has_alpha(image):
@@ -37,16 +37,16 @@ def premultiplied(image: Image) -> NDArray[Any]:
 
 
 def as_image(values: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
-    """Float results as an image of the frames' type.
+    """Convert float results to an image of the frames' type.
 
     Parameters
     ----------
     values : (H, W, C) float32
-        As `premultiplied` gives them; may be written to.
+        Values as returned by `premultiplied`; may be modified.
     image0, image1 : (H, W, C)
         The frames.
     t : float
-        Where the result lies between them.
+        Time of the result between the frames.
     """
     straight_alpha = has_alpha(image0) and image0.dtype != np.float32
     lowest, highest = value_range(image0)
@@ -59,6 +59,6 @@ def as_image(values: NDArray[Any], image0: Image, image1: Image, t: float) -> Im
 
 
 def colour_unseen(image: Image, image0: Image, image1: Image, t: float) -> None:
-    """What cannot be seen has a colour all the same: that of the frames mixed, in place."""
+    """Set the colour of fully transparent pixels to that of the blended frames, in place."""
     unseen = image[..., -1] == 0
     image[unseen, :-1] = np.rint(image0[unseen, :-1] * (1 - t) + image1[unseen, :-1] * t)

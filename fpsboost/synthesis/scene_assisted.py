@@ -1,4 +1,4 @@
-"""Every in-between pixel asks the renderer where it was and where it will be: Yang et al. 2011, scene-assisted."""
+"""Scene-assisted interpolation (Yang et al. 2011): every in-between pixel is looked up along the renderer's vectors."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from fpsboost.synthesis.rounding import as_image, premultiplied
 
 
 class _Neighbour(NamedTuple):
-    """One of the two frames as an in-between frame sees it."""
+    """One of the two frames relative to an in-between frame."""
 
     image: FrameCache
     flow: NDArray[Any]
-    """(H, W, 2) float32, from the in-between frame to this one."""
+    """Motion from the in-between frame to this frame, (H, W, 2) float32."""
     weight: float
-    """Its share where both are seen."""
+    """Weight of this frame where both are visible."""
 
 
 @dataclass(frozen=True)
 class SceneAssisted:
-    """Look both frames up along the in-between frame's own motion vectors (section 2.2 of the report).
+    """Lookup of both frames along the in-between frame's own motion vectors (section 2.2 of the report).
 
-    The renderer makes everything of the in-between frame but its shading. Its vectors go to the output frames beside it
-    and are continued in a straight line where the two frames are farther away. What both frames show is mixed in time;
-    a place outside of a frame, or behind something nearer, does not count; where nothing counts, both are mixed.
+    The renderer provides everything of the in-between frame but its shading. Its vectors point to the adjacent output
+    frames and are extrapolated linearly if the two frames are farther away. What is visible in both frames is blended
+    in time; positions that are outside of a frame or occluded are ignored; if both are ignored, both are blended.
 
     Parameters
     ----------
     vectors : VectorFolder
-        With depth, what is hidden in one frame is known.
+        Motion vectors; with depth, occlusion is detected.
     depth_tolerance : float
-        A pixel is hidden where the other frame is nearer by more than this part of its depth.
+        A pixel is occluded where the other frame is nearer by more than this share of its depth.
 
     Raises
     ------
@@ -69,14 +69,16 @@ class SceneAssisted:
         return Blend()
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`; motion that was estimated is not looked at.
+        """Generate images from the renderer's vectors; see `fpsboost.synthesis.Synthesizer.synthesize`.
+
+        Estimated motion is ignored.
 
         Raises
         ------
         OptionError
-            An in-between frame is no output frame; or one of the two is none, and depth is to be compared.
+            An in-between frame is not an output frame; or one of the two frames is not, and depth is compared.
         InputError
-            There are no vectors for it, or some of another size.
+            The in-between frame has no vectors, or vectors of another size.
         """
         for t in times:
             yield self._image_at(frame_pair, t)
@@ -107,7 +109,7 @@ class SceneAssisted:
 
 
 def _places(place0: Fraction | None, place1: Fraction | None, t: float) -> tuple[Fraction, Fraction, int]:
-    """Where the two frames are among the output's, and the number of the frame between them."""
+    """Return the output positions of the two frames, and the output frame number of the frame between them."""
     if place0 is None or place1 is None:
         raise not_an_output_frame()
     place = place0 + Fraction(t) * (place1 - place0)
@@ -116,21 +118,21 @@ def _places(place0: Fraction | None, place1: Fraction | None, t: float) -> tuple
 
 
 def _share_of_second(weight0: NDArray[Any], weight1: NDArray[Any], t: float) -> NDArray[Any]:
-    """How much of each pixel comes from frame 1."""
+    """Return the weight of frame 1 in each pixel."""
     total = weight0 + weight1
     share: NDArray[Any] = np.where(total > 0, weight1 / np.where(total > 0, total, 1), np.float32(t))
     return share
 
 
 def _at_nearest(plane: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
-    """A plane at the pixels nearest to places; depth must not be mixed across an outline."""
+    """Return the values of a plane at the pixels nearest to positions; depth must not be mixed across an edge."""
     height, width = plane.shape
     nearest: NDArray[Any] = plane[_index(np.rint(y), height), _index(np.rint(x), width)]
     return nearest
 
 
 def _between_pixels(values: NDArray[Any], x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
-    """(H, W, C) values at places, bilinear; the outermost pixels go on outside."""
+    """Return (H, W, C) values at positions, interpolated bilinearly, with repeated edges."""
     height, width = values.shape[:2]
     x, y = x.clip(0, width - 1), y.clip(0, height - 1)
     left, top = np.floor(x), np.floor(y)

@@ -1,4 +1,4 @@
-"""What video coding's motion compensation makes of a pair: blocks moved along their motion and painted."""
+"""Forward splatting, as in video coding's motion compensation: pixels are moved along the motion of their blocks."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from fpsboost.synthesis.rounding import rounding_offset
 
 @dataclass(frozen=True)
 class Splat:
-    """Paint the pixels of frame 0 where they are at time t (forward reprojection, section 2.1 of the report).
+    """Forward splatting of the pixels of frame 0 to time t (forward reprojection, section 2.1 of the report).
 
-    A pixel that looks enough like what it moves to lands on the nearest place, with the colours of both ends mixed in
-    time. Where several land, the most similar one is seen, the first in raster order of those. Where none lands, the
-    frames are mixed as they are.
+    A pixel of sufficient similarity lands on the nearest target, with the colours of both ends blended in time. Where
+    several land, the most similar one is shown, and of several such pixels the first in raster order. Where none lands,
+    the frames are blended unchanged.
 
     Parameters
     ----------
     least_similarity : float
-        Pixels whose motion has less are not painted; from 0 to 1.
+        Minimum similarity of a pixel that is splatted, from 0 to 1.
 
     Raises
     ------
@@ -41,10 +41,10 @@ class Splat:
             raise OptionError(f"least_similarity must be from 0 to 1, not {self.least_similarity}.")
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`; only the motion of frame 0 is followed, straight."""
+        """Generate images with the linear motion of frame 0 only; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         image0, image1 = frame_pair.image0.array, frame_pair.image1.array
         flow, similarity = frame_pair.field01.flow, frame_pair.field01.similarity
-        known = np.ones(similarity.shape, np.bool_)  # so that colours are always mixed
+        known = np.ones(similarity.shape, np.bool_)  # so that colours are always blended
         for t in times:
             source0, source1 = np.empty(similarity.shape, np.int32), np.empty(similarity.shape, np.int32)
             splat(flow, similarity, np.float32(self.least_similarity), np.float32(t), source0, source1)

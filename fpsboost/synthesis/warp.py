@@ -1,4 +1,4 @@
-"""The plain warp: frames fetched along the motion at the target pixel; both mixed, or each by itself."""
+"""Backward warp along the motion at the target pixel, blended from both frames or from each frame by itself."""
 
 from __future__ import annotations
 
@@ -17,42 +17,43 @@ from fpsboost.synthesis.rounding import as_image, premultiplied
 
 @dataclass(frozen=True)
 class Warp:
-    """``(1 - t) image0(x - t flow01(x)) + t image1(x - (1 - t) flow10(x))``, bilinear, edges repeated.
+    """Blend of backward warps, ``(1 - t) image0(x - t flow01(x)) + t image1(x - (1 - t) flow10(x))``.
 
-    That is what people usually write around an optical flow. The motion is read at the target pixel, though it belongs
-    to another one: around what moves, the background is pulled along, and what is hidden in one frame is mixed in.
+    Sampling is bilinear, with repeated edges. This is the usual warp along an optical flow. The motion is read at the
+    target pixel, although it belongs to another one: around moving objects the background is dragged along, and what is
+    occluded in one frame is blended in.
     """
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`; paths are straight."""
+        """Generate images with linear trajectories; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         for t in times:
-            mean = (1 - t) * _fetched(frame_pair.image0.cached(premultiplied), frame_pair.field01.flow, t)
-            mean += t * _fetched(frame_pair.image1.cached(premultiplied), frame_pair.field10.flow, 1 - t)
+            mean = (1 - t) * _backward_warp(frame_pair.image0.cached(premultiplied), frame_pair.field01.flow, t)
+            mean += t * _backward_warp(frame_pair.image1.cached(premultiplied), frame_pair.field10.flow, 1 - t)
             yield as_image(mean, frame_pair.image0.array, frame_pair.image1.array, t)
 
 
 @dataclass(frozen=True)
 class Extrapolate:
-    """Each frame alone, moved on along its own motion up to the middle: for scene cuts, where no way leads across.
+    """Extrapolation of each frame along its own motion up to the middle, for scene cuts without motion across.
 
-    The transition's fields are how each frame would go on: `field01` where the pixels of frame 0 are going, `field10`
-    where those of frame 1 have come from, reversed in time.
+    The fields of the pair are each frame's own continuation: `field01` leads to where the pixels of frame 0 are going,
+    `field10` to where those of frame 1 have come from, reversed in time.
     """
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`; the earlier frame has the middle."""
+        """Extrapolate the nearer frame, at the middle the earlier; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         for t in times:
             image, field, time = (
                 (frame_pair.image0, frame_pair.field01, t)
                 if t <= 0.5
                 else (frame_pair.image1, frame_pair.field10, 1 - t)
             )
-            fetched = _fetched(image.cached(premultiplied), field.flow, time)
+            fetched = _backward_warp(image.cached(premultiplied), field.flow, time)
             yield as_image(fetched, frame_pair.image0.array, frame_pair.image1.array, float(t > 0.5))
 
 
-def _fetched(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:
-    """What lies t of the motion behind every pixel."""
+def _backward_warp(values: NDArray[Any], flow: NDArray[Any], t: float) -> NDArray[Any]:
+    """Return the values at each pixel minus t times its motion."""
     height, width = flow.shape[:2]
     y, x = np.arange(height, dtype=np.float32)[:, np.newaxis], np.arange(width, dtype=np.float32)
     time = np.float32(t)
