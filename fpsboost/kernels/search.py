@@ -4,9 +4,6 @@ For one offset k, the similarity image ``W_k(x) = xi(A(x), B(x + k))`` serves bo
 the score of k at x for A->B, and the score of -k at x + k for B->A. So every offset is computed once, row by row,
 without storing a full-size image: only a running column sum over the last 2r + 1 rows of W, a short horizontal sum, and
 two comparisons. Four neighbouring offsets are processed together and share the reads of the best scores so far.
-
-Rows of A are distributed over the threads in bands. All threads work on one vertical offset at a time, so that the rows
-of B that they update are as disjoint as their rows of A.
 """
 
 from __future__ import annotations
