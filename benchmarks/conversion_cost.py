@@ -13,12 +13,13 @@ import sys
 import time
 from pathlib import Path
 
-from fpsboost.conversion import RunOptions, convert
+from fpsboost.conversion import convert
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
-from fpsboost.streaming import SilentObserver
+from fpsboost.observer import SilentObserver
+from fpsboost.run_options import RunOptions
 
 READY = "ready"
 

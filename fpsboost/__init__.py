@@ -17,23 +17,25 @@ if TYPE_CHECKING:
     from fpsboost.analysis.duplicates import DuplicateDetector
     from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
     from fpsboost.array_stream import stream
-    from fpsboost.conversion import RunOptions, convert
+    from fpsboost.conversion import convert
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame
     from fpsboost.interpolator import Interpolator
     from fpsboost.io import FrameSink, FrameSource
     from fpsboost.io.memory_limit import MemoryLimit
-    from fpsboost.io.trim import Trim
     from fpsboost.io.video.decode_options import DecodeOptions
-    from fpsboost.io.video.encoding import Encoding
+    from fpsboost.io.video.encode_options import Encoding
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
-    from fpsboost.streaming import Observer, Summary, run_conversion
+    from fpsboost.observer import Observer, Summary
+    from fpsboost.run_options import RunOptions
+    from fpsboost.streaming import run_conversion
     from fpsboost.synthesis import Synthesizer
     from fpsboost.synthesis.multi_hypothesis import InterpolatedImage
     from fpsboost.timing.position import Position
     from fpsboost.timing.rate import FrameIntervals, OutputRate
     from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
+    from fpsboost.timing.trim import Trim
     from fpsboost.ycbcr import Coding, YCbCrImage
 
 from fpsboost.version import __version__
@@ -88,7 +90,7 @@ _homes = {
     "CutPolicy": "analysis.scene_cuts",
     "DecodeOptions": "io.video.decode_options",
     "DuplicateDetector": "analysis.duplicates",
-    "Encoding": "io.video.encoding",
+    "Encoding": "io.video.encode_options",
     "FpsboostError": "errors",
     "Frame": "frame",
     "FrameIntervals": "timing.rate",
@@ -99,17 +101,17 @@ _homes = {
     "Interpolator": "interpolator",
     "MemoryLimit": "io.memory_limit",
     "MotionEstimator": "motion",
-    "Observer": "streaming",
+    "Observer": "observer",
     "OptionError": "errors",
     "OutputError": "errors",
     "OutputRate": "timing.rate",
     "Position": "timing.position",
-    "RunOptions": "conversion",
+    "RunOptions": "run_options",
     "SceneCutWarning": "errors",
     "Schedule": "timing.schedule",
-    "Summary": "streaming",
+    "Summary": "observer",
     "Synthesizer": "synthesis",
-    "Trim": "io.trim",
+    "Trim": "timing.trim",
     "YCbCrImage": "ycbcr",
     "convert": "conversion",
     "interpolate": "method_table",

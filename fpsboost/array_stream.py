@@ -15,7 +15,8 @@ from fpsboost.io.opening import ASSUMED_IMAGE_RATE, open_source
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.method_table import find_method
-from fpsboost.streaming import Summary, making_frames
+from fpsboost.observer import Summary
+from fpsboost.streaming import making_frames
 from fpsboost.timing.rate import OutputRate
 
 

@@ -24,43 +24,14 @@ from fpsboost.io.opening import (
 from fpsboost.io.prefetch import available_cores
 from fpsboost.io.trim import TrimmedSource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method
-from fpsboost.streaming import Observer, SilentObserver, Summary, run_conversion
+from fpsboost.observer import SilentObserver, Summary
+from fpsboost.run_options import RunOptions
+from fpsboost.streaming import run_conversion
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How a conversion is run; nothing of it shapes the frames.
-
-    Parameters
-    ----------
-    overwrite : bool
-        Replace an existing output.
-    resume : bool
-        Resume an earlier run of the same input and options that was stopped, after the frames that it finished; start
-        anew if there is none.
-    in_place : bool
-        Write the frames that are made beside the images of the input; the output must not be given. Existing files are
-        never changed.
-    limit : MemoryLimit, optional
-        Memory that may be used: a clip that needs more is refused before it is decoded. By default what is available.
-    threads : int, optional
-        Pairs of frames processed in parallel; by default as many as there are cores and memory for. Frames are the
-        same with any number.
-    observer : Observer, optional
-        Informed of the progress.
-    """
-
-    overwrite: bool = False
-    resume: bool = False
-    in_place: bool = False
-    limit: MemoryLimit | None = None
-    threads: int | None = None
-    observer: Observer | None = None
 
 
 @dataclass(frozen=True)
@@ -189,8 +160,8 @@ def convert(
     summary.remarks += [*lost, *on_vectors, *output_rate.remarks(info, schedule, summary.frame_intervals)]
     if isinstance(whole, ImageSource) and whole.step > 1 and to_file:
         summary.remarks.append(
-            f"--input-fps counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
-            f"it is 24/{whole.step}, or 24 with --fill-gaps."
+            f"`input_fps` counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
+            f"it is 24/{whole.step}, or 24 with `fill_gaps`."
         )
     return summary
 
@@ -216,13 +187,13 @@ def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite
     """Return the path of the output."""
     if not in_place:
         if output is None:
-            raise OptionError(f"There is no output for {input}; name one, or give --in-place for images beside it.")
+            raise OptionError(f"There is no output for {input}; name one, or give `in_place` for images beside it.")
         return output
     if output is not None:
-        raise OptionError(f"--in-place writes beside the images of {input}; leave the output {output} out.")
+        raise OptionError(f"`in_place` writes beside the images of {input}; leave the output {output} out.")
     if overwrite:
-        raise OptionError("--in-place replaces nothing; leave --overwrite out.")
-    check_images(input, "--in-place")
+        raise OptionError("`in_place` replaces nothing; leave `overwrite` out.")
+    check_images(input, "`in_place`")
     return input
 
 
@@ -236,7 +207,7 @@ def _match_vectors(
     if interpolator.needs_every_frame and kept is None and (source.step > 1 or source.fills_gaps):
         raise OptionError(
             f"A renderer's motion vectors go by the numbers of {source.info.name}, and {factor} times the frames do "
-            f"not fit between those; give --factor {source.step}."
+            f"not fit between those; give `factor={source.step}`."
         )
     first, step = kept or (source.first_number + int(source.skipped * factor), 1)
     return interpolator.with_vectors_for(range(first, first + count * step, step), must_match=kept is not None)
@@ -245,7 +216,7 @@ def _match_vectors(
 def _adapt_audio(encoding: Encoding, source: FrameSource, output_rate: OutputRate) -> tuple[Encoding, list[str]]:
     """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
     if output_rate.slow_motion_sound == "stretch" and not encoding.audio:
-        raise OptionError("--slow-motion-sound stretch and --no-audio contradict each other; give one of them.")
+        raise OptionError("`slow_motion_sound='stretch'` and `audio=False` contradict each other; give one of them.")
     if output_rate.stretch == 1 or not encoding.audio or output_rate.slow_motion_sound == "stretch":
         return encoding, []
     has_sound = isinstance(source, VideoSource) and "sound" in source.companions

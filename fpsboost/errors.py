@@ -64,7 +64,7 @@ def check_choice(option: str, value: str, choices: Collection[str]) -> None:
 
     Examples
     --------
-    >>> check_choice("--window", "box", ("box", "gaussian"))
+    >>> check_choice("`window`", "box", ("box", "gaussian"))
     """
     if value not in choices:
         raise OptionError(f"{option} must be one of {', '.join(choices)}, not {value!r}.")

@@ -227,7 +227,7 @@ class Interpolator:
     duplicates: DuplicateDetector | None = DuplicateDetector()
 
     def __post_init__(self) -> None:
-        check_choice("--at-cuts", self.at_cuts, get_args(AtCuts))
+        check_choice("`at_cuts`", self.at_cuts, get_args(AtCuts))
 
     @property
     def takes_planes(self) -> bool:

@@ -84,7 +84,7 @@ def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
     """
     if name in vector_methods:
         if vectors is None:
-            raise OptionError(f"The method {name!r} needs the renderer's motion vectors; give --vectors DIR.")
+            raise OptionError(f"The method {name!r} needs the renderer's motion vectors; give `vectors=DIR`.")
         return vector_methods[name](vectors)
     if name not in methods:
         raise OptionError(f"There is no method {name!r}; choose one of {', '.join([*methods, *vector_methods])}.")
@@ -93,7 +93,7 @@ def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
     if not isinstance(methods[name].estimator, ExhaustiveSearch):
         searches = (each for each, method in methods.items() if isinstance(method.estimator, ExhaustiveSearch))
         raise OptionError(
-            f"--vectors does not apply to the method {name!r}; leave it out, or choose one of "
+            f"`vectors` does not apply to the method {name!r}; leave it out, or choose one of "
             f"{', '.join([*vector_methods, *searches])}."
         )
     return configure(methods[name], name, {"vectors": vectors})
@@ -127,7 +127,7 @@ def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any
         elif name in {field.name for field in fields(synthesizer)}:
             synthesizer = replace(synthesizer, **{name: value})
         else:
-            raise OptionError(f"--{name.replace('_', '-')} does not apply to the method {method!r}; leave it out.")
+            raise OptionError(f"`{name}` does not apply to the method {method!r}; leave it out.")
     return replace(interpolator, estimator=estimator, synthesizer=synthesizer)
 
 

@@ -23,7 +23,7 @@ from fpsboost.io.animation.source import AnimationSource, animation_format
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.opening import open_sink, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.listing import StreamFacts, list_streams
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.traits import VideoTraits
@@ -259,7 +259,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
 
 
 def _plan(info: ClipInfo, *, has_clock: bool) -> tuple[Schedule, str | None]:
-    """Return a conversion's schedule, and why it would be refused; the schedule is then that of --keep-timing."""
+    """Return a conversion's schedule, and why it would be refused; the schedule is then that of `keep_timing`."""
     try:
         return OutputRate().schedule(info, has_clock=has_clock), None
     except FpsboostError as error:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain, pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
 from fpsboost.errors import InputError, OptionError
@@ -25,7 +25,8 @@ from fpsboost.io.opening import (
     beginning,
 )
 from fpsboost.io.prefetch import available_cores, nothing, read_ahead, run_in_parallel, write_behind
-from fpsboost.timing.rate import FrameIntervals, stretched
+from fpsboost.observer import Observer, SilentObserver, Summary
+from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time
 
 FRAMES_PER_TASK = 4
@@ -33,76 +34,6 @@ FRAMES_PER_TASK = 4
 
 READ_AHEAD = 4
 WRITE_BEHIND = 4
-
-
-@dataclass
-class Summary:
-    """Counts and remarks of a conversion.
-
-    Attributes
-    ----------
-    frames_in, frames_out : int
-        Frames read and written.
-    frames_made : int
-        Frames written that are not from the source: interpolated, or repeated across a cut.
-    scene_cuts : int
-        Pairs in which a scene ends; they were not interpolated across.
-    duplicates : int
-        Duplicate frames that were interpolated across.
-    completed_frames : int
-        Frames of `frames_out` that an earlier run had finished.
-    seconds : float
-        Wall time of the loop, without compiling.
-    remarks : list of str
-        Sentences about everything that was lost or guessed.
-    details : str
-        How the target was written, for verbose output; empty if there was no choice.
-    frame_intervals : FrameIntervals
-        Intervals between the frames of the source.
-    search_radii : set of int
-        Search radii that were chosen for pairs of frames, pixels; empty if the method has none.
-    """
-
-    frames_in: int = 0
-    frames_out: int = 0
-    frames_made: int = 0
-    scene_cuts: int = 0
-    duplicates: int = 0
-    completed_frames: int = 0
-    seconds: float = 0.0
-    remarks: list[str] = field(default_factory=list)
-    details: str = ""
-    frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
-    search_radii: set[int] = field(default_factory=set)
-
-
-class Observer(Protocol):
-    """Contract: is informed of the progress of a conversion."""
-
-    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        """Handle the opening of source and target; `expected_frames` follow if the source's header is right."""
-        ...
-
-    def ready(self) -> None:
-        """Handle that kernels are compiled, or loaded from the cache; the first frame comes next."""
-        ...
-
-    def wrote(self, summary: Summary) -> None:
-        """Handle another frame that was passed on to the target."""
-        ...
-
-
-class SilentObserver:
-    """Observer that does nothing."""
-
-    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
-        """See `Observer.opened`."""
-
-    def ready(self) -> None:
-        """See `Observer.ready`."""
-
-    def wrote(self, summary: Summary) -> None:
-        """See `Observer.wrote`."""
 
 
 def run_conversion(
@@ -204,7 +135,7 @@ def making_frames(
         The output frames in order, each as soon as it is made. Kernels are compiled already.
     """
     if threads is not None and threads < 1:
-        raise OptionError(f"--threads must be at least 1, not {threads}.")
+        raise OptionError(f"`threads` must be at least 1, not {threads}.")
     detector = None if interpolator.needs_every_frame else interpolator.duplicates
     with (
         read_ahead(source, READ_AHEAD, _cancel_of(source)) as arriving,

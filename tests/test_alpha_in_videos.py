@@ -14,12 +14,13 @@ from conversion_options import grouped
 from video_truth import samples_of
 
 import fpsboost
-from fpsboost.io.trim import Trim
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding, encodes_alpha
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import encodes_alpha
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import SMPTE170M, from_bgr, to_bgra
 from fpsboost.timing.position import parse_position
+from fpsboost.timing.trim import Trim
 
 VP9 = {"auto-alt-ref": "0", "lossless": "1", "cpu-used": "8", "deadline": "realtime"}
 VP8 = {"auto-alt-ref": "0", "crf": "4", "b": "2000000", "deadline": "realtime", "cpu-used": "8"}

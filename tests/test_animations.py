@@ -244,7 +244,7 @@ def test_a_long_still_is_repeated(tmp_path, suffix):
 def test_gif_ends_at_fifty_frames(tmp_path):
     """A rate that players of GIF slow down is refused, with what to do, before anything is made."""
     clip = write_clip(tmp_path / "in.mp4", times=range(4), time_base=Fraction(1, 30))
-    with pytest.raises(OutputError, match=r"out\.gif cannot show 60 frames .* 50; use --fps 50 or less.*\.apng"):
+    with pytest.raises(OutputError, match=r"out\.gif cannot show 60 frames .* 50; use `fps=50` or less.*\.apng"):
         fpsboost.convert(str(clip), str(tmp_path / "out.gif"))
     fpsboost.convert(str(clip), str(tmp_path / "out.gif"), method="blend", rate=OutputRate(fps=50))
     assert {seen.delay for seen in read_animation(tmp_path / "out.gif")} == {20}

@@ -98,11 +98,11 @@ def test_what_is_no_number_counts_as_black(pattern):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"block_size": 1}, "--block-size"),
-        ({"block_size": 129}, "--block-size"),
-        ({"search_range": 0}, "--search-range"),
-        ({"search_range": 1001}, "--search-range"),
-        ({"pattern": "spiral"}, "--pattern must be one of full, three-step, diamond"),
+        ({"block_size": 1}, "`block_size`"),
+        ({"block_size": 129}, "`block_size`"),
+        ({"search_range": 0}, "`search_range`"),
+        ({"search_range": 1001}, "`search_range`"),
+        ({"pattern": "spiral"}, "`pattern` must be one of full, three-step, diamond"),
     ],
 )
 def test_options_out_of_range_are_refused(options, message):

@@ -15,7 +15,7 @@ from video_truth import pictures_of, samples_of
 
 from fpsboost import convert
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.ycc import plane_arrays
 
 SIZE = 48, 64

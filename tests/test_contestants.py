@@ -61,7 +61,7 @@ def test_commas_part_methods_and_options(texts, found):
         ("nlm:others=dis", "has no option 'others'"),
         ("nlm:v=nan", "The option v must be a number, not 'nan'"),
         ("nlm:patch-radius=2.5", "The option patch-radius must be a whole number, not '2.5'"),
-        ("nlm:patch-radius=14", "In nlm:patch-radius=14: --patch-radius must be 1 to 10 pixels"),
+        ("nlm:patch-radius=14", "In nlm:patch-radius=14: `patch_radius` must be 1 to 10 pixels"),
         ("nlm-exhaustive:window=hat", "The option window must be one of box, gaussian, not 'hat'"),
         ("minterpolate:fps=9", "minterpolate takes no fps=9"),
         ("minterpolate:mi_mode=dup:scd=none", "minterpolate takes no mi_mode=dup:scd=none"),

@@ -11,16 +11,17 @@ import pytest
 from video_truth import write_clip
 
 from fpsboost.analysis.cut_list import CutList, read_cuts
-from fpsboost.conversion import RunOptions, convert
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.trim import Trim
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.motion.zero import ZeroMotion
+from fpsboost.run_options import RunOptions
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.position import Position, parse_position
+from fpsboost.timing.trim import Trim
 
 SCENES = """Timecode List:,00:00:00.417
 Scene Number,Start Frame,Start Timecode,Start Time (seconds),End Frame,End Timecode,End Time (seconds)
@@ -65,7 +66,7 @@ def test_what_is_no_list_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"Cannot read .*none\.txt"):
         read_cuts(tmp_path / "none.txt")
     (tmp_path / "cuts.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match=r"cuts\.txt is no text; give --cuts a file"):
+    with pytest.raises(InputError, match=r"cuts\.txt is no text; give `cuts` a file"):
         read_cuts(tmp_path / "cuts.txt")
     (tmp_path / "cuts.txt").write_text("1.5\nsoon\n")
     with pytest.raises(OptionError, match=r"cuts\.txt, line 2: 'soon' is no place in a clip"):

@@ -15,7 +15,8 @@ from video_truth import QUARTER_TURN, scene, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding, default_codec
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import default_codec
 from fpsboost.io.video.source import VideoSource
 
 DISPLAY = "G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50)"
@@ -101,7 +102,7 @@ def test_deep_images_get_the_deepest_format(tmp_path, options, suffix, pixel_for
     (remark,) = to_video(write_images(tmp_path / "in", [smooth] * 2), target, **options)
     assert f"has less {lost} than its source: " in remark
     assert remark.endswith(
-        f"wrote {pixel_format} for gbrp16le; --codec ffv1 in an .mkv keeps up to 16 bits of every colour."
+        f"wrote {pixel_format} for gbrp16le; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour."
     )
     found, back = first_image(target)
     assert found == ("yuv444p12le" if suffix == ".mov" else pixel_format)  # what FFmpeg decodes ProRes 4444 to

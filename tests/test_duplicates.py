@@ -24,7 +24,8 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.io.opening import open_source
 from fpsboost.method_table import methods
 from fpsboost.motion.rendered import RenderedMotion
-from fpsboost.streaming import Summary, run_conversion
+from fpsboost.observer import Summary
+from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.timing.schedule import ByFactor, ByRate, Schedule

@@ -16,9 +16,9 @@ from video_truth import packets_of, scene, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.trim import Trim
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.timing.position import Position
+from fpsboost.timing.trim import Trim
 
 RATE = 48000
 SAMPLES = RATE + 1234
@@ -114,8 +114,12 @@ def test_chapters_that_do_not_go_along_are_said(tmp_path):
 @pytest.mark.parametrize(
     ("codec", "suffix", "ways"),
     [
-        ("wmav2", ".mp4", "encode it anew with --audio-codec aac, write .mkv, or leave the sound out with --no-audio"),
-        ("aac", ".webm", "encode it anew with --audio-codec opus, write .mp4 or .m4v or .mov or .mkv, or leave"),
+        (
+            "wmav2",
+            ".mp4",
+            "encode it anew with `audio_codec='aac'`, write .mkv, or leave the sound out with `audio=False`",
+        ),
+        ("aac", ".webm", "encode it anew with `audio_codec='opus'`, write .mp4 or .m4v or .mov or .mkv, or leave"),
     ],
 )
 def test_what_cannot_be_held_names_the_option_first(tmp_path, codec, suffix, ways):
@@ -130,9 +134,11 @@ def test_what_cannot_be_held_names_the_option_first(tmp_path, codec, suffix, way
 def test_mov_refuses_what_it_lists(tmp_path):
     """Formats that .mov shares with .mp4 in its list and not in fact are refused with what to use."""
     clip = write_clip(tmp_path / "in.mp4", sound="aac")
-    with pytest.raises(OptionError, match=r"--audio-codec flac cannot go into .*out\.mov; use aac .*, or write \.mp4"):
+    with pytest.raises(
+        OptionError, match=r"`audio_codec='flac'` cannot go into .*out\.mov; use aac .*, or write \.mp4"
+    ):
         double(clip, tmp_path / "out.mov", "flac")
-    with pytest.raises(OptionError, match=r"--codec av1 cannot go into .*out\.mov; use h264 or hevc, or write \.mp4"):
+    with pytest.raises(OptionError, match=r"`codec='av1'` cannot go into .*out\.mov; use h264 or hevc, or write \.mp4"):
         convert(str(clip), str(tmp_path / "out.mov"), encoding=Encoding("av1"))
 
 

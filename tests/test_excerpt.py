@@ -17,13 +17,14 @@ from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.opening import open_source, trim_source
-from fpsboost.io.trim import Trim, TrimmedSource
+from fpsboost.io.trim import TrimmedSource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.position import Position, parse_position
+from fpsboost.timing.trim import Trim
 
 BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None)
 FAST = Encoding(preset="ultrafast")
@@ -74,7 +75,7 @@ def test_other_words_are_refused(text):
 )
 def test_an_end_that_is_no_end_is_refused(start, end):
     """It must lie behind the start, where the two can be compared."""
-    with pytest.raises(OptionError, match=r"--end .* does not lie behind --start"):
+    with pytest.raises(OptionError, match=r"`end=.*` does not lie behind `start=.*`"):
         trim(start, end)
     assert trim("2", "10f").end == Position(Fraction(10), is_frame=True)
 
@@ -167,7 +168,7 @@ def test_a_start_behind_the_end_is_an_error(tmp_path, snapshot, name, start):
     """The sentence names the file and the option, and nothing is written."""
     clip = write_clip(tmp_path / name, times=range(30))
     before = snapshot(tmp_path)
-    with pytest.raises(InputError, match=rf"{name} has ended where --start .* would be; name an earlier one"):
+    with pytest.raises(InputError, match=rf"{name} has ended where `start=.*` would be; name an earlier one"):
         convert(
             str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=FAST, decoding=DecodeOptions(trim=trim(start))
         )
@@ -339,7 +340,7 @@ def test_images_of_the_part(tmp_path, save_images):
 def test_times_of_images_need_a_rate(tmp_path, save_images):
     """Frames have numbers without one; seconds need --input-fps."""
     save_images(tmp_path / "in", count=8)
-    with pytest.raises(OptionError, match="--input-fps"):
+    with pytest.raises(OptionError, match="`input_fps`"):
         convert(str(tmp_path / "in"), str(tmp_path / "out"), method=BLEND, decoding=DecodeOptions(trim=trim("0.1")))
     summary = convert(
         str(tmp_path / "in"),
@@ -348,7 +349,7 @@ def test_times_of_images_need_a_rate(tmp_path, save_images):
         decoding=DecodeOptions(trim=trim("0.1"), input_fps=25),
     )
     assert summary.frames_in == 5
-    with pytest.raises(InputError, match="has 8 images and ends before --start"):
+    with pytest.raises(InputError, match="has 8 images and ends before `start`"):
         trim_source(open_source(str(tmp_path / "in")), trim("8f"))
 
 

@@ -14,9 +14,9 @@ from video_truth import write_clip
 
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hiding import Hiding, parse_range
-from fpsboost.io.trim import Trim
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.position import parse_position
+from fpsboost.timing.trim import Trim
 
 
 @pytest.fixture
@@ -184,9 +184,9 @@ def test_a_part_by_times_is_that_by_frames(tmp_path, start, end, counts_frames):
 def test_a_part_of_images_keeps_their_numbers(folder):
     """By frames, and by times where the rate is given."""
     for start, rate in (("3f", None), ("0.3", Fraction(10))):
-        trim = Trim(parse_position(start, "--start"))
+        trim = Trim(parse_position(start, "`start`"))
         assert [each.number for each in Hiding(decoding=DecodeOptions(trim=trim)).intervals(folder, rate)] == [3, 5, 7]
-    with pytest.raises(OptionError, match="--input-fps"):
+    with pytest.raises(OptionError, match="`input_fps`"):
         list(Hiding(decoding=DecodeOptions(trim=trim)).intervals(folder))
 
 

@@ -14,12 +14,12 @@ from PIL import Image, ImageCms, ImageOps
 from video_truth import pictures_of, scene
 
 import fpsboost
-from fpsboost.conversion import RunOptions
 from fpsboost.io.images import png_chunks
 from fpsboost.io.images.exr import encode_exr, parse_exr_header
 from fpsboost.io.images.files import encode_image
 from fpsboost.io.images.metadata import ImageMetadata, metadata_of, upright
 from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.run_options import RunOptions
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 XMP = b"<x:xmpmeta xmlns:x='adobe:ns:meta/'/>"

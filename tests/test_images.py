@@ -497,7 +497,7 @@ def test_existing_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "notes.txt").write_text("mine")
     for target in ("full", "notes", "full/x_##.png"):
-        with pytest.raises(OutputError, match="--overwrite"):
+        with pytest.raises(OutputError, match="`overwrite=True`"):
             make_sink(tmp_path / target)
     write(make_sink(tmp_path / "full" / "y_##.png"), make_image())
     assert names_in(tmp_path / "full") == ["x_01.png", "y_01.png"]
@@ -519,7 +519,7 @@ def test_folder_that_fills_meanwhile(tmp_path: Path) -> None:
     sink = make_sink(tmp_path / "out").__enter__()
     sink.write(Frame(make_image(seed=1), Fraction(0)))
     fill(tmp_path / "out", "000001.png")
-    with pytest.raises(OutputError, match="--overwrite"):
+    with pytest.raises(OutputError, match="`overwrite=True`"):
         sink.__exit__(None, None, None)
     assert names_in(tmp_path) == ["out"]
     np.testing.assert_array_equal(read_image(tmp_path / "out" / "000001.png"), make_image())

@@ -688,13 +688,13 @@ def test_options_reach_the_estimator_and_the_synthesizer():
 @pytest.mark.parametrize(
     ("method", "options", "message"),
     [
-        ("nlm", {"search_radius": 7}, "--search-radius does not apply to the method 'nlm'"),
-        ("blend", {"patch_radius": 3}, "--patch-radius does not apply"),
-        ("dis", {"block_size": 8}, "--block-size does not apply"),
-        ("block", {"pattern": "spiral"}, "--pattern must be one of"),
-        ("dis", {"cuts": None}, "--cuts does not apply"),
-        ("nlm", {"patch_radius": 99}, "--patch-radius must be"),
-        ("nlm-exhaustive", {"iterations": 0}, "iterations must be"),
+        ("nlm", {"search_radius": 7}, "`search_radius` does not apply to the method 'nlm'"),
+        ("blend", {"patch_radius": 3}, "`patch_radius` does not apply"),
+        ("dis", {"block_size": 8}, "`block_size` does not apply"),
+        ("block", {"pattern": "spiral"}, "`pattern` must be one of"),
+        ("dis", {"cuts": None}, "`cuts` does not apply"),
+        ("nlm", {"patch_radius": 99}, "`patch_radius` must be"),
+        ("nlm-exhaustive", {"iterations": 0}, "`iterations` must be"),
     ],
 )
 def test_options_of_other_methods_and_bad_values_are_refused(method, options, message):

@@ -185,5 +185,5 @@ def test_fetched_colours_equal_the_slow_twin(dtype, channels):
 
 def test_iterations_below_one_are_refused():
     """There is nothing to fall back on without a first iteration."""
-    with pytest.raises(OptionError, match="--iterations"):
+    with pytest.raises(OptionError, match="`iterations`"):
         Reproject(iterations=0)

@@ -15,7 +15,7 @@ from video_truth import packets_of, pictures_of, write_clip
 from fpsboost import conversion
 from fpsboost.cli.batch import plan_outputs
 from fpsboost.errors import OptionError
-from fpsboost.streaming import Summary
+from fpsboost.observer import Summary
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 

@@ -19,7 +19,7 @@ from fpsboost.frame import Frame
 from fpsboost.io import FrameSink, FrameSource
 from fpsboost.io.opening import open_sink, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
 from fpsboost.timing.schedule import OutputTiming
 
@@ -339,17 +339,17 @@ def test_an_exception_leaves_no_trace(source_path, target, tmp_path, snapshot, f
 
 
 def test_what_exists_is_refused(source_path, target, tmp_path, snapshot):
-    """Without `overwrite` an existing target is an OutputError that names it, and stays untouched."""
+    """Without `overwrite=True` an existing target is an OutputError that names it, and stays untouched."""
     put_something(target)
     before = snapshot(tmp_path)
-    with pytest.raises(OutputError, match=r"--overwrite") as caught:
+    with pytest.raises(OutputError, match=r"`overwrite=True`") as caught:
         copy(source_path, target)
     assert str(tmp_path / "out") in str(caught.value)
     assert snapshot(tmp_path) == before
 
 
 def test_overwriting_replaces_only_at_the_end(source_path, target, tmp_path, snapshot):
-    """With `overwrite` the old output stands until the new one is whole; other files in a folder stay for good."""
+    """With `overwrite=True` the old output stands until the new one is whole; other files in a folder stay for good."""
     put_something(target)
     old = {name for name in visible(tmp_path / "out") if not name.endswith(".txt")}
     watched: list[bytes] = []
@@ -405,7 +405,7 @@ def test_a_missing_folder_is_named(source_path, tmp_path, name):
     ["video", "video by link", "animation", "animation by link", "folder", "folder by link", "pattern", "one image"],
 )
 def test_the_source_is_never_the_target(tmp_path, save_images, snapshot, kind, overwrite):
-    """Writing over what is being read is refused, also with `overwrite` and under another name for it."""
+    """Writing over what is being read is refused, also with `overwrite=True` and under another name for it."""
     path = tmp_path / "in"
     if kind.startswith("video"):
         path.mkdir()
@@ -462,7 +462,7 @@ def test_sound_is_copied_or_refused_by_name(tmp_path, snapshot, sound, suffix):
     if path.exists():
         assert sound_of(path) == sound_of(clip)
     else:
-        assert "--no-audio" in refusal
+        assert "`audio=False`" in refusal
         assert snapshot(tmp_path) == before
 
 

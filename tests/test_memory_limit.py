@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import scene, write_clip
 
-from fpsboost.conversion import RunOptions, convert
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io import memory_limit
 from fpsboost.io.animation.source import AnimationSource
@@ -34,6 +34,7 @@ from fpsboost.io.memory_limit import (
 )
 from fpsboost.io.video.pipe import PipeSource
 from fpsboost.io.video.source import VideoSource
+from fpsboost.run_options import RunOptions
 
 HUGE = 60000
 SMALL = MemoryLimit(AT_LEAST + BYTES_PER_PIXEL * 64 * 48)
@@ -118,7 +119,7 @@ def test_huge_images_are_refused_before_they_are_decoded(tmp_path, monkeypatch, 
     monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("was decoded"))
     path = tmp_path / f"a{ending}"
     path.write_bytes(promising(ending, HUGE, HUGE))
-    with pytest.raises(InputError, match=rf"a{ending} is 60000x60000, which takes about 1\.4 TB .*--max-memory\.$"):
+    with pytest.raises(InputError, match=rf"a{ending} is 60000x60000, which takes about 1\.4 TB .*`limit`\.$"):
         read_image(path, MemoryLimit(8 * 10**9))
 
 
@@ -205,7 +206,7 @@ def test_sizes_as_people_write_them(text, size):
 @pytest.mark.parametrize("text", ["", "much", "8X", "-1G", "G", "1e9", "0", "0G", "nan", "8GG", "9" * 30])
 def test_other_sizes_are_refused(text):
     """With the option's name."""
-    with pytest.raises(OptionError, match="--max-memory"):
+    with pytest.raises(OptionError, match="`limit`"):
         parse_memory(text)
 
 

@@ -23,7 +23,8 @@ from fpsboost.io.opening import (
     open_source,
 )
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES, Encoding
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.schedule import OutputTiming
@@ -88,7 +89,7 @@ def test_rates_of_images(tmp_path, save_images):
     for path in (tmp_path, tmp_path / "shot_####.png"):
         assert open_source(str(path), decoding=DecodeOptions(input_fps=Fraction(30))).info.rate == 30
         assert open_source(str(path)).info.rate == ASSUMED_IMAGE_RATE
-        with pytest.raises(OptionError, match="--input-fps"):
+        with pytest.raises(OptionError, match="`input_fps`"):
             open_source(str(path), requirements=TargetRequirements(needs_rate=True))
 
 
@@ -96,14 +97,14 @@ def test_rates_of_images(tmp_path, save_images):
 def test_rates_that_no_clip_has(tmp_path, save_images, rate):
     """A rate of images that cannot be is an OptionError that names its option."""
     save_images(tmp_path, count=2)
-    with pytest.raises(OptionError, match="--input-fps"):
+    with pytest.raises(OptionError, match="`input_fps`"):
         open_source(str(tmp_path), decoding=DecodeOptions(input_fps=rate))
 
 
 def test_a_video_has_its_own_rate(tmp_path):
     """Saying a rate for a video is a mistake that is told."""
     clip = write_clip(tmp_path / "in.mp4", times=range(2))
-    with pytest.raises(OptionError, match=r"--input-fps is for images; .*in\.mp4"):
+    with pytest.raises(OptionError, match=r"`input_fps` is for images; .*in\.mp4"):
         open_source(str(clip), decoding=DecodeOptions(input_fps=Fraction(24)))
 
 

@@ -13,14 +13,15 @@ import numpy as np
 import pytest
 from video_truth import packets_of, scene, write_clip
 
-from fpsboost.conversion import RunOptions, convert
+from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
-from fpsboost.io.trim import Trim
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.timecode import at_rate, frames_later
 from fpsboost.probing import probe
+from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import parse_position
+from fpsboost.timing.trim import Trim
 
 FAST = Encoding(preset="ultrafast")
 LINES = [(0, 100, b"one <b>bold</b> word"), (120, 80, "zwei\nZäune".encode()), (300, 90, b"three")]
@@ -229,7 +230,9 @@ def test_text_becomes_the_text_of_the_container(tmp_path, suffix, codec):
 def test_pictures_of_text_are_no_text(tmp_path):
     """What mp4 cannot hold and nothing can convert is refused before any frame is read."""
     clip = write_with(tmp_path / "in.mkv", lambda output, video: output.add_mux_stream("hdmv_pgs_subtitle"), messages)
-    with pytest.raises(OutputError, match=r"cannot hold the .*pgs.* subtitles of .*; write .mkv, or .* --no-subtitles"):
+    with pytest.raises(
+        OutputError, match=r"cannot hold the .*pgs.* subtitles of .*; write .mkv, or .* `subtitles=False`"
+    ):
         double(clip, tmp_path / "out.mp4")
     assert double(clip, tmp_path / "out.mkv") == []
     assert packets_of(tmp_path / "out.mkv", "subtitle") == packets_of(clip, "subtitle")

@@ -22,10 +22,11 @@ from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.streaming import Summary, run_conversion
+from fpsboost.observer import Summary
+from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
@@ -97,10 +98,10 @@ def test_twice_the_rate_unless_told():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"factor": 2, "fps": 60}, "--factor and --fps say the same"),
-        ({"fps": 60, "keep_timing": True}, "--fps makes the rate constant and --keep-timing does not"),
-        ({"factor": 0}, "--factor must be"),
-        ({"fps": 0}, "--fps must be"),
+        ({"factor": 2, "fps": 60}, "`factor` and `fps` say the same"),
+        ({"fps": 60, "keep_timing": True}, "`fps` makes the rate constant and `keep_timing` does not"),
+        ({"factor": 0}, "`factor` must be"),
+        ({"fps": 0}, "`fps` must be"),
     ],
 )
 def test_contradictions_are_refused(wrong, message):
@@ -111,7 +112,7 @@ def test_contradictions_are_refused(wrong, message):
 
 def test_a_rate_beyond_all_measure_is_refused():
     """A factor within its bounds can still ask for too much of a clip."""
-    with pytest.raises(OptionError, match=r"--factor 900 makes 108000 frames per second of clip\.mp4"):
+    with pytest.raises(OptionError, match=r"`factor=900` makes 108000 frames per second of clip\.mp4"):
         OutputRate(Fraction(900)).schedule(info_of(Fraction(120)))
 
 
@@ -229,7 +230,7 @@ def test_a_variable_rate_becomes_constant_and_is_said():
     assert frames[-1].time + frames[-1].duration == Fraction(38, 100)
     assert [int(frame.image[0, 0, 0]) for frame in frames[4:10]] == [20, 22, 24, 26, 28, 30]
     assert summary.remarks == [
-        "clip.mp4 varies from 10 to 25 frames per second; the output is constant at 50, and --keep-timing keeps the "
+        "clip.mp4 varies from 10 to 25 frames per second; the output is constant at 50, and `keep_timing` keeps the "
         "rhythm."
     ]
     assert play(info, times, Fraction(38, 100), OutputRate(keep_timing=True))[1].remarks == []

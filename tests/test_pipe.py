@@ -30,7 +30,7 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io import Cancellable
 from fpsboost.io.opening import makes_video, open_source
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import MAX_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.schedule import OutputTiming
@@ -351,7 +351,7 @@ def test_pixel_format_of_a_stream():
     """What is asked for is written; what the stream cannot hold is refused with what it can."""
     out, _ = copy(stream_of(2), encoding=Encoding(pixel_format="yuv422p10le"))
     assert b" C422p10 " in out.split(b"\n")[0] + b" "
-    with pytest.raises(OptionError, match="--pix-fmt rgb24 is nothing that YUV4MPEG2 holds; use one of yuv420p"):
+    with pytest.raises(OptionError, match="`pixel_format='rgb24'` is nothing that YUV4MPEG2 holds; use one of yuv420p"):
         write_frames([scene(0)], Encoding(pixel_format="rgb24"))
 
 
@@ -446,7 +446,7 @@ def test_paths_that_are_pipes():
     """A dash is a video on either side; a rate of images makes no sense with it."""
     assert makes_video("-")
     assert not makes_video("./-")
-    with pytest.raises(OptionError, match="--input-fps is for images"):
+    with pytest.raises(OptionError, match="`input_fps` is for images"):
         open_source("-", decoding=DecodeOptions(input_fps=Fraction(24)))
 
 

@@ -23,15 +23,17 @@ from conversion_options import grouped
 from truth import accelerating, prepared
 from video_truth import packets_of, pictures_of, samples_of, spoil_packets, write_clip
 
-from fpsboost.conversion import RunOptions, convert
+from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.streaming import Summary, run_conversion
+from fpsboost.observer import Summary
+from fpsboost.run_options import RunOptions
+from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, ByRate, Schedule, count_frames
@@ -512,7 +514,7 @@ def test_the_number_of_threads_does_not_matter():
 
 def test_threads_below_one_are_refused():
     """The sentence names the option."""
-    with pytest.raises(OptionError, match="--threads must be at least 1, not 0"):
+    with pytest.raises(OptionError, match="`threads` must be at least 1, not 0"):
         run_conversion(FakeSource(regular(3)), BLEND, FakeSink(), ByFactor(Fraction(2)), threads=0)
 
 

@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 from truth import affine, noise, prepared
 
-from fpsboost.conversion import RunOptions, convert
+from fpsboost.conversion import convert
 from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.method_table import methods
-from fpsboost.streaming import SilentObserver
+from fpsboost.observer import SilentObserver
+from fpsboost.run_options import RunOptions
 
 PER_FRAME = [
     "fpsboost.analysis.scene_cuts.small_copy",

@@ -154,7 +154,7 @@ def test_what_cannot_be_read(tmp_path):
     (tmp_path / "in.mp4").write_bytes(b"nothing" * 100)
     with pytest.raises(InputError, match=r"in\.mp4"):
         probe(str(tmp_path / "in.mp4"))
-    with pytest.raises(OptionError, match="--input-fps"):
+    with pytest.raises(OptionError, match="`input_fps`"):
         probe(str(write_clip(tmp_path / "good.mp4")), Fraction(24))
 
 

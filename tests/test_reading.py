@@ -20,7 +20,7 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import Frame
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
 
@@ -150,7 +150,7 @@ def test_interlaced_frames_are_named_wherever_they_are(tmp_path):
     """Also when the first one is none, with their number; and what to do."""
     _, remarks = read(write_fields(tmp_path / "late.mkv", ["prog", "prog", "tff", "bff", "prog"]))
     assert "late.mkv is interlaced in 2 of 5 frames and its fields" in remarks[0]
-    assert "pass --deinterlace" in remarks[0]
+    assert "pass `deinterlace=True`" in remarks[0]
     _, remarks = read(write_fields(tmp_path / "all.mkv", ["tff"] * 3))
     assert "all.mkv is interlaced and its fields were taken as whole pictures" in remarks[0]
     assert read(write_fields(tmp_path / "none.mkv", ["prog"] * 3))[1] == []
@@ -243,7 +243,7 @@ def test_a_stream_can_be_chosen(tmp_path):
 def test_a_wrong_stream_lists_the_videos(tmp_path, wanted):
     """Sound, cover and no stream at all are none."""
     clip = write_clip(tmp_path / "in.mkv", sound="aac", cover=png())
-    with pytest.raises(OptionError, match=rf"--stream {wanted} is no video stream of .*; choose one of 0 \(h264 64x48"):
+    with pytest.raises(OptionError, match=rf"`stream={wanted}` is no video stream of .*; choose one of 0 \(h264 64x48"):
         VideoSource(clip, decoding=DecodeOptions(stream=wanted))
 
 
@@ -265,7 +265,7 @@ def changing(folder: Path, *parts: dict) -> Path:
 def test_a_change_of_size_stops_or_scales(tmp_path):
     """It stops with a sentence that says what to pass, or makes all like the first and counts them."""
     clip = changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
-    with pytest.raises(InputError, match=r"from 64x48 yuv420p to 128x96 yuv420p at frame 5; convert it with --siz"):
+    with pytest.raises(InputError, match=r"from 64x48 yuv420p to 128x96 yuv420p at frame 5; convert it with `siz"):
         read(clip)
     frames, remarks = read(clip, SCALE)
     assert {frame.image.shape for frame in frames} == {(48, 64, 3)}
@@ -322,7 +322,7 @@ def test_probe_tells_a_change_of_size(tmp_path):
     clip = changing(tmp_path, {"size": (48, 64)}, {"size": (96, 128)})
     found = probe(str(clip))
     assert found.frames > 8
-    assert "convert it with --size-change scale" in found.conversion.refused
+    assert "convert it with `size_change='scale'`" in found.conversion.refused
 
 
 # --------------------------------------------------------------------------------------------------- where it is given
@@ -332,17 +332,17 @@ def test_options_that_mean_nothing_are_refused(tmp_path, save_images):
     """Images and pipes have neither fields nor streams, and a sentence says so."""
     save_images(tmp_path / "in", count=2)
     for decoding, option in (
-        (FIELDS, "--deinterlace"),
-        (SCALE, "--size-change"),
-        (DecodeOptions(stream=0), "--stream"),
+        (FIELDS, "`deinterlace`"),
+        (SCALE, "`size_change`"),
+        (DecodeOptions(stream=0), "`stream`"),
     ):
         with pytest.raises(OptionError, match=rf"{option} is for video files and not for .*in, which holds images"):
             open_source(str(tmp_path / "in"), decoding=replace(decoding, input_fps=24))
         with pytest.raises(OptionError, match=rf"{option} is for video files and not for standard input"):
             open_source("-", decoding=decoding)
-    with pytest.raises(OptionError, match="--stream must be"):
+    with pytest.raises(OptionError, match="`stream` must be"):
         DecodeOptions(stream=-1)
-    with pytest.raises(OptionError, match="--size-change must be one of stop, scale"):
+    with pytest.raises(OptionError, match="`size_change` must be one of stop, scale"):
         DecodeOptions(size_change="crop")
 
 

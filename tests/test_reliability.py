@@ -21,10 +21,10 @@ from test_cli import environment
 from video_truth import pictures_of, write_clip
 
 import fpsboost
-from fpsboost.conversion import RunOptions
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.io.opening import open_source
-from fpsboost.streaming import SilentObserver, Summary
+from fpsboost.observer import SilentObserver, Summary
+from fpsboost.run_options import RunOptions
 
 CHEAP = ("--method", "nearest", "--no-cuts")
 on_unix = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals, pipes and limits")

@@ -28,12 +28,13 @@ from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
 from fpsboost.io.video.chunks import Times, find_chunks
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.streaming import Summary, run_conversion
+from fpsboost.observer import Summary
+from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, OutputTiming
@@ -151,7 +152,7 @@ def test_going_on_makes_the_same_file(tmp_path, clip, kind):
     broken.parent.mkdir()
     expected = run(clip, whole, encoding=encoding)
     said = stop(clip, broken, 37, encoding=encoding)
-    assert said in [f"{count} frames are finished, and --resume goes on from there." for count in (20, 30)]
+    assert said in [f"{count} frames are finished, and `resume` goes on from there." for count in (20, 30)]
     summary = run(clip, broken, resume=True, encoding=encoding)
     assert contents(broken) == contents(whole)
     assert broken.read_bytes() == whole.read_bytes() or suffix in (".mkv", ".webm")  # which number a file by chance
@@ -278,7 +279,7 @@ def test_all_may_be_there(tmp_path, clip, monkeypatch):
     monkeypatch.setattr("fpsboost.io.video.assembly.Assembly.finish", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as caught:
         run(clip, tmp_path / "out.mp4")
-    assert caught.value.__notes__ == ["50 frames are finished, and --resume goes on from there."]
+    assert caught.value.__notes__ == ["50 frames are finished, and `resume` goes on from there."]
     monkeypatch.undo()
     assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 50
     run(clip, tmp_path / "whole.mp4")
@@ -334,7 +335,7 @@ def test_starting_anew_says_so(tmp_path, clip):
     summary = run(clip, tmp_path / "out.mp4")
     assert summary.completed_frames == 0
     assert summary.remarks == [
-        f"{tmp_path / 'out.mp4'} was begun anew, and what an earlier run had finished was thrown away; --resume goes "
+        f"{tmp_path / 'out.mp4'} was begun anew, and what an earlier run had finished was thrown away; `resume` goes "
         "on with it."
     ]
     assert os.listdir(tmp_path) == ["out.mp4"]
@@ -354,7 +355,7 @@ def test_an_existing_target_still_needs_overwriting(tmp_path, clip):
     """What an unfinished run would replace is replaced only where that is said again."""
     (tmp_path / "out.mp4").write_bytes(b"precious")
     stop(clip, tmp_path / "out.mp4", 30, overwrite=True)
-    with pytest.raises(OutputError, match="pass --overwrite"):
+    with pytest.raises(OutputError, match="pass `overwrite=True`"):
         run(clip, tmp_path / "out.mp4", resume=True)
     assert (tmp_path / "out.mp4").read_bytes() == b"precious"
     assert run(clip, tmp_path / "out.mp4", resume=True, overwrite=True).completed_frames >= 10
@@ -519,7 +520,7 @@ def test_images_go_on(tmp_path, images, snapshot, name):
     (tmp_path / "empty").mkdir()
     with pytest.raises(StoppedError) as caught:
         write_images(images, tmp_path / name, stop_after=4)
-    assert caught.value.__notes__ == ["4 of 10 frames are finished, and --resume goes on from there."]
+    assert caught.value.__notes__ == ["4 of 10 frames are finished, and `resume` goes on from there."]
     (stage,) = tmp_path.rglob("output")
     torn = sorted(stage.iterdir())[3]
     torn.rename(torn.with_name(torn.name + ".part"))

@@ -205,11 +205,11 @@ def test_methods_need_vectors_and_others_take_none(tmp_path):
     vectors = VectorFolder(save_translation(tmp_path, 3, (6, 8), 0, 0))
     for name in vector_methods:
         assert find_method(name, vectors) == find_method(name, vectors)
-        with pytest.raises(OptionError, match=rf"'{name}' needs the renderer's motion vectors; give --vectors DIR\."):
+        with pytest.raises(OptionError, match=rf"'{name}' needs the renderer's motion vectors; give `vectors=DIR`\."):
             find_method(name)
-        with pytest.raises(OptionError, match="--vectors DIR"):
+        with pytest.raises(OptionError, match="`vectors=DIR`"):
             interpolate(noise(6, 8), noise(6, 8), method=name)
-    with pytest.raises(OptionError, match="--vectors does not apply to the method 'nlm'"):
+    with pytest.raises(OptionError, match="`vectors` does not apply to the method 'nlm'"):
         find_method("nlm", vectors)
     with pytest.raises(OptionError, match=r"nlm, .*reproject-image, reproject-scene"):
         find_method("magic")
@@ -221,7 +221,7 @@ def test_options_reach_the_methods(tmp_path):
     image_based, scene_assisted = (find_method(name, vectors) for name in vector_methods)
     assert configure(image_based, "", {"search": "brute-force"}).synthesizer.search == "brute-force"
     assert configure(scene_assisted, "", {"depth_tolerance": 0.1}).synthesizer.depth_tolerance == 0.1
-    with pytest.raises(OptionError, match="--search does not apply"):
+    with pytest.raises(OptionError, match="`search` does not apply"):
         configure(scene_assisted, "reproject-scene", {"search": "brute-force"})
 
 

@@ -123,7 +123,7 @@ def test_at_threshold_one_even_identical_frames_are_a_cut():
 @pytest.mark.parametrize("threshold", [-0.1, 1.1, float("nan")])
 def test_thresholds_out_of_range_are_refused(threshold):
     """A share is 0 to 1."""
-    with pytest.raises(OptionError, match="--cut-threshold"):
+    with pytest.raises(OptionError, match="`cut_threshold`"):
         CutDetector(threshold=threshold)
 
 

@@ -26,13 +26,13 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.numbering import find_numbers
 from fpsboost.io.images.sequence import Numbering
-from fpsboost.io.trim import Trim
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import find_method
+from fpsboost.observer import Summary
 from fpsboost.probing import probe
-from fpsboost.streaming import Summary
 from fpsboost.timing.position import parse_position
 from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.trim import Trim
 
 HEIGHT, WIDTH = 12, 16
 BLEND = replace(methods["blend"], cuts=None)
@@ -232,9 +232,9 @@ def test_numbers_of_a_path(tmp_path):
 @pytest.mark.parametrize(
     ("numbers", "message"),
     [
-        ([1, 2, 4], r"0003\.png is missing from its sequence; .*--fill-gaps"),
-        ([1, 3, 5, 9], r"0007\.png is missing from its sequence \(in steps of 2\); .*--fill-gaps"),
-        ([1, 3, 5, 6, 7], r"0002\.png is missing from its sequence, and 1 more are; .*--fill-gaps"),
+        ([1, 2, 4], r"0003\.png is missing from its sequence; .*`fill_gaps`"),
+        ([1, 3, 5, 9], r"0007\.png is missing from its sequence \(in steps of 2\); .*`fill_gaps`"),
+        ([1, 3, 5, 6, 7], r"0002\.png is missing from its sequence, and 1 more are; .*`fill_gaps`"),
         ([0, 5, 15, 30], r"0010\.png is missing from its sequence \(in steps of 5\), and 2 more are"),
     ],
 )
@@ -308,10 +308,10 @@ def test_parts_of_a_sequence_with_gaps(tmp_path):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"fill_gaps": True, "keep_timing": True, "output": "out"}, OptionError, "--fill-gaps .*--keep-timing"),
-        ({"fill_gaps": True, "in_place": True, "factor": 2}, OptionError, "leave --factor out"),
-        ({"in_place": True, "factor": 3}, OptionError, "--in-place keeps; give --factor 2, or --fill-gaps"),
-        ({"in_place": True, "factor": 1}, OptionError, "--in-place keeps"),
+        ({"fill_gaps": True, "keep_timing": True, "output": "out"}, OptionError, "`fill_gaps` .*`keep_timing`"),
+        ({"fill_gaps": True, "in_place": True, "factor": 2}, OptionError, "leave `factor` out"),
+        ({"in_place": True, "factor": 3}, OptionError, "`in_place` keeps; give `factor=2`, or `fill_gaps`"),
+        ({"in_place": True, "factor": 1}, OptionError, "`in_place` keeps"),
         ({"in_place": True, "overwrite": True}, OptionError, "replaces nothing"),
         ({"in_place": True, "output": "out"}, OptionError, "leave the output out out"),
         ({}, OptionError, "no output"),
@@ -330,9 +330,9 @@ def test_only_images_with_numbers_have_gaps(tmp_path):
     """Names without numbers, and videos; and dates are no frame numbers."""
     for name in "abc":
         save(tmp_path / f"{name}.png", picture(1))
-    with pytest.raises(OptionError, match="--fill-gaps goes by numbers"):
+    with pytest.raises(OptionError, match="`fill_gaps` goes by numbers"):
         run(tmp_path, tmp_path / "out", fill_gaps=True)
-    with pytest.raises(OptionError, match="--in-place needs images with numbers"):
+    with pytest.raises(OptionError, match="`in_place` needs images with numbers"):
         run(tmp_path, in_place=True)
     (tmp_path / "in.mp4").write_bytes(b"")
     for option in ("fill_gaps", "in_place"):
@@ -377,7 +377,7 @@ def test_a_run_in_place_that_was_killed(tmp_path, monkeypatch, moved):
         with pytest.raises(StoppedError):
             run(source, in_place=True)
     assert len(contents(source)) == 6 + moved
-    with pytest.raises(FpsboostError, match="--resume goes on with that"):
+    with pytest.raises(FpsboostError, match="`resume` goes on with that"):
         run(source, in_place=True)
     run(source, in_place=True, resume=True)
     assert contents(source) == contents(whole)
@@ -406,7 +406,7 @@ def test_a_run_in_place_that_was_stopped(tmp_path):
     with pytest.raises(KeyboardInterrupt) as stopped:
         run(source, in_place=True, observer=Impatient())
     assert times(source) == before
-    assert "--resume goes on from there" in " ".join(stopped.value.__notes__)
+    assert "`resume` goes on from there" in " ".join(stopped.value.__notes__)
     summary = run(source, in_place=True, resume=True)
     assert summary.completed_frames >= 3
     assert contents(source) == contents(whole)
@@ -597,6 +597,6 @@ def test_vectors_need_numbers_that_fit(tmp_path, step, options):
     """Where images are numbered anew, no number says which vectors are theirs: one sentence, nothing written."""
     source = fill(tmp_path / "in", [1, 1 + step, 1 + 3 * step] if "fill_gaps" in options else range(1, 8, step))
     method = find_method("reproject-image", numbered_vectors(tmp_path / "v", range(20)))
-    with pytest.raises(OptionError, match=rf"vectors go by the numbers of .* give --factor {step}\."):
+    with pytest.raises(OptionError, match=rf"vectors go by the numbers of .* give `factor={step}`\."):
         convert(str(source), str(tmp_path / "out"), method=method, **grouped(**options))
     assert not (tmp_path / "out").exists()

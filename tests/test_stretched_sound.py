@@ -16,11 +16,11 @@ from video_truth import packets_of, pictures_of, scene, spoil_packets, write_cli
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.trim import Trim
-from fpsboost.io.video.encoding import Encoding
-from fpsboost.streaming import SilentObserver, Summary
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.observer import SilentObserver, Summary
 from fpsboost.timing.position import Position
 from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.trim import Trim
 
 RATE = 48000
 CLICKS = (0.4, 1.0, 1.6)
@@ -331,7 +331,7 @@ def test_contradictions(tmp_path, fpsboost_):
         2,
         ["fpsboost: --slow-motion-sound stretch and --no-audio contradict each other; give one of them."],
     )
-    with pytest.raises(OptionError, match="--slow-motion-sound must be one of drop, stretch, not 'loud'"):
+    with pytest.raises(OptionError, match="`slow_motion_sound` must be one of drop, stretch, not 'loud'"):
         OutputRate(slow_motion=True, slow_motion_sound="loud")  # type: ignore[arg-type]
     assert not (tmp_path / "out.mp4").exists()
 
@@ -349,6 +349,8 @@ def test_sound_that_nobody_can_decode(tmp_path):
     """It is refused before any frame is read, with what to do."""
     clip = write_clip(tmp_path / "in.mkv", sound="aac")
     clip.write_bytes(clip.read_bytes().replace(b"A_AAC", b"A_ZZZ"))
-    with pytest.raises(OutputError, match=r"The unknown sound of .*in.mkv cannot be stretched here; .*-sound drop\."):
+    with pytest.raises(
+        OutputError, match=r"The unknown sound of .*in.mkv cannot be stretched here; .*_sound='drop'`\."
+    ):
         slow(clip, tmp_path / "out.mp4")
     assert not (tmp_path / "out.mp4").exists()

@@ -179,14 +179,14 @@ def test_what_is_no_number_is_refused(text):
 @pytest.mark.parametrize("factor", [0, -1, Fraction(-1, 2), 1001])
 def test_factors_out_of_range_are_refused(factor):
     """Above 0 and at most 1000."""
-    with pytest.raises(OptionError, match="--factor"):
+    with pytest.raises(OptionError, match="`factor`"):
         ByFactor(Fraction(factor))
 
 
 @pytest.mark.parametrize("rate", [0, -25, 100_001])
 def test_rates_out_of_range_are_refused(rate):
     """Above 0 and at most 100000."""
-    with pytest.raises(OptionError, match="--fps"):
+    with pytest.raises(OptionError, match="`fps`"):
         ByRate(Fraction(rate))
 
 

@@ -299,5 +299,5 @@ def object_mask(number: int) -> np.ndarray:
 def test_frames_between_output_frames_have_no_vectors(tmp_path, place0, place1):
     """A factor that is not whole, or images that nobody placed: the message asks for a whole factor."""
     motion = RenderedMotion(VectorFolder(save_translation(tmp_path, 6, SIZE, 1, 0)))
-    with pytest.raises(OptionError, match=r"need a whole factor.*--factor 2"):
+    with pytest.raises(OptionError, match=r"need a whole factor.*`factor=2`"):
         motion.estimate(placed(place0), placed(place1))

@@ -16,7 +16,8 @@ from video_truth import QUARTER_TURN, packets_of, pictures_of, png, samples_of, 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES, Encoding, parse_bitrate, parse_encoder_options
+from fpsboost.io.video.encode_options import Encoding, parse_bitrate, parse_encoder_options
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr
@@ -228,8 +229,8 @@ def test_streams_that_do_not_fit_are_refused_at_once(tmp_path):
     """Before any frame is read, the message names the stream and only containers that hold everything."""
     clip = write_clip(tmp_path / "in.mkv", sound="aac", subtitles=[(0, 100, b"one")])
     sentence = (
-        "cannot hold the aac sound of .*; encode it anew with --audio-codec opus, write .mp4 or .m4v or .mov or .mkv, "
-        "or .* --no-audio"
+        "cannot hold the aac sound of .*; encode it anew with `audio_codec='opus'`, write .mp4 or .m4v or .mov or "
+        ".mkv, or .* `audio=False`"
     )
     with VideoSource(clip) as source, pytest.raises(OutputError, match=sentence):
         VideoSink(
@@ -248,7 +249,7 @@ def test_an_existing_file_is_safe(tmp_path):
     clip = write_clip(tmp_path / "in.mp4")
     target = tmp_path / "out.mp4"
     target.write_bytes(b"precious")
-    with pytest.raises(OutputError, match=r"exists already; .*--overwrite"):
+    with pytest.raises(OutputError, match=r"exists already; .*`overwrite=True`"):
         double(clip, target)
     assert target.read_bytes() == b"precious"
     double(clip, target, overwrite=True)
@@ -320,32 +321,32 @@ def test_a_full_disk_is_explained(tmp_path):
 @pytest.mark.parametrize(
     ("encoding", "name", "sentence"),
     [
-        (Encoding(codec="h265"), "out.mp4", "--codec h265 is unknown.*h264, hevc, vp9, av1"),
-        (Encoding(codec="aac"), "out.mp4", "--codec aac is unknown"),
+        (Encoding(codec="h265"), "out.mp4", "`codec='h265'` is unknown.*h264, hevc, vp9, av1"),
+        (Encoding(codec="aac"), "out.mp4", "`codec='aac'` is unknown"),
         (
             Encoding(codec="h264"),
             "out.webm",
             "cannot go into .*; use vp9 or av1, or write .mp4 or .m4v or .mov or .mkv",
         ),
-        (Encoding(crf=52), "out.mp4", "--crf must be 0 to 51 for h264, not 52"),
-        (Encoding(crf=-1, codec="vp9"), "out.webm", "--crf must be 0 to 63"),
-        (Encoding(preset="turbo"), "out.mp4", "--preset turbo is unknown to h264; use one of ultrafast"),
-        (Encoding(preset="medium", codec="av1"), "out.mp4", "--preset medium is unknown to av1"),
-        (Encoding(codec="ffv1", crf=3), "out.mkv", "--crf means nothing to ffv1"),
-        (Encoding(codec="ffv1", bitrate=10**6), "out.mkv", "--bitrate means nothing to ffv1, which is lossless"),
+        (Encoding(crf=52), "out.mp4", "`crf` must be 0 to 51 for h264, not 52"),
+        (Encoding(crf=-1, codec="vp9"), "out.webm", "`crf` must be 0 to 63"),
+        (Encoding(preset="turbo"), "out.mp4", "`preset='turbo'` is unknown to h264; use one of ultrafast"),
+        (Encoding(preset="medium", codec="av1"), "out.mp4", "`preset='medium'` is unknown to av1"),
+        (Encoding(codec="ffv1", crf=3), "out.mkv", "`crf` means nothing to ffv1"),
+        (Encoding(codec="ffv1", bitrate=10**6), "out.mkv", "`bitrate` means nothing to ffv1, which is lossless"),
         (
             Encoding(codec="av1", lossless=True),
             "out.mkv",
-            "--lossless is nothing that av1 can do; use h264, hevc, vp9 or",
+            "`lossless` is nothing that av1 can do; use h264, hevc, vp9 or",
         ),
-        (Encoding(codec="mpeg4", lossless=True), "out.mp4", "--lossless is nothing that mpeg4 can do; use h264, hevc"),
+        (Encoding(codec="mpeg4", lossless=True), "out.mp4", "`lossless` is nothing that mpeg4 can do; use h264, hevc"),
         (
             Encoding(pixel_format="rgb24"),
             "out.mp4",
-            "--pix-fmt rgb24 is nothing that libx264 takes; use one of yuv",
+            "`pixel_format='rgb24'` is nothing that libx264 takes; use one of yuv",
         ),
-        (Encoding(pixel_format="magic", codec="rawvideo"), "out.mkv", "--pix-fmt magic is no pixel format"),
-        (Encoding(encoder_options=(("magic", "1"),)), "out.mp4", "--encoder-option magic is unknown to libx264"),
+        (Encoding(pixel_format="magic", codec="rawvideo"), "out.mkv", "`pixel_format='magic'` is no pixel format"),
+        (Encoding(encoder_options=(("magic", "1"),)), "out.mp4", "`encoder_options=magic` is unknown to libx264"),
     ],
 )
 def test_options_that_cannot_work(tmp_path, encoding, name, sentence):
@@ -417,7 +418,7 @@ def test_pixel_formats(tmp_path, pixel_format, codec, suffix):
 
 def test_a_pixel_format_that_halves_an_odd_size(tmp_path):
     """It is refused where it was asked for, instead of being replaced."""
-    with pytest.raises(OptionError, match=r"--pix-fmt yuv420p halves an odd size"):
+    with pytest.raises(OptionError, match=r"`pixel_format='yuv420p'` halves an odd size"):
         write_images(tmp_path / "out.mp4", [scene(0, 47, 63)], Encoding(pixel_format="yuv420p"))
     assert only(tmp_path)
 
@@ -448,7 +449,7 @@ def test_options_of_the_encoder(tmp_path):
 def test_an_option_with_a_bad_value_is_named(tmp_path):
     """An encoder that does not open because of an option says which were given, and nothing is written."""
     encoding = Encoding(encoder_options=(("aq-mode", "banana"),))
-    with pytest.raises(OutputError, match="check --encoder-option aq-mode=banana, or choose another --codec"):
+    with pytest.raises(OutputError, match="check `encoder_options=aq-mode=banana`, or choose another `codec`"):
         write_images(tmp_path / "out.mp4", [scene(0)], encoding)
     assert only(tmp_path)
 
@@ -462,7 +463,7 @@ def test_hardware_that_is_missing(tmp_path, codec):
         write_images(tmp_path / "out.mp4", [scene(k, 256, 256) for k in range(3)], Encoding(codec=codec))
     except OutputError as error:
         assert re.fullmatch(  # noqa: PT017
-            rf".*out\.mp4 cannot be encoded by {codec} .* its device or driver may be missing here; .* --codec\.",
+            rf".*out\.mp4 cannot be encoded by {codec} .* its device or driver may be missing here; .* `codec`\.",
             str(error),
         )
         assert only(tmp_path)
@@ -472,7 +473,7 @@ def test_bitrates_as_people_write_them():
     """Suffixes for thousands and millions, and a refusal that shows how."""
     assert [parse_bitrate(text) for text in ("8M", "1.5m", "800k", "64000")] == [8_000_000, 1_500_000, 800_000, 64_000]
     for text in ("", "fast", "8G", "-1M", "1e6", "8 M", "٨M"):
-        with pytest.raises(OptionError, match=r"--bitrate .* write it like 8M"):
+        with pytest.raises(OptionError, match=r"`bitrate` .* write it like 8M"):
             parse_bitrate(text)
 
 
@@ -487,11 +488,11 @@ def test_encoder_options_as_people_write_them():
 def test_contradictions_are_told():
     """Two aims at once, a rate out of range and one option twice are mistakes."""
     for fields, sentence in (
-        ({"crf": 20, "bitrate": 10**6}, "--crf and --bitrate contradict"),
-        ({"crf": 20, "lossless": True}, "--lossless and --crf contradict"),
-        ({"bitrate": 10**6, "lossless": True}, "--lossless and --bitrate contradict"),
-        ({"bitrate": 10}, "--bitrate must be 1k to 2000M"),
-        ({"encoder_options": (("g", "1"), ("g", "2"))}, "--encoder-option g is given twice"),
+        ({"crf": 20, "bitrate": 10**6}, "`crf` and `bitrate` contradict"),
+        ({"crf": 20, "lossless": True}, "`lossless` and `crf` contradict"),
+        ({"bitrate": 10**6, "lossless": True}, "`lossless` and `bitrate` contradict"),
+        ({"bitrate": 10}, "`bitrate` must be 1k to 2000M"),
+        ({"encoder_options": (("g", "1"), ("g", "2"))}, "`encoder_options=g` is given twice"),
     ):
         with pytest.raises(OptionError, match=sentence):
             Encoding(**fields)
@@ -518,7 +519,7 @@ def test_images_of_every_kind(tmp_path, kind):
     }[kind]
     remarks = write_images(tmp_path / "out.mp4", [image] * 2, Encoding(crf=1, preset="ultrafast"))
     deep = (
-        "has less depth and colour resolution than its source: libx265 wrote yuv420p10le for gbrp16le; --codec ffv1 "
+        "has less depth and colour resolution than its source: libx265 wrote yuv420p10le for gbrp16le; `codec='ffv1'` "
         "in an .mkv keeps up to 16 bits of every colour."
     )
     lost = {"gray": [], "bgra": ["cannot hold an alpha channel, which was left out."]}.get(kind, [deep])

@@ -90,12 +90,12 @@ def read_cuts(path: str | os.PathLike[str]) -> CutList:
         A line is not a position in a clip.
     """
     name = os.fspath(path)
-    with explained(InputError, "read", name, "check --cuts"):
+    with explained(InputError, "read", name, "check `cuts`"):
         try:
             with open(path, encoding="utf-8-sig", newline="") as file:
                 return CutList(tuple(_read_positions(file, name)))
         except UnicodeDecodeError:
-            raise InputError(f"{name} is no text; give --cuts a file with a time or frame on each line.") from None
+            raise InputError(f"{name} is no text; give `cuts` a file with a time or frame on each line.") from None
 
 
 def _read_positions(lines: Iterable[str], name: str) -> Iterator[Position]:

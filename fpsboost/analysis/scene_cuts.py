@@ -110,7 +110,7 @@ class CutDetector:
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold <= 1:
-            raise OptionError(f"--cut-threshold must be 0 (no cuts) to 1 (all cuts), not {self.threshold}.")
+            raise OptionError(f"`cut_threshold` must be 0 (no cuts) to 1 (all cuts), not {self.threshold}.")
         if not 0 < self.drop <= 1:
             raise OptionError(f"drop must be above 0 and at most 1, not {self.drop}.")
         if not self.times >= 1:

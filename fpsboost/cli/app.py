@@ -10,27 +10,21 @@ import signal
 import sys
 from dataclasses import replace
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
 from fpsboost.cli.library_texts import LibraryTexts
-from fpsboost.cli.messages import console, say_error, say_traceback, shown
-from fpsboost.cli.options import (
-    CutOptions,
-    InputOptions,
-    MotionOptions,
-    RateOptions,
-    RunOptions,
-    TuningOptions,
-    VideoOptions,
-)
+from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
+from fpsboost.cli.options import CutOptions, MessageOptions, MethodOptions, TuningOptions
 from fpsboost.cli.progress import Reporter
+from fpsboost.cli.signature import GROUPS, with_flags
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.run_options import RunOptions
+from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__
-
-if TYPE_CHECKING:
-    from fpsboost.io.video.encoding import Encoding
 
 EXAMPLES = """
 [bold]Examples[/]
@@ -69,18 +63,20 @@ app = App(
 
 
 @app.default
+@with_flags
 def convert(
     input: Annotated[str, Parameter(name="IN")],
     output: Annotated[str | None, Parameter(name="OUT")] = None,
     /,
     *more: Annotated[str, Parameter(show=False)],
-    source: InputOptions = InputOptions(),
-    rate_options: RateOptions = RateOptions(),
-    motion: MotionOptions = MotionOptions(),
-    tuning: TuningOptions = TuningOptions(),
-    at_cuts: CutOptions = CutOptions(),
-    video: VideoOptions = VideoOptions(),
-    options: RunOptions = RunOptions(),
+    decoding: Annotated[DecodeOptions, GROUPS["Input"]],
+    rate: Annotated[OutputRate, GROUPS["Rate"]],
+    motion: Annotated[MethodOptions, GROUPS["Method"]],
+    cuts: Annotated[CutOptions, GROUPS["Scenes"]],
+    encoding: Annotated[Encoding, GROUPS["Encoding"]],
+    run_options: Annotated[RunOptions, GROUPS["Run"]],
+    messages: Annotated[MessageOptions, GROUPS["Run"]],
+    tuning: Annotated[TuningOptions, GROUPS["Method options"]],
 ) -> None:
     """Raise the frame rate of a video or an image sequence.
 
@@ -99,15 +95,13 @@ def convert(
     from fpsboost import conversion  # noqa: PLC0415
     from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
 
-    interpolator = at_cuts.applied_to(motion.interpolator(tuning))
-    rate = rate_options.rate(fill_gaps=source.fill_gaps)
-    decoding, encoding, run_options = source.decoding(), video.encoding(), options.run()
+    interpolator = cuts.applied_to(motion.interpolator(tuning))
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
         check_encodes(target, encoding)
         called = "standard output" if output == PIPE else target
-        with Reporter(place + called, quiet=options.quiet, verbose=options.verbose) as reporter:
+        with Reporter(place + called, quiet=messages.quiet, verbose=messages.verbose) as reporter:
             reporter.say_settings(motion.method, interpolator)
             summary = conversion.convert(
                 input,
@@ -121,18 +115,18 @@ def convert(
         reporter.say_summary(summary)
 
     paths = [input, *([] if output is None else [output]), *more]
-    inputs = paths if options.in_place else paths[:-1]
+    inputs = paths if run_options.in_place else paths[:-1]
     if not inputs:
         raise OptionError(f"OUT is missing: name an output for {input}, or give --in-place for images beside it.")
     if len(inputs) == 1:
-        run(input, None if options.in_place else output)
+        run(input, None if run_options.in_place else output)
         return
     if motion.vectors is not None:
         raise OptionError("--vectors belongs to one clip; convert several inputs with vectors one by one.")
-    if options.in_place:
-        convert_in_place(inputs, run, quiet=options.quiet, verbose=options.verbose)
+    if run_options.in_place:
+        convert_in_place(inputs, run, quiet=messages.quiet, verbose=messages.verbose)
     else:
-        convert_each(inputs, paths[-1], run, quiet=options.quiet, verbose=options.verbose)
+        convert_each(inputs, paths[-1], run, quiet=messages.quiet, verbose=messages.verbose)
 
 
 def check_encodes(output: str, encoding: Encoding) -> None:
@@ -181,13 +175,13 @@ def run_command(texts: LibraryTexts) -> None:
     except KeyboardInterrupt as stopped:
         left = notes_of(stopped)
         nothing = "Stopped." if PIPE in tokens else "Stopped; nothing was written."
-        errors.print(f"Stopped; {shown(left)}" if left else nothing)
+        errors.print(f"Stopped; {sentence(left)}" if left else nothing)
         sys.exit(130)
     except ReaderGoneError:  # without a message, like other filters
         sys.exit(1)
     except CompleteAlreadyError as error:  # not a failure, so that a batch can be started again
         if not {"--quiet", "-q"} & set(tokens):
-            errors.print(shown(str(error)))
+            errors.print(sentence(str(error)))
     except CycloptsError as error:
         errors.print(f"[red]fpsboost:[/] {shown(str(error))} See fpsboost --help.")
         sys.exit(2)

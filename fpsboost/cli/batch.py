@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from fpsboost.cli.messages import console, say_error, say_traceback, shown
+from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
 from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
@@ -125,7 +125,7 @@ def _convert_all(
                 done += 1
             except CompleteAlreadyError as already:
                 if not quiet:
-                    messages.print(shown(str(already)))
+                    messages.print(sentence(str(already)))
                 done += 1
             except FpsboostError as error:
                 if verbose:

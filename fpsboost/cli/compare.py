@@ -6,10 +6,11 @@ import math
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from fractions import Fraction
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
@@ -19,8 +20,10 @@ from rich.table import Column, Table
 from fpsboost.cli import messages
 from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.cli.messages import shown
-from fpsboost.cli.options import CutOptions, InputOptions
+from fpsboost.cli.options import CutOptions, HidingOptions
+from fpsboost.cli.signature import GROUPS, with_flags
 from fpsboost.errors import OptionError, OutputError
+from fpsboost.io.video.decode_options import DecodeOptions
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.compare import Comparison, MethodResult
@@ -37,38 +40,24 @@ what = Group("What is compared", sort_key=2)
 results = Group("Results", sort_key=3)
 
 
-@Parameter(name="*", group=Group("Which frames", sort_key=1))
-@dataclass(frozen=True)
-class FrameOptions(InputOptions):
-    """Options for the frames of a clip that are shown or hidden and made again, and for how the clip is read.
-
-    Parameters
-    ----------
-    range
-        Frames to take, from 0 on and without B; also A: or :B.
-    skip
-        Frames hidden between two that are shown.
-    duplicates
-        Repeats: interpolate (no truths) or keep them.
-    """
-
-    range: Annotated[str, Parameter(metavar="A:B", show_default=False)] = ":"
-    skip: Annotated[int, Parameter(metavar="N")] = 1
-    duplicates: Annotated[Literal["interpolate", "keep"], Parameter(metavar="HOW")] = "interpolate"
-
-    def hiding(self) -> Hiding:
-        """Return which frames are hidden, and how the clip is read."""
-        from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
-
-        first, last = parse_range(self.range)
-        return Hiding(self.skip, first, last, self.decoding(), self.duplicates)
+frames_group = Group("Which frames", sort_key=1)
 
 
+def hiding_of(options: HidingOptions, decoding: DecodeOptions) -> Hiding:
+    """Return which frames are hidden, and how the clip is read."""
+    from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
+
+    first, last = parse_range(options.range or ":")
+    return Hiding(options.skip, first, last, decoding, options.duplicates)
+
+
+@with_flags
 def compare(
     input: Annotated[str, Parameter(name="IN")],
     /,
     *,
-    frames: FrameOptions = FrameOptions(),
+    decoding: Annotated[DecodeOptions, frames_group],
+    frames: Annotated[HidingOptions, frames_group],
     methods: Annotated[
         tuple[str, ...], Parameter(group=what, name=["--methods", "-m"], metavar="NAMES", show_default=",".join)
     ] = DEFAULT_METHODS,
@@ -78,7 +67,7 @@ def compare(
     peer: Annotated[tuple[str, ...], Parameter(group=what, metavar="NAME=COMMAND", show_default=False)] = (),
     vectors: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
     depth: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
-    at_cuts: CutOptions = CutOptions(),
+    at_cuts: Annotated[CutOptions, GROUPS["Scenes"]],
     metrics: Annotated[tuple[str, ...], Parameter(group=results, metavar="NAMES", show_default=False)] = (),
     report: Annotated[str | None, Parameter(group=results, metavar="DIR")] = None,
     json: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
@@ -132,7 +121,7 @@ def compare(
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=quiet)
-    hiding = frames.hiding()
+    hiding = hiding_of(frames, decoding)
     others = name_others(frames_of, peer)
     if depth is not None and vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
@@ -144,7 +133,7 @@ def compare(
     chosen = choose_metrics(metrics)
     for path, option in ((report, "--report"), (json, "--json"), (csv, "--csv")):
         check_new(path, option)
-    rate = frames.image_rate()
+    rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
         with Progressing(quiet=quiet) as progress:
             makers |= others.makers(lambda: hiding.intervals(input, rate), Path(scratch), progress.begun)

@@ -10,6 +10,7 @@ from collections.abc import Collection
 from rich.console import Console
 from rich.markup import escape
 
+from fpsboost.cli.options import in_flags
 from fpsboost.errors import notes_of
 
 CONTROL_CATEGORIES = {"Cc", "Cs", "Zl", "Zp"}
@@ -35,10 +36,15 @@ def shown(text: str) -> str:
     return escape(_escape_controls(text))
 
 
+def sentence(text: str) -> str:
+    """Return a sentence of the library with flags for the options that it names, escaped like `shown`."""
+    return shown(in_flags(text))
+
+
 def say_error(errors: Console, error: BaseException) -> None:
     """Print an error and its notes on one line."""
     sentences = " ".join(filter(None, (str(error), notes_of(error))))
-    errors.print(f"[red]fpsboost:[/] {shown(sentences)}")
+    errors.print(f"[red]fpsboost:[/] {sentence(sentences)}")
 
 
 def say_traceback() -> None:

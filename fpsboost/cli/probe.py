@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as plain
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
@@ -10,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fpsboost.cli.messages import shown
+from fpsboost.cli.options import in_flags
 
 if TYPE_CHECKING:
     from fpsboost.io.video.listing import StreamFacts
@@ -46,9 +48,18 @@ def probe(
     from fpsboost.probing import probe as run  # noqa: PLC0415
     from fpsboost.timing.schedule import parse_rate  # noqa: PLC0415
 
-    rate = None if input_fps is None else parse_rate(input_fps, "--input-fps")
+    rate = None if input_fps is None else parse_rate(input_fps, "`input_fps`")
     with Console(stderr=True, quiet=json).status("reading"):
         found = run(input, rate, stream)
+    found = replace(
+        found,
+        remarks=[in_flags(remark) for remark in found.remarks],
+        conversion=replace(
+            found.conversion,
+            refused=found.conversion.refused and in_flags(found.conversion.refused),
+            remarks=[in_flags(remark) for remark in found.conversion.remarks],
+        ),
+    )
     if json:
         print(plain.dumps(found.as_json(), indent=1))
         return

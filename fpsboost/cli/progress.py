@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Self
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from fpsboost.cli.messages import console, shown
+from fpsboost.cli.messages import console, sentence, shown
 from fpsboost.version import __version__
 
 if TYPE_CHECKING:
     from fpsboost.frame import ClipInfo
     from fpsboost.interpolator import Interpolator
-    from fpsboost.streaming import Summary
+    from fpsboost.observer import Summary
 
 
 class FramesPerSecondColumn(ProgressColumn):
@@ -112,7 +112,7 @@ class Reporter:
         self._say("Compiling for this machine, once; later runs start at once.")
 
     def _say(self, text: str) -> None:
-        self._console.print(shown(text))
+        self._console.print(sentence(text))
 
 
 def readable(number: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,8 +10,11 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Table
 
-from fpsboost.cli.compare import FrameOptions, Progressing, check_new
+from fpsboost.cli.compare import Progressing, check_new, frames_group, hiding_of
 from fpsboost.cli.messages import shown
+from fpsboost.cli.options import HidingOptions
+from fpsboost.cli.signature import with_flags
+from fpsboost.io.video.decode_options import DecodeOptions
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.tune import Trial, Tuning
@@ -22,11 +26,13 @@ MAX_BAR_LENGTH = 24
 """Length of the longest bar, characters."""
 
 
+@with_flags
 def tune(
     input: Annotated[str, Parameter(name="IN")],
     /,
     *,
-    chosen: FrameOptions = FrameOptions(),
+    decoding: Annotated[DecodeOptions, frames_group],
+    chosen: Annotated[HidingOptions, frames_group],
     method: Annotated[str, Parameter(group=what, name=["--method", "-m"], metavar="NAME")] = "nlm-exhaustive",
     frames: Annotated[int, Parameter(group=what, metavar="N")] = 3,
     figure: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
@@ -51,11 +57,11 @@ def tune(
     from fpsboost.evaluation.tuning_chart import check_drawable, draw_tuning  # noqa: PLC0415
 
     console = Console(highlight=False)
-    hiding = chosen.hiding()
+    hiding = hiding_of(chosen, decoding)
     check_new(figure, "--figure")
     if figure is not None:
         check_drawable(Path(figure))
-    rate = chosen.image_rate()
+    rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     with Progressing(quiet=quiet) as progress:
         tuning = run(input, method, hiding, frames, progress, rate)
     if figure is not None:

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
-from fpsboost.frame import ClipInfo, Frame
+if TYPE_CHECKING:  # --help does not wait for NumPy
+    from fpsboost.frame import ClipInfo, Frame
 
 
 class FrameSource(Protocol):

@@ -58,7 +58,7 @@ class MemoryLimit:
 
     def __post_init__(self) -> None:
         if self.bytes <= 0:
-            raise OptionError(f"--max-memory must be above 0, not {self.bytes}.")
+            raise OptionError(f"`limit` must be above 0, not {self.bytes}.")
 
     def check(self, name: str | os.PathLike[str], width: int, height: int) -> None:
         """Raise `InputError` if frames of this size need more.
@@ -74,7 +74,7 @@ class MemoryLimit:
         if need > self.bytes:
             raise InputError(
                 f"{os.fspath(name)} is {width}x{height}, which takes about {_readable(need)} of memory where "
-                f"{_readable(self.bytes)} may be taken; scale it down, or allow more with --max-memory."
+                f"{_readable(self.bytes)} may be taken; scale it down, or allow more with `limit`."
             )
 
     def affordable_threads(self, width: int, height: int, most: int) -> int:
@@ -102,8 +102,8 @@ def _needed(width: int, height: int) -> int:
     return AT_LEAST + BYTES_PER_PIXEL * width * height
 
 
-def parse_memory(text: str) -> MemoryLimit:
-    """Parse a size of memory as people write it.
+def parse_memory(text: str, option: str = "`limit`") -> MemoryLimit:
+    """Parse a size of memory as people write it; messages name it by `option`.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def parse_memory(text: str) -> MemoryLimit:
     """
     found = re.fullmatch(r"([0-9]{1,18}(?:\.[0-9]{1,9})?) *([KMGT]?)B?", text.strip(), re.IGNORECASE)
     if found is None:
-        raise OptionError(f"--max-memory must be a size such as 8G or 500M, not {text!r}.")
+        raise OptionError(f"{option} must be a size such as 8G or 500M, not {text!r}.")
     return MemoryLimit(round(float(found[1]) * multiples[found[2].upper()]))
 
 

@@ -22,14 +22,16 @@ from fpsboost.io.images.numbered import ImageSink, ImageSource
 from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.staging import JobFingerprint, fingerprint_files, fingerprint_options
-from fpsboost.io.trim import Trim, TrimmedSource, Window
+from fpsboost.io.trim import TrimmedSource, Window
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES, Encoding, containers, encodes_alpha
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
 from fpsboost.io.video.pipe import PipeSink, PipeSource
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.schedule import OutputTiming
+from fpsboost.timing.trim import Trim
 from fpsboost.version import __version__
 
 ASSUMED_IMAGE_RATE = Fraction(24)
@@ -119,11 +121,11 @@ def open_source(
     requirements, decoding = requirements or TargetRequirements(), decoding or DecodeOptions()
     input_fps = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
-        raise OptionError(f"--input-fps must be 0.001 to 100000, not {input_fps}.")
+        raise OptionError(f"`input_fps` must be 0.001 to 100000, not {input_fps}.")
     with explained(InputError, "read", path, "check the name and the permissions"):
         is_images = stands_for_images(path)
         if fill_gaps and not is_images:
-            check_images(path, "--fill-gaps")
+            check_images(path, "`fill_gaps`")
         if path in PIPES:
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")
             _check_has_own_rate(input_fps, "standard input")
@@ -132,7 +134,7 @@ def open_source(
             _check_decoding(decoding, f"{path}, which holds images", "leave it out")
             if input_fps is None and requirements.needs_rate:
                 raise OptionError(
-                    f"{path} holds images, which have no frame rate; say it with --input-fps, for example 24."
+                    f"{path} holds images, which have no frame rate; say it with `input_fps`, for example 24."
                 )
             rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
             return ImageSource(
@@ -140,7 +142,7 @@ def open_source(
             )
         if decoding.decoder == "opencv":
             _check_has_own_rate(input_fps, path)
-            if decoding.given != ["--decoder"]:
+            if decoding.given != ["`decoder`"]:
                 raise OptionError(f"{' and '.join(decoding.given)} do not go together; OpenCV reads a video as it is.")
             return CaptureSource(path, limit=limit)
         return _open_file(path, input_fps, requirements, decoding, limit)
@@ -199,7 +201,7 @@ def _open_file(
 
 def _check_has_own_rate(input_fps: Fraction | None, name: str) -> None:
     if input_fps is not None:
-        raise OptionError(f"--input-fps is for images; {name} is a video and has its own frame rate.")
+        raise OptionError(f"`input_fps` is for images; {name} is a video and has its own frame rate.")
 
 
 def _check_decoding(decoding: DecodeOptions, what: str, advice: str) -> None:
@@ -325,7 +327,7 @@ def open_sink(
     video = source if isinstance(source, VideoSource | PipeSource) else None
     if path in PIPES:
         if job is not None and job.resume:
-            raise OptionError("--resume cannot go on with what went into a pipe; name a file, or leave it out.")
+            raise OptionError("`resume` cannot go on with what went into a pipe; name a file, or leave it out.")
         return PipeSink(source.info, timing, encoding, video)
     if makes_video(path):
         with explained(OutputError, "write to", path, "check the name and the permissions"):
@@ -343,7 +345,7 @@ def open_sink(
     images = source if isinstance(source, ImageSource) else None
     if makes_animation(path):
         if job is not None and job.resume:
-            raise OptionError(f"--resume cannot go on with the animation {path}; leave it out.")
+            raise OptionError(f"`resume` cannot go on with the animation {path}; leave it out.")
         plays = source.plays if isinstance(source, AnimationSource) else 0
         return AnimationSink(path, source.info, timing, plays=plays, inputs=_files_of(source), overwrite=overwrite)
     return ImageSink(
@@ -379,7 +381,7 @@ def fingerprint_job(source: FrameSource, job: Any, *, resume: bool) -> JobFinger
     files = _files_of(source)
     if not files:
         if resume:
-            raise OptionError("--resume cannot read again what came through a pipe; name a file, or leave it out.")
+            raise OptionError("`resume` cannot read again what came through a pipe; name a file, or leave it out.")
         return None
     with explained(InputError, "read", source.info.name, "check that it is still there"):
         place = str(Path(source.info.name).absolute())

@@ -162,7 +162,7 @@ class StagingDirectory:
                 return
             if before is not None:
                 self.remarks.append(
-                    f"{self._name} was begun anew, and what an earlier run had finished was thrown away; --resume goes "
+                    f"{self._name} was begun anew, and what an earlier run had finished was thrown away; `resume` goes "
                     "on with it."
                 )
             self._clear()
@@ -275,7 +275,7 @@ class StagingDirectory:
             if max(len(old), len(new)) > MAX_FACT_LENGTH:
                 wording = f"with {what} that {'have' if what.endswith('s') else 'has'} changed since"
             raise OutputError(
-                f"{self._name} was begun {wording}; say the same as then, or leave --resume out to start anew."
+                f"{self._name} was begun {wording}; say the same as then, or leave `resume` out to start anew."
             )
 
 
@@ -287,7 +287,7 @@ def complete_already(name: str) -> str:
 def note_on_resuming(frames: int, expected: int | None) -> str:
     """Return the note for an interrupted run: how much is finished, and how to resume."""
     of_all = "" if expected is None else f" of {expected}"
-    return f"{frames}{of_all} frames are finished, and --resume goes on from there."
+    return f"{frames}{of_all} frames are finished, and `resume` goes on from there."
 
 
 def write_safely(path: Path, data: bytes) -> None:

@@ -32,6 +32,6 @@ def check_target(path: Path, name: str, inputs: Collection[Path], overwrite: boo
         if path.exists() and any(each.exists() and path.samefile(each) for each in inputs):
             raise OutputError(f"{name} is the input itself; write to another name.")
         if not overwrite:
-            raise OutputError(f"{name} exists already; choose another name or pass --overwrite.")
+            raise OutputError(f"{name} exists already; choose another name or pass `overwrite=True`.")
     if not os.access(path.parent, os.W_OK):
         raise OutputError(f"{name} cannot be written because its folder may not be written to; choose another folder.")

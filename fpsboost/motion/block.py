@@ -66,10 +66,10 @@ class BlockMatching:
 
     def __post_init__(self) -> None:
         if not 2 <= self.block_size <= MAX_BLOCK:
-            raise OptionError(f"--block-size must be from 2 to {MAX_BLOCK} pixels, not {self.block_size}.")
+            raise OptionError(f"`block_size` must be from 2 to {MAX_BLOCK} pixels, not {self.block_size}.")
         if not 1 <= self.search_range <= MAX_RANGE:
-            raise OptionError(f"--search-range must be from 1 to {MAX_RANGE} pixels, not {self.search_range}.")
-        check_choice("--pattern", self.pattern, get_args(Pattern))
+            raise OptionError(f"`search_range` must be from 1 to {MAX_RANGE} pixels, not {self.search_range}.")
+        check_choice("`pattern`", self.pattern, get_args(Pattern))
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""

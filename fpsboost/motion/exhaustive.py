@@ -71,13 +71,13 @@ class ExhaustiveSearch:
 
     def __post_init__(self) -> None:
         if self.search_radius is not None and not 1 <= self.search_radius <= 1000:
-            raise OptionError(f"--search-radius must be 1 to 1000 pixels, not {self.search_radius}.")
+            raise OptionError(f"`search_radius` must be 1 to 1000 pixels, not {self.search_radius}.")
         if not 1 <= self.patch_radius <= MAX_PATCH_RADIUS:
-            raise OptionError(f"--patch-radius must be 1 to {MAX_PATCH_RADIUS} pixels, not {self.patch_radius}.")
+            raise OptionError(f"`patch_radius` must be 1 to {MAX_PATCH_RADIUS} pixels, not {self.patch_radius}.")
         if not self.v > 0:
-            raise OptionError(f"--v must be above 0, not {self.v}.")
-        check_choice("--window", self.window, get_args(Window))
-        check_choice("--implementation", self.implementation, get_args(Implementation))
+            raise OptionError(f"`v` must be above 0, not {self.v}.")
+        check_choice("`window`", self.window, get_args(Window))
+        check_choice("`implementation`", self.implementation, get_args(Implementation))
 
     def with_vectors(self, vectors: VectorFolder) -> ExhaustiveSearch:
         """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""

@@ -139,7 +139,7 @@ class CoarseToFine:
         if not 0 < self.reach <= 1:
             raise OptionError(f"reach must be above 0 and at most 1 of the frame, not {self.reach}.")
         if not 1 <= self.patch_radius <= 10:
-            raise OptionError(f"--patch-radius must be 1 to 10 pixels for this method, not {self.patch_radius}.")
+            raise OptionError(f"`patch_radius` must be 1 to 10 pixels for this method, not {self.patch_radius}.")
         if self.labels < 1:
             raise OptionError(f"labels must be at least 1, not {self.labels}.")
         if not self.smoothness >= 0:
@@ -153,7 +153,7 @@ class CoarseToFine:
         if self.step not in {1, 2, 4, 8, 16, 32}:
             raise OptionError(f"step must be 1, 2, 4, 8, 16 or 32 pixels, not {self.step}.")
         if not self.v > 0:
-            raise OptionError(f"--v must be above 0, not {self.v}.")
+            raise OptionError(f"`v` must be above 0, not {self.v}.")
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
         """Estimate the motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""

@@ -75,5 +75,5 @@ def not_an_output_frame() -> OptionError:
     """Return the error to raise if an image has no vectors because it is not an output frame."""
     return OptionError(
         "A renderer's motion vectors need a whole factor, so that every input frame is an output frame too; "
-        "give --factor 2 or another whole number."
+        "give `factor=2` or another whole number."
     )

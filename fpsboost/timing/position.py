@@ -56,9 +56,9 @@ def parse_position(text: str, option: str) -> Position:
 
     Examples
     --------
-    >>> parse_position("1:30.5", "--start")
+    >>> parse_position("1:30.5", "`start`")
     Position(value=Fraction(181, 2), is_frame=False)
-    >>> parse_position("120f", "--start")
+    >>> parse_position("120f", "`start`")
     Position(value=Fraction(120, 1), is_frame=True)
     """
     word = text.strip()

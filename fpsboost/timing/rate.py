@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from fpsboost.errors import InputError, OptionError, check_choice
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.options import option
 from fpsboost.timing.schedule import (
     MAX_FILLED,
     MAX_RATE,
@@ -17,8 +17,13 @@ from fpsboost.timing.schedule import (
     OutputTiming,
     Schedule,
     is_implausible,
+    parse_number,
+    parse_rate,
     representable,
 )
+
+if TYPE_CHECKING:  # --help does not wait for NumPy
+    from fpsboost.frame import ClipInfo, Frame
 
 DEFAULT_FACTOR = Fraction(2)
 
@@ -51,26 +56,28 @@ class OutputRate:
         Options contradict each other, or one is out of range.
     """
 
-    factor: Fraction | int | None = None
-    fps: Fraction | int | None = None
-    keep_timing: bool = False
-    slow_motion: bool = False
-    slow_motion_sound: SlowSound | None = None
-    fill_gaps: bool = False
+    factor: Fraction | int | None = option(
+        None, "Output frames per input frame: 3, 5/2; else 2.", short="f", metavar="N", parse=parse_number
+    )
+    fps: Fraction | int | None = option(None, "Output frames per second: 60, 59.94, 60000/1001.", parse=parse_rate)
+    keep_timing: bool = option(False, "Multiply each interval, for a variable rate.")
+    slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
+    slow_motion_sound: SlowSound | None = option(None, "Audio of slow motion: drop or stretch; else drop.")
+    fill_gaps: bool = option(False, "Make only the images missing from the numbering.", group="Input")
 
     def __post_init__(self) -> None:
         if self.slow_motion_sound is not None:
-            check_choice("--slow-motion-sound", self.slow_motion_sound, get_args(SlowSound))
+            check_choice("`slow_motion_sound`", self.slow_motion_sound, get_args(SlowSound))
             if not self.slow_motion:
-                raise OptionError("--slow-motion-sound goes with --slow-motion; give that too, or leave it out.")
+                raise OptionError("`slow_motion_sound` goes with `slow_motion`; give that too, or leave it out.")
         if self.factor is not None and self.fps is not None and not self.slow_motion:
-            raise OptionError("--factor and --fps say the same thing in two ways; give one of them.")
+            raise OptionError("`factor` and `fps` say the same thing in two ways; give one of them.")
         if self.fps is not None:
             if self.keep_timing:
-                raise OptionError("--fps makes the rate constant and --keep-timing does not; give one of them.")
+                raise OptionError("`fps` makes the rate constant and `keep_timing` does not; give one of them.")
             ByRate(Fraction(self.fps))
         if self.fill_gaps and self.keep_timing:
-            raise OptionError("--fill-gaps makes the rate constant and --keep-timing does not; give one of them.")
+            raise OptionError("`fill_gaps` makes the rate constant and `keep_timing` does not; give one of them.")
         if self.factor is not None:
             ByFactor(Fraction(self.factor))
 
@@ -111,7 +118,7 @@ class OutputRate:
         rate = info.rate * factor if self.fps is None else self.fps * self.stretch
         if rate > MAX_RATE:
             raise OptionError(
-                f"--factor {factor} makes {float(rate):g} frames per second of {info.name}, and {MAX_RATE} are the "
+                f"`factor={factor}` makes {float(rate):g} frames per second of {info.name}, and {MAX_RATE} are the "
                 "most; choose a smaller one."
             )
         return ByRate(rate) if self.fill_gaps else ByRate.forgiving(rate, info.rate, info.time_base)
@@ -148,7 +155,7 @@ class OutputRate:
             )
             remarks.append(
                 f"{info.name} varies from {slowest:.4g} to {fastest:.4g} frames per second; the output is constant at "
-                f"{rate:.5g}, and --keep-timing keeps the rhythm."
+                f"{rate:.5g}, and `keep_timing` keeps the rhythm."
             )
         if schedule.is_pause(frame_intervals.longest):
             filled = "held there" if frame_intervals.longest <= MAX_FILLED else "held there as one long frame"
@@ -167,8 +174,8 @@ def _check_density(info: ClipInfo) -> None:
         return
     raise InputError(
         f"{info.name} plays at {float(info.rate):.6g} frames per second by its clock and holds {float(mean):.3g} of "
-        "them per second; say with --fps how fast the output plays, such as --fps 60, or multiply the frames of each "
-        "interval with --keep-timing."
+        "them per second; say with `fps` how fast the output plays, such as `fps=60`, or multiply the frames of each "
+        "interval with `keep_timing`."
     )
 
 

@@ -13,10 +13,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import ClipInfo
+
+if TYPE_CHECKING:  # --help does not wait for NumPy
+    from fpsboost.frame import ClipInfo
 
 MAX_DISPLAY_RATE = 300
 """Frame rate above which no display shows frames, and no camera films without keeping its rate; frames per second."""
@@ -118,7 +120,7 @@ class ByFactor:
 
     def __post_init__(self) -> None:
         if not 0 < self.factor <= MAX_FACTOR:
-            raise OptionError(f"--factor must be above 0 and at most {MAX_FACTOR}, not {self.factor}.")
+            raise OptionError(f"`factor` must be above 0 and at most {MAX_FACTOR}, not {self.factor}.")
 
     def presentation_time(self, start: Fraction, time: Fraction) -> Fraction:
         return time
@@ -172,7 +174,7 @@ class ByRate:
 
     def __post_init__(self) -> None:
         if not 0 < self.frames_per_second <= MAX_RATE:
-            raise OptionError(f"--fps must be above 0 and at most {MAX_RATE}, not {self.frames_per_second}.")
+            raise OptionError(f"`fps` must be above 0 and at most {MAX_RATE}, not {self.frames_per_second}.")
 
     @classmethod
     def forgiving(cls, frames_per_second: Fraction, source_rate: Fraction, tick: Fraction) -> Self:

@@ -125,8 +125,8 @@ class AnimationSink:
         if rate > fastest:
             others = "" if suffix == ".apng" else f", or write {'.webp or .apng' if suffix == '.gif' else '.apng'}"
             raise OutputError(
-                f"{self._name} cannot show {float(rate):.6g} frames per second, {suffix} ends at {fastest}; use --fps "
-                f"{fastest} or less{others}."
+                f"{self._name} cannot show {float(rate):.6g} frames per second, {suffix} ends at {fastest}; use "
+                f"`fps={fastest}` or less{others}."
             )
 
     @property
@@ -140,7 +140,7 @@ class AnimationSink:
             )
         if self._has_short_frames:
             remarks.append(
-                f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use --fps 90 or less "
+                f"{self._name} has frames of 10 ms and less, which browsers slow down to 100 ms; use `fps=90` or less "
                 "for them."
             )
         return remarks

@@ -130,7 +130,7 @@ class ImageSource(Closing):
             self._check_gaps(path)
         else:
             found.check_complete(
-                found.step, "add it, or convert with --fill-gaps, which makes just those that are missing"
+                found.step, "add it, or convert with `fill_gaps`, which makes just those that are missing"
             )
         self.step = 1 if fill_gaps else found.step
         self._places = [number - self.numbers[0] for number in self.numbers] if fill_gaps else range(len(self.files))
@@ -150,11 +150,11 @@ class ImageSource(Closing):
 
     def _check_gaps(self, path: str) -> None:
         if not self.numbers:
-            raise OptionError(f"--fill-gaps goes by numbers, and the images of {path} have none; leave it out.")
+            raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
         for (file, number), (next_file, following) in pairwise(zip(self.files, self.numbers, strict=True)):
             if following - number > MAX_GAP:
                 raise InputError(
-                    f"{following - number - 1} images are missing between {file} and {next_file.name}, and --fill-gaps "
+                    f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` "
                     f"makes {MAX_GAP - 1} at most; choose one sequence, or number the images anew."
                 )
 
@@ -225,7 +225,7 @@ class ImageSource(Closing):
         """
         kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
         if not kept:
-            reason = "ends before --start" if first > self._places[-1] else "has none between --start and --end"
+            reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"
             raise InputError(f"{self.info.name} has {len(self.files)} images and {reason}; name an earlier one.")
         part = slice(kept[0], kept[-1] + 1)
         self.begins = self._places[kept[0]] / self.info.rate
@@ -314,7 +314,7 @@ class ImageSink:
         if source is not None and source.step > 1 and kept is None and factor is not None:
             self._remarks.append(
                 f"{factor} times the frames do not fit between numbers that rise by {source.step}: all were numbered "
-                f"anew, one by one; --factor {source.step} makes just those that are missing."
+                f"anew, one by one; `factor={source.step}` makes just those that are missing."
             )
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = Path(path).is_dir() or not is_pattern(path)
@@ -361,20 +361,20 @@ class ImageSink:
     def _numbering_in_place(self, source: ImageSource | None, factor: Fraction | None) -> Numbering:
         """Return the source's own numbering if it has numbers for the frames between."""
         if source is None or source.numbering is None or factor is None:
-            raise OptionError(f"--in-place needs images with numbers in their names, and {self._path} has none.")
+            raise OptionError(f"`in_place` needs images with numbers in their names, and {self._path} has none.")
         has_room = source.step > 1 or source.numbers[-1] - source.numbers[0] >= len(source.numbers)
         if not has_room:
             if self._job is not None and self._job.resume:
                 raise CompleteAlreadyError(f"No image is missing from {self._path}, so it was left as it is.")
             raise OutputError(
-                f"No image is missing from {self._path}: there are no numbers for frames between; leave --in-place out "
+                f"No image is missing from {self._path}: there are no numbers for frames between; leave `in_place` out "
                 "and name another folder."
             )
         fits = factor == 1 if source.fills_gaps else factor > 1 and source.numbers_for(factor) is not None
         if not fits:
-            way = "leave --factor out" if source.fills_gaps else f"give --factor {source.step}, or --fill-gaps"
+            way = "leave `factor` out" if source.fills_gaps else f"give `factor={source.step}`, or `fill_gaps`"
             raise OptionError(
-                f"{factor} times the frames of {self._path} do not fit between its numbers, which --in-place keeps; "
+                f"{factor} times the frames of {self._path} do not fit between its numbers, which `in_place` keeps; "
                 f"{way}."
             )
         return source.numbering
@@ -428,11 +428,11 @@ class ImageSink:
         if self._in_place:
             if self._moving.exists() and not is_moving:
                 raise OutputError(
-                    f"A run in {self._path} was stopped while its frames got their names; --resume goes on with that."
+                    f"A run in {self._path} was stopped while its frames got their names; `resume` goes on with that."
                 )
             for name in self._names:
                 if (self._unfinished.staged / name).exists() and (folder / name).exists():
-                    raise OutputError(f"{folder / name} has appeared meanwhile; move it away, and use --resume.")
+                    raise OutputError(f"{folder / name} has appeared meanwhile; move it away, and use `resume`.")
             return
         if self._overwrite or not folder.is_dir() or is_moving:
             return
@@ -445,8 +445,10 @@ class ImageSink:
                 f"{self._path} exists already and no run of it is unfinished, so it was left as it is."
             )
         if is_full:
-            raise OutputError(f"{folder} is not empty; add --overwrite to replace the frames in it, or name another.")
-        raise OutputError(f"{old[0]} exists; add --overwrite to replace such images, or choose another pattern.")
+            raise OutputError(
+                f"{folder} is not empty; add `overwrite=True` to replace the frames in it, or name another."
+            )
+        raise OutputError(f"{old[0]} exists; add `overwrite=True` to replace such images, or choose another pattern.")
 
     def __enter__(self) -> Self:
         with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
@@ -465,7 +467,7 @@ class ImageSink:
         if not self._unfinished.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
             raise OutputError(
                 f"{self._replaced} holds frames that a run had set aside to replace them; let that run finish with "
-                "--resume, or move them to where they belong."
+                "`resume`, or move them to where they belong."
             )
 
     def _count_finished(self) -> int:

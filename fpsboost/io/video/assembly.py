@@ -17,7 +17,8 @@ from fpsboost.errors import OutputError
 from fpsboost.io.staging import sync
 from fpsboost.io.trim import Window
 from fpsboost.io.video.chunks import Chunk
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, Encoding
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.io.video.fitting import Fitting
 from fpsboost.io.video.muxing import open_muxer
 from fpsboost.io.video.other_streams import OtherStreams
@@ -110,7 +111,7 @@ class Assembly:
         for chunk in chunks:
             if chunk.extradata != extradata:
                 raise OutputError(
-                    f"{self._name} was begun by an encoder that works differently; leave --resume out to start anew."
+                    f"{self._name} was begun by an encoder that works differently; leave `resume` out to start anew."
                 )
         self._mux(chunks)
         if self._others is not None:
@@ -159,7 +160,7 @@ class Assembly:
             end_pts = max(end_pts, packet.pts + (packet.duration or 0))
             held = packet
         if held is None:
-            raise OutputError(f"{self._name} was not written because its encoder made nothing; try another --codec.")
+            raise OutputError(f"{self._name} was not written because its encoder made nothing; try another `codec`.")
         if self._container in EXACT_TIME_BASE_CONTAINERS and held.dts is not None:
             # The duration of an mp4 track is a sum of decoding time differences; only the last one can be chosen.
             left = (end_pts - first_pts) - (held.dts - first_dts)

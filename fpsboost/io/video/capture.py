@@ -81,12 +81,12 @@ class CaptureSource(ArraySource):
         )
         try:
             if not self._capture.isOpened():
-                raise InputError(f"{path} cannot be opened by OpenCV; check the name, or leave --decoder out.")
+                raise InputError(f"{path} cannot be opened by OpenCV; check the name, or leave `decoder` out.")
             size = [int(self._capture.get(key)) for key in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)]
             (limit or MemoryLimit()).check(path, *size)
             rate = rate_of(self._capture)
             if rate is None:
-                raise InputError(f"{path} has no frame rate that OpenCV knows; leave --decoder out.")
+                raise InputError(f"{path} has no frame rate that OpenCV knows; leave `decoder` out.")
             super().__init__(captured(self._capture), rate, path)
         except BaseException:
             self._capture.release()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Literal, get_args
 
 from fpsboost.errors import OptionError, check_choice
-from fpsboost.io.trim import Trim
+from fpsboost.options import option
+from fpsboost.timing.schedule import parse_rate
+from fpsboost.timing.trim import Trim
 
 SizeChange = Literal["stop", "scale"]
 Decoder = Literal["ffmpeg", "opencv"]
@@ -42,25 +44,20 @@ class DecodeOptions:
     """
 
     trim: Trim = Trim()
-    input_fps: Fraction | int | None = None
-    stream: int | None = None
-    deinterlace: bool = False
-    size_change: SizeChange = "stop"
-    decoder: Decoder = "ffmpeg"
+    input_fps: Fraction | int | None = option(None, "Frames per second of input images.", parse=parse_rate)
+    stream: int | None = option(None, "Video stream, numbered as in probe; else the largest.")
+    deinterlace: bool = option(False, "Make one frame per field: 50 per second from 25i.")
+    size_change: SizeChange = option("stop", "At a change of size: stop or scale.")
+    decoder: Decoder = option("ffmpeg", "Read videos by ffmpeg or opencv.")
 
     def __post_init__(self) -> None:
-        check_choice("--size-change", self.size_change, get_args(SizeChange))
-        check_choice("--decoder", self.decoder, get_args(Decoder))
+        check_choice("`size_change`", self.size_change, get_args(SizeChange))
+        check_choice("`decoder`", self.decoder, get_args(Decoder))
         if self.stream is not None and self.stream < 0:
-            raise OptionError(f"--stream must be the number of a stream, 0 or more, not {self.stream}.")
+            raise OptionError(f"`stream` must be the number of a stream, 0 or more, not {self.stream}.")
 
     @property
     def given(self) -> list[str]:
-        """Command-line names of the options that differ from the defaults."""
-        values = {
-            "--stream": self.stream is not None,
-            "--deinterlace": self.deinterlace,
-            "--size-change": self.size_change != "stop",
-            "--decoder": self.decoder != "ffmpeg",
-        }
-        return [option for option, is_given in values.items() if is_given]
+        """Names of the options for video files that differ from the defaults."""
+        ours = [field for field in fields(self) if field.name not in ("trim", "input_fps")]
+        return [f"`{field.name}`" for field in ours if getattr(self, field.name) != field.default]

@@ -18,7 +18,8 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import ClipInfo, Frame, Pixels
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, Encoding, needs_hardware
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, needs_hardware
 from fpsboost.io.video.hdr import with_hdr
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.planes import as_picture
@@ -214,12 +215,12 @@ class VideoEncoder:
                 context.open()
         except av.error.FFmpegError:
             given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
-            check = f"check --encoder-option {given}, or " if given else ""
+            check = f"check `encoder_options={given}`, or " if given else ""
             missing = ", and its device or driver may be missing here" if needs_hardware(self._encoder) else ""
             raise OutputError(
                 f"{self._name} cannot be encoded by {self._encoder} at {self._info.width}x{self._info.height}, "
                 f"{float(self._timing.rate):g} frames per second, {self.pixel_format}{missing}; {check}choose another "
-                "--codec."
+                "`codec`."
             ) from None
 
 

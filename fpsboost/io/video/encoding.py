@@ -1,8 +1,7 @@
-"""Encoding options, the encoders with the names of their options, and the containers with the codecs they hold."""
+"""Encoders with the names of their options, and the containers with the codecs they hold."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,6 +12,7 @@ from av.codec.codec import Capabilities, UnknownCodecError
 from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.x264 import repeatable_parameters
 from fpsboost.io.video.ycc import has_alpha
 
@@ -24,8 +24,6 @@ VIDEO_SUFFIXES = tuple(containers)
 
 MATROSKA_TICK = Fraction(1, 1000)
 """Time base of Matroska and WebM, seconds per tick."""
-MIN_BITRATE, MAX_BITRATE = 1000, 2_000_000_000
-"""Range of valid bit rates, bits per second."""
 EXACT_TIME_BASE_CONTAINERS = ("mp4", "mov")
 """Containers whose time base can be chosen; that of the others is a millisecond."""
 
@@ -82,120 +80,6 @@ encoders = {
     "av1": Encoder("libsvtav1", 30, 63, "8", tuple(map(str, range(14))), "preset"),
 }
 """Encoders by the common name of their format."""
-
-
-@dataclass(frozen=True)
-class Encoding:
-    """Options for encoding, and for the streams that are carried over.
-
-    Parameters
-    ----------
-    codec : str, optional
-        ``h264``, ``hevc``, ``vp9``, ``av1`` or the exact name of an FFmpeg encoder; by default see `default_codec`.
-    crf : int, optional
-        Quality, 0 (best) to 51 or 63; by default one that is hard to distinguish from the source.
-    preset : str, optional
-        Speed: ``ultrafast`` ... ``placebo`` for h264 and hevc, a number for vp9 (0-8) and av1 (0-13, larger is faster).
-    audio, subtitles : bool
-        Keep the source's audio and subtitles.
-    audio_codec : str, optional
-        Format that audio in another format is re-encoded in: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``, ``flac``,
-        ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, audio is copied packet
-        by packet.
-    pixel_format : str, optional
-        FFmpeg's name, ``yuv420p10le``; by default the source's, or the encoder's that loses least.
-    bitrate : int, optional
-        Target bit rate instead of a quality, bits per second.
-    lossless : bool
-        Encode so that decoding gives back exactly the pictures that were encoded.
-    encoder_options : tuple of (str, str)
-        FFmpeg's own options of the encoder; they override everything above.
-
-    Raises
-    ------
-    OptionError
-        Two options contradict each other, or a value is never valid.
-    """
-
-    codec: str | None = None
-    crf: int | None = None
-    preset: str | None = None
-    audio: bool = True
-    subtitles: bool = True
-    audio_codec: str | None = None
-    pixel_format: str | None = None
-    bitrate: int | None = None
-    lossless: bool = False
-    encoder_options: tuple[tuple[str, str], ...] = ()
-
-    def __post_init__(self) -> None:
-        if self.crf is not None and self.bitrate is not None:
-            raise OptionError("--crf and --bitrate contradict each other; give one of them.")
-        if self.lossless and (self.crf, self.bitrate) != (None, None):
-            other = "--crf" if self.bitrate is None else "--bitrate"
-            raise OptionError(f"--lossless and {other} contradict each other; give one of them.")
-        if self.audio_codec is not None and not self.audio:
-            raise OptionError("--audio-codec and --no-audio contradict each other; give one of them.")
-        if self.bitrate is not None and not MIN_BITRATE <= self.bitrate <= MAX_BITRATE:
-            raise OptionError(f"--bitrate must be 1k to 2000M, not {self.bitrate}.")
-        names = [name for name, _ in self.encoder_options]
-        for name in names:
-            if names.count(name) > 1:
-                raise OptionError(f"--encoder-option {name} is given twice; give it once.")
-
-    @property
-    def given(self) -> list[str]:
-        """Command-line names of the encoding options that were given."""
-        values = {
-            "--codec": self.codec,
-            "--crf": self.crf,
-            "--preset": self.preset,
-            "--bitrate": self.bitrate,
-            "--lossless": self.lossless or None,
-            "--pix-fmt": self.pixel_format,
-            "--audio-codec": self.audio_codec,
-            "--encoder-option": self.encoder_options or None,
-        }
-        return [option for option, value in values.items() if value is not None]
-
-
-def parse_bitrate(text: str) -> int:
-    """Parse a bit rate in bits per second, with an optional suffix k or M.
-
-    Raises
-    ------
-    OptionError
-        The text is not a number, or has another suffix.
-
-    Examples
-    --------
-    >>> parse_bitrate("8M"), parse_bitrate("1.5M"), parse_bitrate("800k")
-    (8000000, 1500000, 800000)
-    """
-    found = re.fullmatch(r"([0-9]{1,12}(?:\.[0-9]{1,12})?)([kKmM]?)", text.strip())
-    if found is None:
-        raise OptionError(f"--bitrate {text!r} is no number of bits per second; write it like 8M, 1.5M or 800k.")
-    return round(Fraction(found[1]) * {"": 1, "k": 1000, "m": 1_000_000}[found[2].lower()])
-
-
-def parse_encoder_options(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Split options of the form ``key=value``.
-
-    Raises
-    ------
-    OptionError
-        An option has no name or no value.
-
-    Examples
-    --------
-    >>> parse_encoder_options(["tune=film", "x264-params=keyint=48:min-keyint=1"])
-    (('tune', 'film'), ('x264-params', 'keyint=48:min-keyint=1'))
-    """
-    pairs = [text.partition("=") for text in texts]
-    for text, (name, _, value) in zip(texts, pairs, strict=True):
-        if not name.strip() or not value:
-            raise OptionError(f"--encoder-option {text!r} is not of the form key=value; write it like tune=film.")
-    return tuple((name.strip(), value) for name, _, value in pairs)
 
 
 def default_codec(container: str, pixel_format: str = "yuv420p", source_codec: str = "") -> str:
@@ -261,13 +145,14 @@ def choose_encoder(
         codec = None
     if codec is None or codec.type != "video" or codec.name != encoder:
         raise OptionError(
-            f"--codec {asked} is unknown here; use {', '.join(encoders)}, or the exact name of an FFmpeg video encoder."
+            f"`codec={asked!r}` is unknown here; use {', '.join(encoders)}, or the exact name of an FFmpeg video "
+            "encoder."
         )
     if not holds(container, encoder):
         fitting = [friendly for friendly, e in encoders.items() if holds(container, e.name)]
         others = [suffix for suffix, each in containers.items() if holds(each, encoder)]
         instead = f", or write {' or '.join(others)}" if others else ""
-        raise OptionError(f"--codec {asked} cannot go into {name}; use {' or '.join(fitting)}{instead}.")
+        raise OptionError(f"`codec={asked!r}` cannot go into {name}; use {' or '.join(fitting)}{instead}.")
     _check_pixel_format(codec, encoding.pixel_format)
     options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
     _check_encoder_options(codec, encoding.encoder_options)
@@ -301,10 +186,10 @@ def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[st
     """Return the options for an encoder of the table."""
     crf = known.crf if encoding.crf is None else encoding.crf
     if not 0 <= crf <= known.largest_crf:
-        raise OptionError(f"--crf must be 0 to {known.largest_crf} for {asked}, not {crf}.")
+        raise OptionError(f"`crf` must be 0 to {known.largest_crf} for {asked}, not {crf}.")
     preset = encoding.preset or known.preset
     if preset not in known.presets:
-        raise OptionError(f"--preset {preset} is unknown to {asked}; use one of {', '.join(known.presets)}.")
+        raise OptionError(f"`preset={preset!r}` is unknown to {asked}; use one of {', '.join(known.presets)}.")
     options = {known.preset_option: preset, **dict(known.fixed_options)}
     if encoding.lossless:
         _check_lossless(asked, bool(known.lossless))
@@ -324,11 +209,11 @@ def _options_of_other(codec: av.Codec, encoding: Encoding) -> dict[str, str]:
         if value is None:
             continue
         if option not in known:
-            raise OptionError(f"--{option} means nothing to {codec.name}; leave it out.")
+            raise OptionError(f"`{option}` means nothing to {codec.name}; leave it out.")
         options[option] = str(value)
     if encoding.bitrate is not None:
         if not codec.lossy:
-            raise OptionError(f"--bitrate means nothing to {codec.name}, which is lossless; leave it out.")
+            raise OptionError(f"`bitrate` means nothing to {codec.name}, which is lossless; leave it out.")
         options["b"] = str(encoding.bitrate)
     if encoding.lossless:
         options.update(_lossless_options_of_other(codec, known))
@@ -351,7 +236,7 @@ def _check_lossless(asked: str, can: bool) -> None:
     """Raise `OptionError` unless the encoder can be lossless."""
     if not can:
         able = [friendly for friendly, each in encoders.items() if each.lossless]
-        raise OptionError(f"--lossless is nothing that {asked} can do; use {', '.join(able)} or ffv1.")
+        raise OptionError(f"`lossless` is nothing that {asked} can do; use {', '.join(able)} or ffv1.")
 
 
 def _merged_options(options: dict[str, str], more: Sequence[tuple[str, str]]) -> dict[str, str]:
@@ -375,7 +260,7 @@ def _check_encoder_options(codec: av.Codec, options: Sequence[tuple[str, str]]) 
     for name, _ in options:
         if name not in known:
             raise OptionError(
-                f"--encoder-option {name} is unknown to {codec.name}; look it up with ffmpeg -h encoder={codec.name}."
+                f"`encoder_options={name}` is unknown to {codec.name}; look it up with ffmpeg -h encoder={codec.name}."
             )
 
 
@@ -393,11 +278,13 @@ def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:
         return
     taken = pixel_formats(codec)
     if taken and asked not in taken:
-        raise OptionError(f"--pix-fmt {asked} is nothing that {codec.name} takes; use one of {', '.join(taken)}.")
+        raise OptionError(
+            f"`pixel_format={asked!r}` is nothing that {codec.name} takes; use one of {', '.join(taken)}."
+        )
     try:
         av.VideoFormat(asked)
     except ValueError:
-        raise OptionError(f"--pix-fmt {asked} is no pixel format of FFmpeg; use one such as yuv420p.") from None
+        raise OptionError(f"`pixel_format={asked!r}` is no pixel format of FFmpeg; use one such as yuv420p.") from None
 
 
 def needs_hardware(encoder: str) -> bool:

@@ -42,7 +42,7 @@ def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, nam
             except (av.error.FFmpegError, ValueError):
                 raise InputError(
                     f"{name} holds pictures of {picture.width}x{picture.height} {picture.format.name}, which cannot be "
-                    "deinterlaced; leave --deinterlace out."
+                    "deinterlaced; leave `deinterlace` out."
                 ) from None
         yield from held.frames_of(picture)
     if held is not None:

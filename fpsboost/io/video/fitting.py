@@ -18,8 +18,9 @@ import av.error
 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.trim import Window
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode
-from fpsboost.io.video.encoding import Encoding, containers, holds
+from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.muxing import INCOMPLETE_LIST_CONTAINERS, open_muxer
 from fpsboost.io.video.sound_encoders import choose_sound_encoder, defaults, friendly_name
 from fpsboost.io.video.source import VideoSource, open_video
@@ -61,8 +62,8 @@ def fit_streams(
     stretch = Fraction(1) if window is None else window.stretch
     if stretch != 1 and asked is None and encoding.audio_codec is not None and encoding.audio:
         raise OptionError(
-            f"--slow-motion-sound stretch and --audio-codec {encoding.audio_codec} contradict each other; give one of "
-            "them."
+            f"`slow_motion_sound='stretch'` and `audio_codec={encoding.audio_codec!r}` contradict each other; give "
+            "one of them."
         )
     encoders: dict[int, str] = {}
     any_codec = False
@@ -97,16 +98,16 @@ def is_of(stream: av.stream.Stream, encoder: str) -> bool:
 def _check_encodes(stream: av.stream.Stream, encoder: str, stretch: Fraction, source: str) -> None:
     if can_encode(stream, encoder, stretch):
         return
-    done, option = ("stretched", "--slow-motion-sound drop") if stretch != 1 else ("encoded anew", "--no-audio")
+    done, option = ("stretched", "`slow_motion_sound='drop'`") if stretch != 1 else ("encoded anew", "`audio=False`")
     raise OutputError(f"The {codec_of(stream)} sound of {source} cannot be {done} here; leave it out with {option}.")
 
 
 def _refusal(stream: av.stream.Stream, container: str, others: Sequence[str], name: str, source: str) -> str:
     """Return the message for a stream that the container cannot hold, with the options and containers that help."""
-    what, option = ("sound", "--no-audio") if stream.type == "audio" else ("subtitles", "--no-subtitles")
+    what, option = ("sound", "`audio=False`") if stream.type == "audio" else ("subtitles", "`subtitles=False`")
     ways = []
     if stream.type == "audio" and can_encode(stream, defaults[container]):
-        ways.append(f"encode it anew with --audio-codec {friendly_name(defaults[container])}")
+        ways.append(f"encode it anew with `audio_codec={friendly_name(defaults[container])!r}`")
     if others:
         ways.append(f"write {' or '.join(others)}")
     ways.append(f"leave the {what} out with {option}")

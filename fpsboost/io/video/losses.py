@@ -14,7 +14,7 @@ def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it 
 def lost_alpha_remark(name: str) -> str:
     """Return the remark on alpha that the target cannot hold, with the targets that can."""
     return (
-        f"{name} has an alpha channel, which was left out; a .webm, images as .png, or --codec prores_ks in a .mov "
+        f"{name} has an alpha channel, which was left out; a .webm, images as .png, or `codec='prores_ks'` in a .mov "
         "keep it."
     )
 

@@ -18,8 +18,9 @@ import av.error
 
 from fpsboost.io.trim import Window
 from fpsboost.io.video.damage import Damage
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import EncodedSound, remark_on
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, Encoding, containers
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.losses import not_held_remark
 from fpsboost.io.video.packets import read_packets

@@ -33,7 +33,7 @@ from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneErro
 from fpsboost.frame import ClipInfo, Frame, Pixels, describe
 from fpsboost.io import Closing
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.video.encoding import Encoding
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.losses import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.nominal_rate import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.planes import as_picture, coding_of, in_planes
@@ -362,13 +362,14 @@ class PipeSink:
         source: VideoSource | PipeSource | None,
         stream: BinaryIO | None = None,
     ) -> None:
-        others = [option for option in encoding.given if option != "--pix-fmt"]
+        others = [option for option in encoding.given if option != "`pixel_format`"]
         if others:
             raise OptionError(f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.")
         held = dict.fromkeys(formats.values())
         if encoding.pixel_format not in (None, *held):
             raise OptionError(
-                f"--pix-fmt {encoding.pixel_format} is nothing that YUV4MPEG2 holds; use one of {', '.join(held)}."
+                f"`pixel_format={encoding.pixel_format!r}` is nothing that YUV4MPEG2 holds; use one of "
+                f"{', '.join(held)}."
             )
         self._timing, self._encoding, self._source = timing, encoding, source
         self._traits = source.traits if source is not None else None
@@ -499,7 +500,7 @@ class PipeSink:
         if not self._is_uneven and abs(frame.time - due) * self._timing.rate > Fraction(1, 2):
             self._is_uneven = True
             self._remarks.append(
-                f"{OUTPUT_NAME} shows every frame equally long, which those of {self._info.name} are not; give --fps "
+                f"{OUTPUT_NAME} shows every frame equally long, which those of {self._info.name} are not; give `fps` "
                 "to keep their times."
             )
 

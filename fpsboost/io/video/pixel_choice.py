@@ -14,7 +14,8 @@ from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo
-from fpsboost.io.video.encoding import Encoding, depth_of, encoders, encodes_alpha, pixel_formats
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import depth_of, encoders, encodes_alpha, pixel_formats
 from fpsboost.io.video.ycc import has_alpha, is_gray
 
 YCBCR_EXTRA_BITS = 2
@@ -68,7 +69,7 @@ def choose_pixel_format(
     if encoding.pixel_format:
         if wanted not in fitting:
             raise OptionError(
-                f"--pix-fmt {wanted} halves an odd size, which {encoder} cannot do for {name} at "
+                f"`pixel_format={wanted!r}` halves an odd size, which {encoder} cannot do for {name} at "
                 f"{info.width}x{info.height}; use yuv444p, or crop to an even size."
             )
         return wanted, []
@@ -85,7 +86,7 @@ def choose_pixel_format(
         return found, _loss_remarks(name, encoder, found, source, exact=keeps_all)
     best, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
     if best is None:
-        raise OutputError(f"{name} cannot hold {wanted} with {encoder}; choose another --codec.")
+        raise OutputError(f"{name} cannot hold {wanted} with {encoder}; choose another `codec`.")
     remark = ""
     plain = wanted.replace("yuvj", "yuv")
     lost = [word for flag, word in _losses if loss & flag][:1]
@@ -93,8 +94,8 @@ def choose_pixel_format(
         remark = "" if best.name == plain else _odd_size_remark(name, info, best.name)
     elif whole_only and av.VideoFormat(wanted).is_rgb and _chroma_of(best) == 1:
         remark = (
-            f"{name} was written as {best.name} to keep the colours of its source, which few players show; --pix-fmt "
-            "yuv420p makes what all show."
+            f"{name} was written as {best.name} to keep the colours of its source, which few players show; "
+            "`pixel_format='yuv420p'` makes what all show."
         )
     elif lost:
         remark = _loss_sentence(name, lost, encoder, best.name, wanted)
@@ -138,7 +139,7 @@ def _loss_remarks(name: str, encoder: str, found: str, source: str, *, exact: bo
     if not lost:
         return []
     sentence = _loss_sentence(name, lost, encoder, found, source).removesuffix(".")
-    return [f"{sentence}; --codec ffv1 in an .mkv keeps up to 16 bits of every colour."]
+    return [f"{sentence}; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour."]
 
 
 def _loss_sentence(name: str, lost: list[str], encoder: str, found: str, source: str) -> str:

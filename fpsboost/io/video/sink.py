@@ -27,12 +27,12 @@ from fpsboost.io.target import check_target
 from fpsboost.io.trim import Window
 from fpsboost.io.video.assembly import Assembly
 from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
+from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import (
     EXACT_TIME_BASE_CONTAINERS,
     MATROSKA_TICK,
     VIDEO_SUFFIXES,
-    Encoding,
     choose_encoder,
     containers,
     depth_of,
@@ -333,8 +333,8 @@ def _explain(error: Exception, name: str) -> str:
         errno.EACCES: f"{name} may not be written; check the permissions of its folder.",
         errno.EPERM: f"{name} may not be written; check the permissions of its folder.",
         errno.EROFS: f"{name} lies on a read-only disk; choose another folder.",
-        errno.EFBIG: f"{name} grew larger than the disk or the system allows; choose another disk or a higher --crf.",
+        errno.EFBIG: f"{name} grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
     }
     number = getattr(error, "errno", None)
     reason = getattr(error, "strerror", None) or error
-    return reasons.get(number or 0, f"{name} could not be written ({reason}); try another --codec or container.")
+    return reasons.get(number or 0, f"{name} could not be written ({reason}); try another `codec` or container.")

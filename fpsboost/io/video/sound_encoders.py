@@ -11,7 +11,8 @@ import av.error
 from av.codec.codec import UnknownCodecError
 
 from fpsboost.errors import OptionError
-from fpsboost.io.video.encoding import Encoding, containers, holds
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import containers, holds
 
 COPY = "copy"
 """Value of ``--audio-codec`` that copies audio without re-encoding it."""
@@ -54,14 +55,14 @@ def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str |
         codec = None
     if codec is None or codec.type != "audio" or codec.name != encoder:
         raise OptionError(
-            f"--audio-codec {asked} is unknown here; use {', '.join(sound_encoders)}, {COPY}, or the exact name of an "
-            "FFmpeg sound encoder."
+            f"`audio_codec={asked!r}` is unknown here; use {', '.join(sound_encoders)}, {COPY}, or the exact name of "
+            "an FFmpeg sound encoder."
         )
     if not holds(container, encoder):
         fitting = [friendly for friendly, each in sound_encoders.items() if holds(container, each)]
         others = [suffix for suffix, each in containers.items() if each != container and holds(each, encoder)]
         instead = f", or write {' or '.join(others)}" if others else ""
-        raise OptionError(f"--audio-codec {asked} cannot go into {name}; use {' or '.join(fitting)}{instead}.")
+        raise OptionError(f"`audio_codec={asked!r}` cannot go into {name}; use {' or '.join(fitting)}{instead}.")
     return encoder
 
 

@@ -176,8 +176,8 @@ class VideoSource(Closing):
         if self._alike is None or self._alike.first_change is None:
             return None
         return (
-            f"{self._name} changes {self._alike.first_change}; convert it with --size-change scale to make all frames "
-            "like the first, or cut it there and convert the parts one by one."
+            f"{self._name} changes {self._alike.first_change}; convert it with `size_change='scale'` to make all "
+            "frames like the first, or cut it there and convert the parts one by one."
         )
 
     @property
@@ -440,7 +440,7 @@ class VideoSource(Closing):
         flagged, decoded = self._flagged_interlaced, self._decoded
         if not self._decoding.deinterlace:
             which = "" if flagged == decoded else f" in {flagged} of {counted(decoded, 'frame')}"
-            return [interlaced_remark(self._name, which, "pass --deinterlace")] if flagged else []
+            return [interlaced_remark(self._name, which, "pass `deinterlace=True`")] if flagged else []
         if flagged == decoded:
             return []
         which = "no frame" if not flagged else f"only {flagged} of {counted(decoded, 'frame')}"

@@ -41,7 +41,7 @@ def choose_video(container: av.container.InputContainer, name: str, wanted: int 
         stream = next((stream for stream in videos if stream.index == wanted), None)
         if stream is None:
             listed = ", ".join(f"{each.index} ({described(each)})" for each in videos)
-            raise OptionError(f"--stream {wanted} is no video stream of {name}; choose one of {listed}.")
+            raise OptionError(f"`stream={wanted}` is no video stream of {name}; choose one of {listed}.")
     else:
         stream = max(videos, key=_score)
     if stream.codec_context is None:

@@ -1,0 +1,125 @@
+"""Options of the user for encoding, and for the streams that are carried over."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from fractions import Fraction
+
+from fpsboost.errors import OptionError
+from fpsboost.options import option
+
+MIN_BITRATE, MAX_BITRATE = 1000, 2_000_000_000
+"""Range of valid bit rates, bits per second."""
+
+
+def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
+    """Parse a bit rate in bits per second, with an optional suffix k or M; messages name it by `option`.
+
+    Raises
+    ------
+    OptionError
+        The text is not a number, or has another suffix.
+
+    Examples
+    --------
+    >>> parse_bitrate("8M"), parse_bitrate("1.5M"), parse_bitrate("800k")
+    (8000000, 1500000, 800000)
+    """
+    found = re.fullmatch(r"([0-9]{1,12}(?:\.[0-9]{1,12})?)([kKmM]?)", text.strip())
+    if found is None:
+        raise OptionError(f"{option} {text!r} is no number of bits per second; write it like 8M, 1.5M or 800k.")
+    return round(Fraction(found[1]) * {"": 1, "k": 1000, "m": 1_000_000}[found[2].lower()])
+
+
+def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`") -> tuple[tuple[str, str], ...]:
+    """Split options of the form ``key=value``; messages name them by `option`.
+
+    Raises
+    ------
+    OptionError
+        An option has no name or no value.
+
+    Examples
+    --------
+    >>> parse_encoder_options(["tune=film", "x264-params=keyint=48:min-keyint=1"])
+    (('tune', 'film'), ('x264-params', 'keyint=48:min-keyint=1'))
+    """
+    pairs = [text.partition("=") for text in texts]
+    for text, (name, _, value) in zip(texts, pairs, strict=True):
+        if not name.strip() or not value:
+            raise OptionError(f"{option} {text!r} is not of the form key=value; write it like tune=film.")
+    return tuple((name.strip(), value) for name, _, value in pairs)
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """Options for encoding, and for the streams that are carried over.
+
+    Parameters
+    ----------
+    codec : str, optional
+        ``h264``, ``hevc``, ``vp9``, ``av1`` or the exact name of an FFmpeg encoder; by default see `default_codec`.
+    crf : int, optional
+        Quality, 0 (best) to 51 or 63; by default one that is hard to distinguish from the source.
+    preset : str, optional
+        Speed: ``ultrafast`` ... ``placebo`` for h264 and hevc, a number for vp9 (0-8) and av1 (0-13, larger is faster).
+    audio, subtitles : bool
+        Keep the source's audio and subtitles.
+    audio_codec : str, optional
+        Format that audio in another format is re-encoded in: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``, ``flac``,
+        ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, audio is copied packet
+        by packet.
+    pixel_format : str, optional
+        FFmpeg's name, ``yuv420p10le``; by default the source's, or the encoder's that loses least.
+    bitrate : int, optional
+        Target bit rate instead of a quality, bits per second.
+    lossless : bool
+        Encode so that decoding gives back exactly the pictures that were encoded.
+    encoder_options : tuple of (str, str)
+        FFmpeg's own options of the encoder; they override everything above.
+
+    Raises
+    ------
+    OptionError
+        Two options contradict each other, or a value is never valid.
+    """
+
+    codec: str | None = option(None, "h264, hevc, vp9, av1 or any FFmpeg encoder.")
+    crf: int | None = option(None, "Constant rate factor; lower is better.")
+    preset: str | None = option(None, "Encoder speed, for example slow or veryfast.")
+    bitrate: int | None = option(None, "Bits per second instead of `crf`: 8M, 800k.", parse=parse_bitrate)
+    lossless: bool = option(False, "Encode without loss.")
+    pixel_format: str | None = option(None, "Pixel format: yuv420p10le...; else the input's.", flag="pix-fmt")
+    encoder_options: tuple[tuple[str, str], ...] = option(
+        (),
+        "Option of the encoder itself; repeatable.",
+        flag="encoder-option",
+        metavar="KEY=VALUE",
+        parse=parse_encoder_options,
+    )
+    audio_codec: str | None = option(None, "Audio encoder: aac, opus, flac...; else copy.", group="Streams")
+    audio: bool = option(True, "Drop the audio.", flag="no-audio", group="Streams")
+    subtitles: bool = option(True, "Drop the subtitles.", flag="no-subtitles", group="Streams")
+
+    def __post_init__(self) -> None:
+        if self.crf is not None and self.bitrate is not None:
+            raise OptionError("`crf` and `bitrate` contradict each other; give one of them.")
+        if self.lossless and (self.crf, self.bitrate) != (None, None):
+            other = "`crf`" if self.bitrate is None else "`bitrate`"
+            raise OptionError(f"`lossless` and {other} contradict each other; give one of them.")
+        if self.audio_codec is not None and not self.audio:
+            raise OptionError("`audio_codec` and `audio=False` contradict each other; give one of them.")
+        if self.bitrate is not None and not MIN_BITRATE <= self.bitrate <= MAX_BITRATE:
+            raise OptionError(f"`bitrate` must be 1k to 2000M, not {self.bitrate}.")
+        names = [name for name, _ in self.encoder_options]
+        for name in names:
+            if names.count(name) > 1:
+                raise OptionError(f"`encoder_options={name}` is given twice; give it once.")
+
+    @property
+    def given(self) -> list[str]:
+        """Names of the options that ask for something, which dropping a stream does not."""
+        asked = [field for field in fields(self) if field.default is not True]
+        return [f"`{field.name}`" for field in asked if getattr(self, field.name) != field.default]

@@ -1,0 +1,81 @@
+"""Observer of a conversion, and the summary that it gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+from fpsboost.timing.rate import FrameIntervals
+
+if TYPE_CHECKING:  # --help does not wait for NumPy
+    from fpsboost.frame import ClipInfo
+
+
+@dataclass
+class Summary:
+    """Counts and remarks of a conversion.
+
+    Attributes
+    ----------
+    frames_in, frames_out : int
+        Frames read and written.
+    frames_made : int
+        Frames written that are not from the source: interpolated, or repeated across a cut.
+    scene_cuts : int
+        Pairs in which a scene ends; they were not interpolated across.
+    duplicates : int
+        Duplicate frames that were interpolated across.
+    completed_frames : int
+        Frames of `frames_out` that an earlier run had finished.
+    seconds : float
+        Wall time of the loop, without compiling.
+    remarks : list of str
+        Sentences about everything that was lost or guessed.
+    details : str
+        How the target was written, for verbose output; empty if there was no choice.
+    frame_intervals : FrameIntervals
+        Intervals between the frames of the source.
+    search_radii : set of int
+        Search radii that were chosen for pairs of frames, pixels; empty if the method has none.
+    """
+
+    frames_in: int = 0
+    frames_out: int = 0
+    frames_made: int = 0
+    scene_cuts: int = 0
+    duplicates: int = 0
+    completed_frames: int = 0
+    seconds: float = 0.0
+    remarks: list[str] = field(default_factory=list)
+    details: str = ""
+    frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
+    search_radii: set[int] = field(default_factory=set)
+
+
+class Observer(Protocol):
+    """Contract: is informed of the progress of a conversion."""
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """Handle the opening of source and target; `expected_frames` follow if the source's header is right."""
+        ...
+
+    def ready(self) -> None:
+        """Handle that kernels are compiled, or loaded from the cache; the first frame comes next."""
+        ...
+
+    def wrote(self, summary: Summary) -> None:
+        """Handle another frame that was passed on to the target."""
+        ...
+
+
+class SilentObserver:
+    """Observer that does nothing."""
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """See `Observer.opened`."""
+
+    def ready(self) -> None:
+        """See `Observer.ready`."""
+
+    def wrote(self, summary: Summary) -> None:
+        """See `Observer.wrote`."""

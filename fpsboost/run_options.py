@@ -1,0 +1,42 @@
+"""Options for how a conversion is run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fpsboost.io.memory_limit import MemoryLimit, parse_memory
+from fpsboost.observer import Observer
+from fpsboost.options import option
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a conversion is run; nothing of it shapes the frames.
+
+    Parameters
+    ----------
+    overwrite : bool
+        Replace an existing output.
+    resume : bool
+        Resume an earlier run of the same input and options that was stopped, after the frames that it finished; start
+        anew if there is none.
+    in_place : bool
+        Write the frames that are made beside the images of the input; the output must not be given. Existing files are
+        never changed.
+    limit : MemoryLimit, optional
+        Memory that may be used: a clip that needs more is refused before it is decoded. By default what is available.
+    threads : int, optional
+        Pairs of frames processed in parallel; by default as many as there are cores and memory for. Frames are the
+        same with any number.
+    observer : Observer, optional
+        Informed of the progress.
+    """
+
+    overwrite: bool = option(False, "Replace an existing output.", short="y")
+    in_place: bool = option(False, "Write beside the input images; leave OUT out.")
+    resume: bool = option(False, "Continue the same job where it was interrupted.")
+    limit: MemoryLimit | None = option(
+        None, "Refuse jobs that need more: 8G; else what is free.", flag="max-memory", parse=parse_memory
+    )
+    threads: int | None = option(None, "Pairs of frames made in parallel; else one per core.")
+    observer: Observer | None = None

@@ -1,0 +1,81 @@
+"""Options, declared once: as fields in Python, as flags on the command line."""
+
+from __future__ import annotations
+
+import ast
+import re
+from dataclasses import fields
+from pathlib import Path
+from typing import get_type_hints
+
+import pytest
+
+import fpsboost
+from fpsboost import DecodeOptions, Encoding, OutputRate, RunOptions, methods
+from fpsboost.cli.flags import flags_of
+from fpsboost.cli.options import TuningOptions, flag_names, in_flags, option_classes
+
+PACKAGE = Path(fpsboost.__file__).parent
+NOT_ON_THE_COMMAND_LINE = {"trim", "observer"}
+"""A group of options of its own, and an object."""
+
+
+@pytest.mark.parametrize("cls", [DecodeOptions, Encoding, OutputRate, RunOptions])
+def test_every_field_has_a_flag(cls):
+    """Whatever a library call can be told, the command line can."""
+    named = {flag.field for flag in flags_of(cls)}
+    assert {field.name for field in fields(cls)} - named <= NOT_ON_THE_COMMAND_LINE
+
+
+def test_flags_are_spelled_once():
+    """A field that two groups have has one flag in both, so that a message can name it."""
+    flags = [(flag.field, flag.name) for cls in option_classes for flag in flags_of(cls)]
+    assert dict(flags) == flag_names
+    assert set(flags) == set(flag_names.items())
+
+
+@pytest.mark.parametrize("flag", list(flags_of(TuningOptions)), ids=lambda flag: flag.field)
+def test_options_of_methods_are_fields_of_their_parts(flag):
+    """With the same type and the same choices; None on the command line leaves what the part has."""
+    parts = {type(part) for method in methods.values() for part in (method.estimator, method.synthesizer)}
+    kinds = [get_type_hints(part)[flag.field] for part in parts if flag.field in get_type_hints(part)]
+    assert kinds
+    for kind in kinds:
+        assert kind | None == flag.kind
+
+
+@pytest.mark.parametrize(
+    ("sentence", "shown"),
+    [
+        ("give `fps`", "give --fps"),
+        ("give `fps=60`", "give --fps 60"),
+        ("give `codec='hevc'`", "give --codec hevc"),
+        ("leave it out with `audio=False`", "leave it out with --no-audio"),
+        ("`deinterlace=True` makes two", "--deinterlace makes two"),
+        ("allow more with `limit`", "allow more with --max-memory"),
+        ("the file `x`, `y`.mp4 and `", "the file `x`, `y`.mp4 and `"),
+    ],
+)
+def test_messages_name_flags(sentence, shown):
+    """The command line puts its flags where the library names fields, and leaves other backquotes alone."""
+    assert in_flags(sentence) == shown
+
+
+def library_texts():
+    """Yield the texts of the library outside docstrings, with their files."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        if path.relative_to(PACKAGE).parts[0] in ("cli", "evaluation"):
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+                yield path, node.value
+
+
+def test_the_library_names_fields_and_no_flags():
+    """No message of the library speaks of a command line, and each name between backquotes is an option."""
+    for path, text in library_texts():
+        assert not re.search(r"(?<![\w-])--[a-z]", text), f"{path}: {text}"
+        for name in re.findall(r"`([a-z]\w*)(?:=[^`]*)?`", text):
+            assert name in flag_names, f"{path}: {text}"
