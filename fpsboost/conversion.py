@@ -5,27 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from fpsboost.analysis.cut_list import CutList
+from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.errors import OptionError
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import FrameSource, Resumable
-from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io import Resumable
+from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.opening import (
-    check_images,
-    fingerprint_job,
-    makes_animation,
-    makes_video,
-    open_sink,
-    open_source,
-    requirements_of,
-    trim_source,
-)
+from fpsboost.io.opening import check_images, fingerprint_job, open_source
+from fpsboost.io.output import Output
 from fpsboost.io.prefetch import available_cores
-from fpsboost.io.trim import TrimmedSource
+from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.target import Target
+from fpsboost.io.trim import trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method
 from fpsboost.observer import SilentObserver, Summary
 from fpsboost.run_options import RunOptions
@@ -97,12 +90,10 @@ def convert(
     run, encoding, decoding = run or RunOptions(), encoding or Encoding(), decoding or DecodeOptions()
     output_rate = _resolve_rate(factor, rate)
     interpolator = find_method(method) if isinstance(method, str) else method
-    output = _resolve_output(input, output, in_place=run.in_place, overwrite=run.overwrite)
+    target = Target.parse(_resolve_output(input, output, in_place=run.in_place, overwrite=run.overwrite))
+    target.check_encoding(encoding)
     job = Job(output_rate, interpolator, decoding, encoding, run.in_place)
-    to_video = makes_video(output)
-    to_file = to_video or makes_animation(output)
-    requirements = requirements_of(
-        output,
+    requirements = target.requirements(
         encoding,
         needs_rate=output_rate.fps is not None or decoding.trim.needs_rate,
         takes_planes=interpolator.takes_planes,
@@ -115,28 +106,32 @@ def convert(
         in_place=run.in_place,
         limit=run.limit,
     ) as whole:
-        may_skip = not (isinstance(interpolator.cuts, CutList) and interpolator.cuts.counts_frames)
-        source = trim_source(whole, decoding.trim, may_skip=may_skip, stretch=output_rate.stretch)
-        info = source.info
-        encoding, lost = _adapt_audio(encoding, whole, output_rate)
-        schedule = output_rate.schedule(info, has_clock=to_video)
+        may_skip = not counts_frames(interpolator.cuts)
+        source, window = trim_source(whole, decoding.trim, may_skip=may_skip, stretch=output_rate.stretch)
+        info, stream = source.info, whole.stream_info
+        encoding, lost = _adapt_audio(encoding, stream, output_rate)
+        schedule = output_rate.schedule(info, has_clock=target.has_clock)
         multiple = schedule.rate(info.rate) / info.rate
-        keeps_numbers = isinstance(whole, ImageSource) and not to_file and whole.numbers_for(multiple) is not None
+        images = stream.images
+        keeps_numbers = images is not None and not target.has_rate and images.numbers_for(multiple) is not None
         if output_rate.fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
             interpolator = replace(interpolator, duplicates=None)
-        expected = count_frames(schedule, info, holds_last_frame=to_video)
-        interpolator, on_vectors = _match_vectors(interpolator, whole, multiple, expected)
-        sink = open_sink(
-            output,
-            source=whole,
-            timing=output_rate.timing(info, schedule),
-            encoding=encoding,
-            expected_frames=expected,
-            overwrite=run.overwrite,
-            job=fingerprint_job(whole, job, resume=run.resume),
-            window=source.window if isinstance(source, TrimmedSource) else None,
-            factor=multiple,
-            in_place=run.in_place,
+        expected = count_frames(schedule, info, holds_last_frame=target.has_clock)
+        interpolator, on_vectors = _match_vectors(interpolator, whole.info.name, images, multiple, expected)
+        sink = target.open(
+            Output(
+                target.path,
+                whole.info,
+                output_rate.timing(info, schedule),
+                stream,
+                encoding=encoding,
+                expected_frames=expected,
+                overwrite=run.overwrite,
+                job=fingerprint_job(whole, job, resume=run.resume),
+                window=window,
+                factor=multiple,
+                in_place=run.in_place,
+            )
         )
         threads = run.threads
         if threads is None:
@@ -158,10 +153,10 @@ def convert(
     # some are known only after the sink has finished the output
     summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
     summary.remarks += [*lost, *on_vectors, *output_rate.remarks(info, schedule, summary.frame_intervals)]
-    if isinstance(whole, ImageSource) and whole.step > 1 and to_file:
+    if images is not None and images.step > 1 and target.has_rate:
         summary.remarks.append(
             f"`input_fps` counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
-            f"it is 24/{whole.step}, or 24 with `fill_gaps`."
+            f"it is 24/{images.step}, or 24 with `fill_gaps`."
         )
     return summary
 
@@ -198,27 +193,28 @@ def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite
 
 
 def _match_vectors(
-    interpolator: Interpolator, source: FrameSource, factor: Fraction, count: int | None
+    interpolator: Interpolator, name: str, images: NumberedImages | None, factor: Fraction, count: int | None
 ) -> tuple[Interpolator, list[str]]:
     """Match a renderer's vectors to the output's frame numbers if both have numbers; return remarks if they differ."""
-    if not isinstance(source, ImageSource) or not source.numbers or count is None:
+    if images is None or not images.numbers or count is None:
         return interpolator, []
-    kept = source.numbers_for(factor)
-    if interpolator.needs_every_frame and kept is None and (source.step > 1 or source.fills_gaps):
+    kept = images.numbers_for(factor)
+    if interpolator.needs_every_frame and kept is None and (images.step > 1 or images.fills_gaps):
         raise OptionError(
-            f"A renderer's motion vectors go by the numbers of {source.info.name}, and {factor} times the frames do "
-            f"not fit between those; give `factor={source.step}`."
+            f"A renderer's motion vectors go by the numbers of {name}, and {factor} times the frames do not fit "
+            f"between those; give `factor={images.step}`."
         )
-    first, step = kept or (source.first_number + int(source.skipped * factor), 1)
+    first, step = kept or (images.first_number + int(images.skipped * factor), 1)
     return interpolator.with_vectors_for(range(first, first + count * step, step), must_match=kept is not None)
 
 
-def _adapt_audio(encoding: Encoding, source: FrameSource, output_rate: OutputRate) -> tuple[Encoding, list[str]]:
+def _adapt_audio(encoding: Encoding, stream: StreamInfo, output_rate: OutputRate) -> tuple[Encoding, list[str]]:
     """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
     if output_rate.slow_motion_sound == "stretch" and not encoding.audio:
         raise OptionError("`slow_motion_sound='stretch'` and `audio=False` contradict each other; give one of them.")
     if output_rate.stretch == 1 or not encoding.audio or output_rate.slow_motion_sound == "stretch":
         return encoding, []
-    has_sound = isinstance(source, VideoSource) and "sound" in source.companions
-    lost = [f"{source.info.name} has sound, which slow motion leaves out."] if has_sound else []
+    video = stream.video
+    has_sound = video is not None and "sound" in video.companions
+    lost = [f"{video.name} has sound, which slow motion leaves out."] if video is not None and has_sound else []
     return replace(encoding, audio=False, audio_codec=None), lost

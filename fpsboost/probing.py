@@ -18,14 +18,14 @@ from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair, with_neighbours
-from fpsboost.io import FrameSource
-from fpsboost.io.animation.source import AnimationSource, animation_format
-from fpsboost.io.images.numbered import ImageSource
-from fpsboost.io.opening import open_sink, open_source
+from fpsboost.io import FrameSource, Stoppable
+from fpsboost.io.animation.source import animation_format
+from fpsboost.io.opening import open_source
+from fpsboost.io.output import Output
+from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.listing import StreamFacts, list_streams
-from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.method_table import methods
 from fpsboost.timing.rate import OutputRate
@@ -212,13 +212,13 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     may_change = Path(path).is_file() and animation_format(Path(path)) is None
     decoding = DecodeOptions(input_fps=input_fps, stream=stream, size_change="scale" if may_change else "stop")
     with open_source(path, decoding=decoding) as source:
-        video = source if isinstance(source, VideoSource) else None
-        has_clock = isinstance(source, VideoSource | AnimationSource)
+        beside = source.stream_info
+        has_clock = beside.images is None
         schedule, refused = _plan(source.info, has_clock=has_clock)
-        look = None if video is None else _look(video.traits)
+        look = None if beside.traits is None else _look(beside.traits)
         losses: list[str] = []
-        if video is not None and refused is None:
-            refused, losses = _try_sink(video, schedule)
+        if beside.video is not None and refused is None:
+            refused, losses = _try_sink(source.info, beside, schedule)
         findings = _Findings()
         # `moments` runs ahead of the current pair: the pair's index tells which of them it ends with
         cuts = [
@@ -226,8 +226,8 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
             for place, (before, pair, after) in enumerate(with_neighbours(findings.pairs(source)))
             if pair.is_cut(before, after)
         ]
-        if video is not None:
-            refused = refused or video.stopped_by
+        if isinstance(source, Stoppable):
+            refused = refused or source.stopped_by
         info, times = source.info, findings.times
         counted = replace(info, frame_count=len(times), duration=findings.end - times[0])
         frames = count_frames(schedule, counted, holds_last_frame=has_clock)
@@ -238,7 +238,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
             width=info.width,
             height=info.height,
             look=look,
-            streams=[] if video is None else list_streams(video),
+            streams=[] if beside.video is None else list_streams(beside.video),
             rate=float(info.rate),
             exact_rate=str(info.rate),
             varies=spread > max(2 * info.time_base, median / 20),
@@ -247,7 +247,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
             longest=float(max(intervals)),
             start=float(times[0]),
             duration=float(findings.end - times[0]),
-            number_step=source.step if isinstance(source, ImageSource) and source.numbers else None,
+            number_step=beside.images.step if beside.images is not None and beside.images.numbers else None,
             frames=len(times),
             declared_frames=info.frame_count,
             duplicates=findings.duplicates,
@@ -270,17 +270,14 @@ class _AbortSinkError(Exception):
     """Exception that leaves a sink without writing."""
 
 
-def _try_sink(source: VideoSource, schedule: Schedule) -> tuple[str | None, list[str]]:
+def _try_sink(info: ClipInfo, stream: StreamInfo, schedule: Schedule) -> tuple[str | None, list[str]]:
     """Return why an .mp4 would be refused, and remarks on what it would lose, by opening a temporary one."""
-    info = source.info
     timing = OutputTiming(schedule.rate(info.rate), schedule.time_base(info.time_base))
     remarks: list[str] = []
     with TemporaryDirectory() as folder:
         path = str(Path(folder) / "out.mp4")
         try:
-            sink = open_sink(
-                path, source=source, timing=timing, encoding=Encoding(), expected_frames=None, overwrite=False
-            )
+            sink = Target.parse(path).open(Output(path, info, timing, stream))
             with suppress(_AbortSinkError), sink:
                 remarks += sink.remarks
                 raise _AbortSinkError

@@ -21,10 +21,8 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.io import Cancellable, FrameSink, FrameSource
-from fpsboost.io.opening import (
-    beginning,
-)
 from fpsboost.io.prefetch import available_cores, nothing, read_ahead, run_in_parallel, write_behind
+from fpsboost.io.trim import beginning
 from fpsboost.observer import Observer, SilentObserver, Summary
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time

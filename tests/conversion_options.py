@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 from fpsboost import DecodeOptions, Interpolator, RunOptions, methods
+from fpsboost.io import DescribedSource, FrameSink
+from fpsboost.io.output import Output
+from fpsboost.io.target import Target
 from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.schedule import OutputTiming
 
 GROUPS = {"rate": OutputRate, "decoding": DecodeOptions, "run": RunOptions}
 
@@ -19,6 +24,17 @@ def grouped(**options: Any) -> dict[str, Any]:
         if names:
             arguments[argument] = group(**{name: options.pop(name) for name in names})
     return {**arguments, **options}
+
+
+def output_of(path: Path | str, source: DescribedSource, timing: OutputTiming, **options: Any) -> Output:
+    """Return an output made from a source."""
+    stream = source.stream_info
+    return Output(str(path), source.info, timing, stream, **options)
+
+
+def open_output(path: Path | str, source: DescribedSource, timing: OutputTiming, **options: Any) -> FrameSink:
+    """Return the sink of an output made from a source."""
+    return Target.parse(str(path)).open(output_of(path, source, timing, **options))
 
 
 def keeping_duplicates(method: str) -> Interpolator:

@@ -20,6 +20,8 @@ from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import open_source
+from fpsboost.io.output import Output
+from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming
@@ -37,7 +39,8 @@ def write(
     height, width = images[0].shape[:2]
     info = ClipInfo("test", height, width, rate, 1 / rate, len(images))
     time = Fraction(3)  # a clip may begin at any time
-    with AnimationSink(str(path), info, OutputTiming(rate, 1 / rate), plays=plays, inputs=[], overwrite=False) as sink:
+    output = Output(str(path), info, OutputTiming(rate, 1 / rate), StreamInfo(plays=plays))
+    with AnimationSink(output) as sink:
         for image, duration in zip(images, durations, strict=True):
             sink.write(Frame(image, time, duration))
             time += duration

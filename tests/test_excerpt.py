@@ -16,8 +16,8 @@ from video_truth import packets_of, pictures_of, spoil_packets, stream_of, write
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.opening import open_source, trim_source
-from fpsboost.io.trim import TrimmedSource
+from fpsboost.io.opening import open_source
+from fpsboost.io.trim import TrimmedSource, trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource

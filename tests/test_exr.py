@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import OpenEXR
 import pytest
+from conversion_options import output_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +20,7 @@ from fpsboost.frame import Frame
 from fpsboost.io.images.exr import ExrHeader, encode_exr, find_layer, parse_exr_header, read_exr, write_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageSink, ImageSource
+from fpsboost.timing.schedule import OutputTiming
 
 HEIGHT, WIDTH = 40, 60
 RATE = Fraction(24)
@@ -294,7 +296,7 @@ def test_a_file_without_a_picture_is_refused(tmp_path):
 
 def convert(source: ImageSource, path: Path, frames: int = 2) -> list[np.ndarray]:
     """Copy all images of a source; read them again."""
-    sink = ImageSink(str(path), source.info, source, frames, overwrite=False)
+    sink = ImageSink(output_of(path, source, OutputTiming(RATE, 1 / RATE), expected_frames=frames))
     with sink:
         for index, frame in enumerate(source):
             sink.write(Frame(frame.image, index / RATE))
@@ -327,7 +329,7 @@ def test_float_tiff_becomes_float_exr(tmp_path):
         (tmp_path / "in" / f"{number}.tif").write_bytes(cv2.imencode(".tif", image)[1].tobytes())
     (tmp_path / "out").mkdir()
     source = ImageSource(str(tmp_path / "in"), RATE)
-    sink = ImageSink(str(tmp_path / "out" / "#.exr"), source.info, source, 2, overwrite=False)
+    sink = ImageSink(output_of(tmp_path / "out" / "#.exr", source, OutputTiming(RATE, 1 / RATE)))
     with sink:
         sink.write(Frame(image, Fraction(0)))
     np.testing.assert_array_equal(read_image(tmp_path / "out" / "1.exr"), image)

@@ -22,7 +22,10 @@ from fpsboost.io.images import numbered as images
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageFile, ImageSink, ImageSource
 from fpsboost.io.images.numbering import is_pattern
-from fpsboost.io.images.sequence import Numbering
+from fpsboost.io.images.sequence import NumberedImages, Numbering
+from fpsboost.io.output import Output
+from fpsboost.io.stream_info import StreamInfo
+from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(24000, 1001)
 HEIGHT, WIDTH = 12, 18
@@ -55,7 +58,9 @@ def clip_info(height: int = HEIGHT, width: int = WIDTH) -> ClipInfo:
 def make_sink(
     path: Path | str, source: ImageSource | None = None, frame_count: int | None = 2, overwrite: bool = False
 ) -> ImageSink:
-    return ImageSink(str(path), clip_info(), source, frame_count, overwrite=overwrite)
+    stream = StreamInfo() if source is None else source.stream_info
+    timing = OutputTiming(RATE, 1 / RATE)
+    return ImageSink(Output(str(path), clip_info(), timing, stream, expected_frames=frame_count, overwrite=overwrite))
 
 
 def write(sink: ImageSink, *pictures: Image) -> None:
@@ -108,8 +113,7 @@ def test_pattern_round_trip(prefix: str, digits: int, number: int) -> None:
 @given(st.integers(0, 99999), st.integers(1, 200_000), st.integers(1, 6))
 def test_folder_names_sort_by_time(first: int, count: int, digits: int) -> None:
     """With the digits that a folder gets, the order of names is the order of frames."""
-    source = object.__new__(ImageSource)
-    source.numbering, source.first_number = Numbering(Path("in"), "f_", digits, ".png"), first
+    source = NumberedImages([Path("in/f.png")], Numbering(Path("in"), "f_", digits, ".png"), [first], 1, first)
     numbering = images._name_in_folder(Path("out"), source, count)
     assert numbering.digits >= digits
     assert len(numbering.path(first).name) == len(numbering.path(first + count - 1).name)
@@ -142,18 +146,17 @@ def test_folder_naming(tmp_path: Path, names: list[str], pattern: str, first: in
     for clutter in (".DS_Store", "._0001.png", "notes.txt", "Thumbs.db"):
         (tmp_path / clutter).write_text("no image")
     (tmp_path / "0007.png.d").mkdir()
-    source = ImageSource(str(tmp_path), RATE)
+    source = ImageSource(str(tmp_path), RATE).images
     assert source.numbering is not None
     assert (source.numbering.pattern, source.first_number) == (pattern, first)
     assert [path.name for path in source.files] == names
-    assert source.suffix == Path(names[0]).suffix
 
 
 def test_names_without_numbers(tmp_path: Path) -> None:
     """Images without any number go by the alphabet, and a folder of output gets numbers."""
     source = ImageSource(str(fill(tmp_path / "in", "c.png", "B.png", "a.png")), RATE)
-    assert [path.name for path in source.files] == ["a.png", "B.png", "c.png"]
-    assert source.numbering is None
+    assert [path.name for path in source.images.files] == ["a.png", "B.png", "c.png"]
+    assert source.images.numbering is None
     write(make_sink(tmp_path / "out", source), make_image(), make_image())
     assert names_in(tmp_path / "out") == ["000001.png", "000002.png"]
 
@@ -167,7 +170,7 @@ def test_frames_and_info(tmp_path: Path) -> None:
             frames = list(source)
             assert [frame.time for frame in frames] == [0, 1 / RATE, 2 / RATE]
             assert all(frame.duration == 1 / RATE for frame in frames)
-            assert [frame.original for frame in frames] == [ImageFile(file) for file in source.files]
+            assert [frame.original for frame in frames] == [ImageFile(file) for file in source.images.files]
             assert all(np.array_equal(frame.image, make_image(seed=i)) for i, frame in enumerate(frames))
     assert source.remarks == []
 
@@ -212,7 +215,7 @@ def test_refused_paths(tmp_path: Path) -> None:
 def test_pattern_picks_one_sequence(tmp_path: Path) -> None:
     """A pattern reads its own sequence out of a folder that holds several, and its padding is strict."""
     fill(tmp_path, "a_08.png", "a_09.png", "a_10.png", "a_7.png", "b_1.png", "a_11.tif")
-    assert [path.name for path in ImageSource(str(tmp_path / "a_##.png"), RATE).files] == [
+    assert [path.name for path in ImageSource(str(tmp_path / "a_##.png"), RATE).images.files] == [
         "a_08.png",
         "a_09.png",
         "a_10.png",
@@ -398,7 +401,7 @@ def test_odd_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -
     source = ImageSource(name, RATE)
     write(make_sink(f"{name}/{name}_%03d.png", source), *(frame.image for frame in source))
     again = ImageSource(f"{name}/{name}_%03d.png", RATE)
-    assert [path.name for path in again.files] == [f"{name}_001.png", f"{name}_002.png"]
+    assert [path.name for path in again.images.files] == [f"{name}_001.png", f"{name}_002.png"]
     np.testing.assert_array_equal([frame.image for frame in again], [make_image(), make_image(seed=1)])
 
 
@@ -580,7 +583,7 @@ def test_refused_places(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match=message):
             make_sink(tmp_path / target, overwrite=True)
     with pytest.raises(OutputError, match="16383"):
-        ImageSink(str(tmp_path / "x_##.webp"), clip_info(width=20000), None, None, overwrite=False)
+        ImageSink(Output(str(tmp_path / "x_##.webp"), clip_info(width=20000), OutputTiming(RATE, 1 / RATE)))
     assert names_in(tmp_path) == ["file"]
 
 

@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from animation_truth import write_animation
+from conversion_options import open_output
 from video_truth import packets_of, scene, write_clip, write_stream
 
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.io import FrameSink, FrameSource
-from fpsboost.io.opening import open_sink, open_source
+from fpsboost.io.opening import open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import INPUT_NAME, PipeSource
@@ -245,14 +246,9 @@ def open_pair(source_path: Path, target: tuple[str, Path], overwrite: bool = Fal
     kind, path = target
     source = open_source(str(source_path), decoding=DecodeOptions(input_fps=RATE if source_path.is_dir() else None))
     try:
-        sink = open_sink(
-            str(path),
-            source=source,
-            timing=OutputTiming(source.info.rate, source.info.time_base),
-            encoding=FAST.get(kind, Encoding(preset="ultrafast")),
-            expected_frames=COUNT,
-            overwrite=overwrite,
-        )
+        timing = OutputTiming(source.info.rate, source.info.time_base)
+        encoding = FAST.get(kind, Encoding(preset="ultrafast"))
+        sink = open_output(path, source, timing, encoding=encoding, expected_frames=COUNT, overwrite=overwrite)
     except BaseException:
         source.close()
         raise
@@ -427,9 +423,7 @@ def test_the_source_is_never_the_target(tmp_path, save_images, snapshot, kind, o
     source = open_source(str(path), decoding=DecodeOptions(input_fps=None if path.is_file() else RATE))
     timing = OutputTiming(RATE, 1 / RATE)
     with source, pytest.raises(OutputError, match=r"input"):
-        open_sink(
-            str(same), source=source, timing=timing, encoding=Encoding(), expected_frames=COUNT, overwrite=overwrite
-        )
+        open_output(same, source, timing, expected_frames=COUNT, overwrite=overwrite)
     assert snapshot(tmp_path) == before
 
 
@@ -443,7 +437,7 @@ def test_sinks_say_whether_the_last_frame_lasts(source_path, target):
 @pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv", ".webm"])
 @pytest.mark.parametrize("sound", ["aac", "libopus", "flac", "pcm_s16le"])
 def test_sound_is_copied_or_refused_by_name(tmp_path, snapshot, sound, suffix):
-    """A container takes the sound as it is, or the message says that the sound does not fit and names --no-audio."""
+    """A container takes the sound as it is, or the message says that the sound does not fit and names the option."""
     clip = write_clip(tmp_path / "in.mkv", times=range(COUNT), sound=sound)
     before = snapshot(tmp_path)
     path = tmp_path / f"out{suffix}"
@@ -452,9 +446,7 @@ def test_sound_is_copied_or_refused_by_name(tmp_path, snapshot, sound, suffix):
     try:
         with open_source(str(clip)) as source:
             timing = OutputTiming(source.info.rate, source.info.time_base)
-            with open_sink(
-                str(path), source=source, timing=timing, encoding=encoding, expected_frames=None, overwrite=False
-            ) as sink:
+            with open_output(path, source, timing, encoding=encoding) as sink:
                 for frame in source:
                     sink.write(frame)
     except OutputError as error:

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import pytest
 from animation_truth import write_animation
+from conversion_options import open_output
 from video_truth import scene, write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
@@ -17,13 +18,10 @@ from fpsboost.io.images.numbered import ImageSink, ImageSource
 from fpsboost.io.opening import (
     ASSUMED_IMAGE_RATE,
     TargetRequirements,
-    makes_animation,
-    makes_video,
-    open_sink,
     open_source,
 )
+from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
@@ -48,14 +46,15 @@ from fpsboost.timing.schedule import OutputTiming
 )
 def test_what_an_output_path_names(path, expected):
     """The ending decides between video and images, in capitals too; patterns and folders are images."""
-    assert makes_video(path) is expected
-    assert makes_animation(path) is (path in {f"out{suffix}" for suffix in ANIMATION_SUFFIXES})
+    target = Target.parse(path)
+    assert target.has_clock is expected
+    assert (target.kind == "animation") is (path in {f"out{suffix}" for suffix in ANIMATION_SUFFIXES})
 
 
 def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
     """A folder that is there is taken for images even if it is called like a video."""
     (tmp_path / "clip.mp4").mkdir()
-    assert not makes_video(str(tmp_path / "clip.mp4"))
+    assert Target.parse(str(tmp_path / "clip.mp4")).kind == "images"
     with pytest.raises(InputError, match="holds no images"):
         open_source(str(tmp_path / "clip.mp4"), decoding=DecodeOptions(input_fps=Fraction(24)))
 
@@ -64,14 +63,14 @@ def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
 def test_unknown_endings(name):
     """What cannot be written is an OptionError that lists what can."""
     with pytest.raises(OptionError, match=rf"{name} has an ending .*\.mp4.*\.webm.*folder"):
-        makes_video(name)
+        Target.parse(name)
 
 
 @pytest.mark.parametrize("suffix", sorted({*IMAGE_SUFFIXES} - {*ANIMATION_SUFFIXES}))
 def test_a_single_image_is_no_output(suffix):
     """One image cannot hold a clip; the message shows the pattern that would."""
     with pytest.raises(OptionError, match=rf"out{suffix} would be a single image; .* shot_####{suffix}"):
-        makes_video(f"out{suffix}")
+        Target.parse(f"out{suffix}")
 
 
 @pytest.mark.parametrize("suffix", [".png", ".webp", ".tif", ".apng"])
@@ -123,14 +122,7 @@ def test_kinds_of_sources_and_sinks(tmp_path, save_images):
     with open_source(str(clip)) as source:
         assert isinstance(source, VideoSource)
         for name, kind in kinds.items():
-            sink = open_sink(
-                str(tmp_path / name),
-                source=source,
-                timing=timing,
-                encoding=Encoding(),
-                expected_frames=3,
-                overwrite=False,
-            )
+            sink = open_output(tmp_path / name, source, timing)
             assert type(sink) is kind
 
 
@@ -151,4 +143,4 @@ def test_an_empty_output_name_is_no_folder(tmp_path, monkeypatch, save_images):
         open_source("in", decoding=DecodeOptions(input_fps=Fraction(24))) as source,
         pytest.raises((OutputError, OptionError)),
     ):
-        open_sink("", source=source, timing=timing, encoding=Encoding(), expected_frames=3, overwrite=True)
+        open_output("", source, timing, overwrite=True)

@@ -19,6 +19,7 @@ from typing import BinaryIO
 import av
 import numpy as np
 import pytest
+from conversion_options import output_of
 from hypothesis import given
 from hypothesis import strategies as st
 from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, stream_of, write_clip, write_stream
@@ -28,7 +29,9 @@ from fpsboost.cli import app, progress
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io import Cancellable
-from fpsboost.io.opening import makes_video, open_source
+from fpsboost.io.opening import open_source
+from fpsboost.io.output import Output
+from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import MAX_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
@@ -125,7 +128,7 @@ def copy(data: bytes, *, strip: bool = False, encoding: Encoding | None = None) 
     target = BytesIO()
     with PipeSource(BytesIO(data)) as source:
         timing = OutputTiming(source.info.rate, source.info.time_base)
-        with PipeSink(source.info, timing, encoding or Encoding(), source, target) as sink:
+        with PipeSink(output_of("-", source, timing, encoding=encoding or Encoding()), target) as sink:
             for frame in source:
                 sink.write(Frame(frame.image, frame.time, frame.duration, None if strip else frame.original))
     return target.getvalue(), sink
@@ -137,7 +140,7 @@ def write_frames(images: list[np.ndarray], encoding: Encoding | None = None) -> 
     info = ClipInfo("images", height, width, Fraction(24), Fraction(1, 24), len(images))
     target = BytesIO()
     timing = OutputTiming(Fraction(24), Fraction(1, 24))
-    with PipeSink(info, timing, encoding or Encoding(), None, target) as sink:
+    with PipeSink(Output("-", info, timing, encoding=encoding or Encoding()), target) as sink:
         for index, image in enumerate(images):
             sink.write(Frame(image, Fraction(index, 24)))
     return target.getvalue(), sink
@@ -241,7 +244,7 @@ def test_colours_are_those_of_a_file(tmp_path, name, more):
             assert ours.image.dtype == theirs.image.dtype
             assert np.array_equal(ours.image, theirs.image)
         for field in ("pixel_format", "color_space", "full_range", "chroma_location", "sample_aspect_ratio"):
-            assert getattr(pipe.traits, field) == getattr(file.traits, field), field
+            assert getattr(pipe.stream_info.traits, field) == getattr(file.traits, field), field
         assert (pipe.info.rate, pipe.info.width, pipe.info.height) == (file.info.rate, 64, 48)
 
 
@@ -274,7 +277,7 @@ def test_large_pictures_are_bt709():
     """From 720 rows on an untagged stream means BT.709, as an untagged file does."""
     for height, expected in ((718, 6), (720, 1)):
         with PipeSource(BytesIO(stream_of(1, size=(height, 16)))) as source:
-            assert source.traits.color_space == expected
+            assert source.stream_info.traits.color_space == expected
 
 
 def test_interlaced_streams_are_told():
@@ -385,7 +388,7 @@ def test_pixel_formats_of_files(tmp_path, pixel_format, codec, name, says):
     )  # fmt: skip
     target = BytesIO()
     timing = OutputTiming(Fraction(25), Fraction(1, 25))
-    with VideoSource(clip) as source, PipeSink(source.info, timing, Encoding(), source, target) as sink:
+    with VideoSource(clip) as source, PipeSink(output_of("-", source, timing), target) as sink:
         for frame in source:
             sink.write(frame)
     line, frames = frames_in(target.getvalue())
@@ -404,7 +407,7 @@ def test_what_a_stream_cannot_say_is_said(tmp_path):
     )  # fmt: skip
     with VideoSource(clip) as source:
         timing = OutputTiming(Fraction(25), Fraction(1, 25))
-        with PipeSink(source.info, timing, Encoding(), source, BytesIO()) as sink:
+        with PipeSink(output_of("-", source, timing), BytesIO()) as sink:
             for frame in source:
                 sink.write(frame)
         assert sink.remarks == [
@@ -412,7 +415,7 @@ def test_what_a_stream_cannot_say_is_said(tmp_path):
             f"standard output cannot say the colour matrix and colour primaries and transfer function and rotation of "
             f"{clip}; say it again behind the pipe.",
         ]
-        silent = PipeSink(source.info, timing, Encoding(audio=False, subtitles=False), source, BytesIO())
+        silent = PipeSink(output_of("-", source, timing, encoding=Encoding(audio=False, subtitles=False)), BytesIO())
         assert silent.remarks == []
 
 
@@ -444,8 +447,8 @@ def test_format_names():
 
 def test_paths_that_are_pipes():
     """A dash is a video on either side; a rate of images makes no sense with it."""
-    assert makes_video("-")
-    assert not makes_video("./-")
+    assert Target.parse("-").kind == "pipe"
+    assert Target.parse("./-").kind == "images"
     with pytest.raises(OptionError, match="`input_fps` is for images"):
         open_source("-", decoding=DecodeOptions(input_fps=Fraction(24)))
 
@@ -454,8 +457,8 @@ def test_pipes_can_be_told_to_give_up():
     """Both ends keep the contract that lets a stopped run end."""
     with PipeSource(BytesIO(stream_of(2))) as source:
         assert isinstance(source, Cancellable)
-        assert isinstance(PipeSink(source.info, OutputTiming(Fraction(25), Fraction(1, 25)), Encoding(), source,
-                                   BytesIO()), Cancellable)  # fmt: skip
+        output = output_of("-", source, OutputTiming(Fraction(25), Fraction(1, 25)))
+        assert isinstance(PipeSink(output, BytesIO()), Cancellable)
 
 
 def test_a_closed_stream_is_told_apart():
@@ -466,7 +469,7 @@ def test_a_closed_stream_is_told_apart():
             raise BrokenPipeError
 
     info = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
-    sink = PipeSink(info, OutputTiming(Fraction(25), Fraction(1, 25)), Encoding(), None, Closed())
+    sink = PipeSink(Output("-", info, OutputTiming(Fraction(25), Fraction(1, 25))), Closed())
     with pytest.raises(ReaderGoneError):
         sink.write(Frame(scene(0), Fraction(0)))
 
@@ -513,8 +516,8 @@ def test_from_pipe_to_file(piped, tmp_path):
     assert (done.returncode, done.stdout) == (0, b"")
     with VideoSource(tmp_path / "out.mp4") as source:
         assert source.info.rate == Fraction(60000, 1001)
-        assert (source.traits.sample_aspect_ratio, source.traits.full_range) == (Fraction(4, 3), True)
-        assert source.traits.chroma_location == "left"
+        assert (source.stream_info.traits.sample_aspect_ratio, source.traits.full_range) == (Fraction(4, 3), True)
+        assert source.stream_info.traits.chroma_location == "left"
     planes = [b"".join(p.tobytes() for p in samples_of(picture)) for picture in pictures_of(tmp_path / "out.mp4")]
     assert planes[::2] == frames_in(data)[1]
 

@@ -713,7 +713,7 @@ def test_what_fails_in_the_middle_leaves_nothing(
             str(tmp_path / "in"),
             str(tmp_path / output),
             method="nearest",
-            encoding=FAST,
+            encoding=FAST if output.endswith(".mp4") else None,
             decoding=DecodeOptions(input_fps=24),
         )
     assert snapshot(tmp_path) == before

@@ -220,7 +220,7 @@ def test_of_several_videos_the_best_is_read(tmp_path, sizes, default, taken):
     """The one flagged as default, then the largest, then the first; the others are said to be left out."""
     clip = write_two(tmp_path / "in.mkv", sizes, default)
     with VideoSource(clip) as source:
-        assert (source.stream_index, (source.info.height, source.info.width)) == (taken, sizes[taken])
+        assert (source.file.stream_index, (source.info.height, source.info.width)) == (taken, sizes[taken])
         other = 1 - taken
         height, width = sizes[other]
         assert f"stream {taken} (ffv1 " in source.remarks[0]

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conversion_options import output_of
 from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 import fpsboost
@@ -93,7 +94,9 @@ def run(
     with VideoSource(clip) as source:
         info = source.info
         timing = OutputTiming(FACTOR.rate(info.rate), FACTOR.time_base(info.time_base))
-        sink = VideoSink(target, info, timing, encoding, source, overwrite=overwrite, job=job, chunk_frames=CHUNK)
+        sink = VideoSink(
+            output_of(target, source, timing, encoding=encoding, overwrite=overwrite, job=job), chunk_frames=CHUNK
+        )
         with sink:
             interpolator = interpolator or find_method("blend")
             return run_conversion(source, interpolator, sink, FACTOR, Stop(stop_after), skip=sink.completed_frames)
@@ -110,7 +113,7 @@ def contents(path: Path) -> tuple[Any, ...]:
     """Everything of a video: its packets with their times, its decoded samples, and the sound."""
     samples = [[plane.tobytes() for plane in samples_of(picture)] for picture in pictures_of(path)]
     times = [(picture.pts, picture.duration, picture.time_base) for picture in pictures_of(path)]
-    with_sound = VideoSource(path).companions == ["sound"]
+    with_sound = VideoSource(path).file.companions == ["sound"]
     return packets_of(path, "video"), samples, times, packets_of(path, "audio") if with_sound else None
 
 
@@ -191,7 +194,7 @@ def test_chunks_lose_no_quality(tmp_path, clip):
         with VideoSource(clip) as source:
             timing = OutputTiming(source.info.rate, source.info.time_base)
             with VideoSink(
-                tmp_path / f"{name}.mp4", source.info, timing, B_FRAMES, source, overwrite=False, chunk_frames=frames
+                output_of(tmp_path / f"{name}.mp4", source, timing, encoding=B_FRAMES), chunk_frames=frames
             ) as sink:
                 for frame in source:
                     sink.write(frame)
@@ -380,7 +383,7 @@ def test_without_a_job_nothing_stays(tmp_path, clip):
     """A sink that nobody can go on with leaves no trace, however much was finished."""
     with VideoSource(clip) as source:
         timing = OutputTiming(source.info.rate, source.info.time_base)
-        sink = VideoSink(tmp_path / "out.mp4", source.info, timing, FAST, source, overwrite=False, chunk_frames=5)
+        sink = VideoSink(output_of(tmp_path / "out.mp4", source, timing, encoding=FAST), chunk_frames=5)
 
         def write_and_stop() -> None:
             with sink:
@@ -497,7 +500,9 @@ def write_images(source: Path, target: Path, *, stop_after: int | None = None, *
     """Copy images, and stop after some."""
     images = ImageSource(str(source), Fraction(24))
     job = JobFingerprint({"input": "same"}, options.pop("resume", False))
-    sink = ImageSink(str(target), images.info, images, len(images.files), overwrite=False, job=job, **options)
+    timing = OutputTiming(Fraction(24), Fraction(1, 24))
+    count = len(images.images.files)
+    sink = ImageSink(output_of(target, images, timing, expected_frames=count, **{"job": job, **options}))
     with sink:
         for index, frame in enumerate(images):
             if index == stop_after:

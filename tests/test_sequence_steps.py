@@ -187,14 +187,18 @@ def test_frames_before_zero(tmp_path):
     for number in range(-4, 5, 2):
         save(Numbering(folder, "s_", 4, ".png", signed=True).path(number), picture(number, -4))
     for path in (folder, folder / "s_####.png"):
-        assert ImageSource(str(path), Fraction(24)).numbers == [-4, -2, 0, 2, 4]
+        assert ImageSource(str(path), Fraction(24)).images.numbers == [-4, -2, 0, 2, 4]
     run(folder, tmp_path / "out")
     assert names_in(tmp_path / "out") == [f"s_-000{n}.png" for n in (1, 2, 3, 4)] + [f"s_000{n}.png" for n in range(5)]
-    assert ImageSource(str(fill(tmp_path / "dash", [1, 2, 3], "s-{:04d}.png")), Fraction(24)).numbers == [1, 2, 3]
+    assert ImageSource(str(fill(tmp_path / "dash", [1, 2, 3], "s-{:04d}.png")), Fraction(24)).images.numbers == [
+        1,
+        2,
+        3,
+    ]
     two = fill(fill(tmp_path / "two", [5, 6], "s-{:04d}.png"), [1, 2], "s{:04d}.png")
     with pytest.raises(InputError, match="several sequences"):
         ImageSource(str(two), Fraction(24))
-    assert ImageSource(str(two / "s####.png"), Fraction(24)).numbers == [1, 2]
+    assert ImageSource(str(two / "s####.png"), Fraction(24)).images.numbers == [1, 2]
 
 
 def test_video_of_a_step_says_its_rate(tmp_path):

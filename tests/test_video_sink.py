@@ -11,11 +11,13 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from conversion_options import output_of
 from video_truth import QUARTER_TURN, packets_of, pictures_of, png, samples_of, scene, spoil_packets, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
+from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding, parse_bitrate, parse_encoder_options
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 from fpsboost.io.video.sink import VideoSink
@@ -34,7 +36,7 @@ def double(source_path: Path, target: Path, encoding: Encoding = FAST, overwrite
     with VideoSource(source_path) as source:
         info = source.info
         timing = OutputTiming(TWICE.rate(info.rate), TWICE.time_base(info.time_base))
-        with VideoSink(target, info, timing, encoding, source, overwrite=overwrite) as sink:
+        with VideoSink(output_of(target, source, timing, encoding=encoding, overwrite=overwrite)) as sink:
             last = None
             for frame in itertools.chain(source, [None]):
                 if last is not None:
@@ -49,7 +51,8 @@ def write_images(target: Path, images: list[np.ndarray], encoding: Encoding = FA
     """Write images as a clip of 25 frames per second that has no source."""
     height, width = images[0].shape[:2] if images else (48, 64)
     info = ClipInfo("images", height, width, Fraction(25), Fraction(1, 25), len(images))
-    with VideoSink(target, info, OutputTiming(Fraction(25), Fraction(1, 25)), encoding, None, overwrite=False) as sink:
+    timing = OutputTiming(Fraction(25), Fraction(1, 25))
+    with VideoSink(Output(str(target), info, timing, encoding=encoding)) as sink:
         for index, image in enumerate(images):
             sink.write(Frame(image, Fraction(index, 25), Fraction(1, 25)))
     return sink.remarks
@@ -130,7 +133,7 @@ def test_writing_leaves_the_original_alone(tmp_path):
     clip = write_clip(tmp_path / "in.mp4")
     with VideoSource(clip) as source:
         timing = OutputTiming(Fraction(50), Fraction(1, 25600))
-        with VideoSink(tmp_path / "out.mp4", source.info, timing, FAST, source, overwrite=False) as sink:
+        with VideoSink(output_of(tmp_path / "out.mp4", source, timing, encoding=FAST)) as sink:
             for frame in source:
                 picture = frame.original
                 before = picture.pts, picture.duration, picture.time_base, picture.pict_type
@@ -145,7 +148,7 @@ def test_made_frames_look_like_originals(tmp_path, pixel_format):
     with VideoSource(clip) as source:
         timing = OutputTiming(Fraction(25), source.info.time_base)
         encoding = Encoding(crf=0, preset="ultrafast")
-        with VideoSink(tmp_path / "out.mp4", source.info, timing, encoding, source, overwrite=False) as sink:
+        with VideoSink(output_of(tmp_path / "out.mp4", source, timing, encoding=encoding)) as sink:
             for frame in source:
                 sink.write(Frame(frame.image, frame.time, frame.duration))
     for before, after in zip(pictures_of(clip), pictures_of(tmp_path / "out.mp4"), strict=True):
@@ -233,14 +236,7 @@ def test_streams_that_do_not_fit_are_refused_at_once(tmp_path):
         ".mkv, or .* `audio=False`"
     )
     with VideoSource(clip) as source, pytest.raises(OutputError, match=sentence):
-        VideoSink(
-            tmp_path / "out.webm",
-            source.info,
-            OutputTiming(Fraction(50), Fraction(1, 50)),
-            Encoding(),
-            source,
-            overwrite=False,
-        )
+        VideoSink(output_of(tmp_path / "out.webm", source, OutputTiming(Fraction(50), Fraction(1, 50))))
     assert only(tmp_path, "in.mkv")
 
 
@@ -284,7 +280,7 @@ def test_an_exception_leaves_no_trace(tmp_path, kind):
     def interrupted() -> None:
         with VideoSource(clip) as source:
             timing = OutputTiming(Fraction(25), source.info.time_base)
-            with VideoSink(target, source.info, timing, FAST, source, overwrite=True) as sink:
+            with VideoSink(output_of(target, source, timing, encoding=FAST, overwrite=True)) as sink:
                 for frame in source:
                     sink.write(frame)
                     if frame.time > Fraction(1, 5):
@@ -568,7 +564,7 @@ def test_times_must_increase(tmp_path):
     """Two frames on one tick of the clock are refused."""
     info = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
     timing = OutputTiming(Fraction(25), Fraction(1, 25))
-    with VideoSink(tmp_path / "out.mp4", info, timing, FAST, None, overwrite=False) as sink:
+    with VideoSink(Output(str(tmp_path / "out.mp4"), info, timing, encoding=FAST)) as sink:
         sink.write(Frame(scene(0), Fraction(0), Fraction(1, 25)))
         with pytest.raises(OutputError, match="choose a lower rate"):
             sink.write(Frame(scene(0), Fraction(1, 100), Fraction(1, 25)))
@@ -578,9 +574,7 @@ def test_matroska_is_too_coarse_for_extreme_rates(tmp_path):
     """More than a thousand frames per second do not fit a clock of milliseconds."""
     info = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), None)
     with pytest.raises(OutputError, match="counts time in milliseconds and cannot hold 2500"):
-        VideoSink(
-            tmp_path / "out.mkv", info, OutputTiming(Fraction(2500), Fraction(1, 2500)), FAST, None, overwrite=False
-        )
+        VideoSink(Output(str(tmp_path / "out.mkv"), info, OutputTiming(Fraction(2500), Fraction(1, 2500))))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -70,6 +70,21 @@ class CutPolicy(Protocol):
     def is_flash(self, match_score: float, across: float, *neighbours: float) -> bool:
         """Return whether a frame only hides a scene that continues, given the match score of the frames around it."""
         ...
+
+
+@runtime_checkable
+class CountsFrames(Protocol):
+    """Contract: cut policy that may go by the numbers of frames, so that none may be left unread."""
+
+    @property
+    def counts_frames(self) -> bool:
+        """Whether it does."""
+        ...
+
+
+def counts_frames(policy: CutPolicy | None) -> bool:
+    """Return whether a policy goes by the numbers of frames."""
+    return isinstance(policy, CountsFrames) and policy.counts_frames
 
 
 @dataclass(frozen=True)

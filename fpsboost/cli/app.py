@@ -99,7 +99,6 @@ def convert(
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
-        check_encodes(target, encoding)
         called = "standard output" if output == PIPE else target
         with Reporter(place + called, quiet=messages.quiet, verbose=messages.verbose) as reporter:
             reporter.say_settings(motion.method, interpolator)
@@ -127,15 +126,6 @@ def convert(
         convert_in_place(inputs, run, quiet=messages.quiet, verbose=messages.verbose)
     else:
         convert_each(inputs, paths[-1], run, quiet=messages.quiet, verbose=messages.verbose)
-
-
-def check_encodes(output: str, encoding: Encoding) -> None:
-    """Raise `OptionError` if encoder options were given for an output that no encoder writes."""
-    from fpsboost.io.opening import makes_animation, makes_video, stands_for_images  # noqa: PLC0415
-
-    if encoding.given and (stands_for_images(output) or not makes_video(output)):
-        kind = "an animation, which takes" if makes_animation(output) else "images, which take"
-        raise OptionError(f"{output} will be {kind} no {' or '.join(encoding.given)}; leave that out.")
 
 
 app.command(

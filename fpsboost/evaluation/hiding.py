@@ -19,7 +19,8 @@ from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.io import FrameSource
-from fpsboost.io.opening import PIPES, TargetRequirements, beginning, open_source, trim_source
+from fpsboost.io.opening import PIPES, TargetRequirements, open_source
+from fpsboost.io.trim import beginning, trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.schedule import ByRate, rising_time
 
@@ -194,7 +195,7 @@ class Hiding:
             path, requirements=requirements, decoding=replace(self.decoding, input_fps=input_fps)
         ) as whole:
             clock = _clock(whole.info)
-            source = trim_source(whole, self.decoding.trim, may_skip=not self.counts_frames)
+            source, _ = trim_source(whole, self.decoding.trim, may_skip=not self.counts_frames)
             row: list[_Truth] = []
             for truth in self._truths(self._shown(source, clock, path)):
                 row.append(truth)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo, Frame
+    from fpsboost.io.stream_info import StreamInfo
 
 
 class FrameSource(Protocol):
@@ -40,6 +41,15 @@ class FrameSource(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
+
+
+class DescribedSource(FrameSource, Protocol):
+    """Contract: source that knows what its clip has beside the frames."""
+
+    @property
+    def stream_info(self) -> StreamInfo:
+        """What a sink can keep besides the frames; may read the first frame."""
+        ...
 
 
 class Closing:
@@ -95,6 +105,16 @@ class Resumable(Protocol):
     @property
     def completed_frames(self) -> int:
         """Number of frames, from the first, that an earlier run has finished; known when the sink is entered."""
+        ...
+
+
+@runtime_checkable
+class Stoppable(Protocol):
+    """Contract: source that may end where its clip changes in a way that a conversion refuses."""
+
+    @property
+    def stopped_by(self) -> str | None:
+        """Sentence about the first such change among the frames read so far; None if there was none."""
         ...
 
 

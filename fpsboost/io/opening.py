@@ -2,36 +2,24 @@
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fpsboost.errors import InputError, OptionError, OutputError, explained
-from fpsboost.frame_cache import SourcePosition
-from fpsboost.io import FrameSink, FrameSource
-from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
-from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.io import DescribedSource
 from fpsboost.io.animation.source import AnimationSource, animation_format
-from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
-from fpsboost.io.images.numbered import ImageSink, ImageSource
+from fpsboost.io.images.files import IMAGE_SUFFIXES
+from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.staging import JobFingerprint, fingerprint_files, fingerprint_options
-from fpsboost.io.trim import TrimmedSource, Window
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
-from fpsboost.io.video.pipe import PipeSink, PipeSource
-from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.pipe import PipeSource
 from fpsboost.io.video.source import VideoSource
-from fpsboost.timing.schedule import OutputTiming
-from fpsboost.timing.trim import Trim
 from fpsboost.version import __version__
 
 ASSUMED_IMAGE_RATE = Fraction(24)
@@ -68,18 +56,6 @@ class TargetRequirements:
     planes: bool = False
 
 
-def requirements_of(path: str, encoding: Encoding, *, needs_rate: bool, takes_planes: bool) -> TargetRequirements:
-    """Return what the output under a path asks of its source; a file always has a rate.
-
-    `takes_planes` says whether what makes its frames can work on planes of Y, Cb and Cr.
-    """
-    to_video = makes_video(path)
-    is_file = to_video or makes_animation(path)
-    return TargetRequirements(
-        not to_video, is_file, holds_alpha(path, encoding), is_file or needs_rate, to_video and takes_planes
-    )
-
-
 def open_source(
     path: str,
     *,
@@ -88,7 +64,7 @@ def open_source(
     fill_gaps: bool = False,
     in_place: bool = False,
     limit: MemoryLimit | None = None,
-) -> FrameSource:
+) -> DescribedSource:
     """Open a clip for reading.
 
     Parameters
@@ -106,7 +82,7 @@ def open_source(
 
     Returns
     -------
-    FrameSource
+    DescribedSource
 
     Raises
     ------
@@ -209,163 +185,12 @@ def _check_decoding(decoding: DecodeOptions, what: str, advice: str) -> None:
         raise OptionError(f"{' and '.join(decoding.given)} is for video files and not for {what}; {advice}.")
 
 
-def trim_source(
-    source: FrameSource, trim: Trim, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
-) -> FrameSource:
-    """Return a part of a clip; see `fpsboost.io.trim.TrimmedSource`. Of images, no others are read."""
-    if trim.is_whole and stretch == 1:
-        return source
-    if isinstance(source, ImageSource):
-        begin, end = (
-            None if time is None else math.ceil(time * source.info.rate) for time in trim.seconds(source.info)
-        )
-        source.keep(begin or 0, end)
-        return source
-    return TrimmedSource(source, trim, may_skip=may_skip, stretch=stretch)
-
-
-def beginning(source: FrameSource) -> SourcePosition:
-    """When the first frame of a source is shown in its clip; asked for when that has been read."""
-    if isinstance(source, TrimmedSource):
-        return source.beginning
-    if isinstance(source, ImageSource):
-        return SourcePosition(source.skipped, source.begins)
-    return SourcePosition(0, Fraction(0))
-
-
-def makes_video(path: str) -> bool:
-    """Whether an output path names a video file or a pipe rather than an animation or images.
-
-    Raises
-    ------
-    OptionError
-        It names neither.
-    """
-    if not path:
-        raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
-    if path in PIPES:
-        return True
-    if is_pattern(path) or os.path.isdir(path) or path.endswith(("/", "\\")):
-        return False
-    suffix = Path(path).suffix.lower()
-    if suffix in VIDEO_SUFFIXES:
-        return True
-    if suffix in ANIMATION_SUFFIXES:
-        return False
-    if suffix in IMAGE_SUFFIXES:
-        raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
-    if suffix:
-        known = ", ".join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)
-        raise OptionError(f"{path} has an ending that cannot be written; choose {known}, or a folder for images.")
-    return False
-
-
-def makes_animation(path: str) -> bool:
-    """Whether an output path names an animation file."""
-    is_file = path not in PIPES and not is_pattern(path) and not os.path.isdir(path)
-    return is_file and not path.endswith(("/", "\\")) and Path(path).suffix.lower() in ANIMATION_SUFFIXES
-
-
-def holds_alpha(path: str, encoding: Encoding) -> bool:
-    """Whether an output can hold alpha."""
-    if path in PIPES:
-        return False
-    if makes_video(path):
-        return encodes_alpha(encoding, containers[Path(path).suffix.lower()])
-    return not is_pattern(path) or keeps_alpha(extension_of(path))
-
-
-def open_sink(
-    path: str,
-    *,
-    source: FrameSource,
-    timing: OutputTiming,
-    encoding: Encoding,
-    expected_frames: int | None,
-    overwrite: bool,
-    job: JobFingerprint | None = None,
-    window: Window | None = None,
-    factor: Fraction | None = None,
-    in_place: bool = False,
-) -> FrameSink:
-    """Prepare a target for writing; it appears when the sink is left without an error.
-
-    Parameters
-    ----------
-    path : str
-        A video file, an animation, a folder, a pattern of images, or ``-`` for YUV4MPEG2 to standard output.
-    source : FrameSource
-        The clip it is made from, whose size, naming, colour and other streams carry over.
-    timing : OutputTiming
-        Rate and clock.
-    encoding : Encoding
-        For video.
-    expected_frames : int or None
-        How many frames there will be, for the padding of the numbers of images.
-    overwrite : bool
-        Replace what exists.
-    job : JobFingerprint, optional
-        What a later run must have in common with this one to go on with it.
-    window : Window, optional
-        Which part of the clip is written, for its other streams.
-    factor : Fraction, optional
-        Frames written per frame of the source, for the numbers of images; numbered one by one without it.
-    in_place : bool
-        Write images beside those of the source.
-
-    Returns
-    -------
-    FrameSink
-
-    Raises
-    ------
-    OptionError
-        The path is neither images nor a video that can be written, or nothing that a run can go on with.
-    OutputError
-        It exists, or cannot be written, or cannot hold the source's streams.
-    """
-    video = source if isinstance(source, VideoSource | PipeSource) else None
-    if path in PIPES:
-        if job is not None and job.resume:
-            raise OptionError("`resume` cannot go on with what went into a pipe; name a file, or leave it out.")
-        return PipeSink(source.info, timing, encoding, video)
-    if makes_video(path):
-        with explained(OutputError, "write to", path, "check the name and the permissions"):
-            return VideoSink(
-                path,
-                source.info,
-                timing,
-                encoding,
-                video,
-                overwrite=overwrite,
-                job=job,
-                frame_count=expected_frames,
-                window=window,
-            )
-    images = source if isinstance(source, ImageSource) else None
-    if makes_animation(path):
-        if job is not None and job.resume:
-            raise OptionError(f"`resume` cannot go on with the animation {path}; leave it out.")
-        plays = source.plays if isinstance(source, AnimationSource) else 0
-        return AnimationSink(path, source.info, timing, plays=plays, inputs=_files_of(source), overwrite=overwrite)
-    return ImageSink(
-        path,
-        source.info,
-        images,
-        expected_frames,
-        overwrite=overwrite,
-        job=job,
-        factor=factor,
-        in_place=in_place,
-    )
-
-
-def fingerprint_job(source: FrameSource, job: Any, *, resume: bool) -> JobFingerprint | None:
+def fingerprint_job(source: DescribedSource, job: Any, *, resume: bool) -> JobFingerprint | None:
     """Return what an output is made of and how; None if the source can be read only once, so that nothing can resume.
 
     Parameters
     ----------
-    source : FrameSource
+    source : DescribedSource
     job : dataclass
         Everything else that shapes the output.
     resume : bool
@@ -378,7 +203,7 @@ def fingerprint_job(source: FrameSource, job: Any, *, resume: bool) -> JobFinger
     InputError
         The source's files are not there any more.
     """
-    files = _files_of(source)
+    files = source.stream_info.files
     if not files:
         if resume:
             raise OptionError("`resume` cannot read again what came through a pipe; name a file, or leave it out.")
@@ -388,10 +213,3 @@ def fingerprint_job(source: FrameSource, job: Any, *, resume: bool) -> JobFinger
         versions = f"{__version__} with PyAV {version('av')}"  # another FFmpeg may encode differently
         facts = fingerprint_options(input=place, input_files=fingerprint_files(files), job=job, fpsboost=versions)
     return JobFingerprint(facts, resume)
-
-
-def _files_of(source: FrameSource) -> Sequence[Path]:
-    """Return the files that a source reads."""
-    if isinstance(source, ImageSource | CaptureSource):
-        return source.files
-    return [source.path] if isinstance(source, AnimationSource | VideoSource) else []

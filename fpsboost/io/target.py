@@ -1,37 +1,136 @@
-"""Check that a file can be written under a path, before any work is done."""
+"""Target of a conversion, parsed once from its path."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, Self
 
-from fpsboost.errors import OutputError
+from fpsboost.errors import OptionError, OutputError, explained
+from fpsboost.io import FrameSink
+from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
+from fpsboost.io.images.numbered import ImageSink
+from fpsboost.io.images.numbering import is_pattern
+from fpsboost.io.opening import PIPES, TargetRequirements
+from fpsboost.io.output import Output
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
+from fpsboost.io.video.pipe import PipeSink
+from fpsboost.io.video.sink import VideoSink
+
+Kind = Literal["video", "pipe", "animation", "images"]
 
 
-def check_target(path: Path, name: str, inputs: Collection[Path], overwrite: bool) -> None:
-    """Raise `OutputError` unless a file can be written under this path.
+@dataclass(frozen=True)
+class Target:
+    """What a path stands for as an output.
 
-    Parameters
+    Attributes
     ----------
-    path : Path
-    name : str
-        Name of the file in messages.
-    inputs : collection of Path
-        Files that are being read.
-    overwrite : bool
-        Allow an existing file to be replaced.
+    path : str
+    kind : {'video', 'pipe', 'animation', 'images'}
     """
-    if path.is_dir():
-        raise OutputError(f"{name} is a folder; name a file in it.")
-    if not path.parent.is_dir():
-        raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
-    if os.path.lexists(path):
-        if path.exists() and not path.is_file():
-            raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
-        if path.exists() and any(each.exists() and path.samefile(each) for each in inputs):
-            raise OutputError(f"{name} is the input itself; write to another name.")
-        if not overwrite:
-            raise OutputError(f"{name} exists already; choose another name or pass `overwrite=True`.")
-    if not os.access(path.parent, os.W_OK):
-        raise OutputError(f"{name} cannot be written because its folder may not be written to; choose another folder.")
+
+    path: str
+    kind: Kind
+
+    @classmethod
+    def parse(cls, path: str) -> Self:
+        """Return the target that a path names.
+
+        Raises
+        ------
+        OptionError
+            It names nothing that can be written.
+        """
+        if not path:
+            raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
+        if path in PIPES:
+            return cls(path, "pipe")
+        if is_pattern(path) or os.path.isdir(path) or path.endswith(("/", "\\")):
+            return cls(path, "images")
+        suffix = Path(path).suffix.lower()
+        if suffix in VIDEO_SUFFIXES:
+            return cls(path, "video")
+        if suffix in ANIMATION_SUFFIXES:
+            return cls(path, "animation")
+        if suffix in IMAGE_SUFFIXES:
+            raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
+        if suffix:
+            known = ", ".join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)
+            raise OptionError(f"{path} has an ending that cannot be written; choose {known}, or a folder for images.")
+        return cls(path, "images")
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the output stores when each frame is shown, and the streams of video."""
+        return self.kind in ("video", "pipe")
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether the output says how fast its frames play."""
+        return self.kind != "images"
+
+    def holds_alpha(self, encoding: Encoding) -> bool:
+        """Return whether the output can hold alpha."""
+        if self.kind == "pipe":
+            return False
+        if self.kind == "video":
+            return encodes_alpha(encoding, containers[Path(self.path).suffix.lower()])
+        return not is_pattern(self.path) or keeps_alpha(extension_of(self.path))
+
+    def requirements(self, encoding: Encoding, *, needs_rate: bool, takes_planes: bool) -> TargetRequirements:
+        """Return what the output asks of its source.
+
+        Parameters
+        ----------
+        encoding : Encoding
+        needs_rate : bool
+            Ask for a rate also where the output has none.
+        takes_planes : bool
+            Whether the method can work on planes of Y, Cb and Cr.
+        """
+        return TargetRequirements(
+            pictures_alone=not self.has_clock,
+            upright=self.has_rate,
+            alpha=self.holds_alpha(encoding),
+            needs_rate=self.has_rate or needs_rate,
+            planes=self.has_clock and takes_planes,
+        )
+
+    def check_encoding(self, encoding: Encoding) -> None:
+        """Raise `OptionError` if options for encoding were given and nothing is encoded."""
+        if encoding.given and self.kind in ("animation", "images"):
+            what = "an animation, which takes" if self.kind == "animation" else "images, which take"
+            raise OptionError(f"{self.path} will be {what} no {' or '.join(encoding.given)}; leave that out.")
+
+    def check_resume(self) -> None:
+        """Raise `OptionError` if no run into this output can be resumed."""
+        if self.kind == "pipe":
+            raise OptionError("`resume` cannot go on with what went into a pipe; name a file, or leave it out.")
+        if self.kind == "animation":
+            raise OptionError(f"`resume` cannot go on with the animation {self.path}; leave it out.")
+
+    def open(self, output: Output) -> FrameSink:
+        """Prepare the output for writing; it appears when the sink is left without an error.
+
+        Raises
+        ------
+        OptionError
+            An option does not apply to the output.
+        OutputError
+            It exists, or cannot be written, or cannot hold the source's streams.
+        """
+        if output.job is not None and output.job.resume:
+            self.check_resume()
+        if self.kind == "pipe":
+            return PipeSink(output)
+        if self.kind == "animation":
+            return AnimationSink(output)
+        if self.kind == "images":
+            return ImageSink(output)
+        with explained(OutputError, "write to", self.path, "check the name and the permissions"):
+            return VideoSink(output)

@@ -66,6 +66,48 @@ class Seekable(Protocol):
         ...
 
 
+@runtime_checkable
+class Sliceable(Protocol):
+    """Contract: source that can leave out frames without reading them, because it has a file for each."""
+
+    def keep(self, first: int, last: int | None) -> None:
+        """Read only the frames from one place to before another; must be called before the first frame is read."""
+        ...
+
+
+@runtime_checkable
+class HasBeginning(Protocol):
+    """Contract: source of a part of a clip."""
+
+    @property
+    def beginning(self) -> SourcePosition:
+        """Position of the part's first frame in its clip; valid when that has been read."""
+        ...
+
+
+def trim_source(
+    source: FrameSource, trim: Trim, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
+) -> tuple[FrameSource, Window | None]:
+    """Return a part of a clip, and the window on the clip's clock; None if the other streams of the clip are whole.
+
+    See `TrimmedSource` for the parameters. Of a `Sliceable` source, no other frames are read.
+    """
+    if trim.is_whole and stretch == 1:
+        return source, None
+    if isinstance(source, Sliceable):
+        rate = source.info.rate
+        begin, end = (None if time is None else math.ceil(time * rate) for time in trim.seconds(source.info))
+        source.keep(begin or 0, end)
+        return source, None
+    trimmed = TrimmedSource(source, trim, may_skip=may_skip, stretch=stretch)
+    return trimmed, trimmed.window
+
+
+def beginning(source: FrameSource) -> SourcePosition:
+    """Return the position of a source's first frame in its clip; valid when that has been read."""
+    return source.beginning if isinstance(source, HasBeginning) else SourcePosition(0, Fraction(0))
+
+
 class TrimmedSource(Closing):
     """Source of the frames that lie in a part of another source; the first one has time 0.
 
@@ -93,7 +135,7 @@ class TrimmedSource(Closing):
     def __init__(
         self, source: FrameSource, trim: Trim, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
     ) -> None:
-        self._source, self._excerpt = source, trim
+        self._source, self._trim = source, trim
         counts_frames = any(place is not None and place.is_frame for place in (trim.start, trim.end))
         self._may_skip = may_skip and not counts_frames
         origin = source.first_time() if isinstance(source, Seekable) else Fraction(0)
@@ -107,7 +149,7 @@ class TrimmedSource(Closing):
 
     @property
     def info(self) -> ClipInfo:
-        return self._excerpt.of_info(self._source.info)
+        return self._trim.of_info(self._source.info)
 
     @property
     def remarks(self) -> list[str]:
@@ -119,7 +161,7 @@ class TrimmedSource(Closing):
 
         If frames before it were skipped without reading them, its number is that of the nominal rate.
         """
-        left_out = self._excerpt.start is not None and self._may_skip and isinstance(self._source, Seekable)
+        left_out = self._trim.start is not None and self._may_skip and isinstance(self._source, Seekable)
         number = self.window.frames_before(self._source.info.rate) if left_out else self.window.skipped
         return SourcePosition(number, self.window.begin - self.window.origin)
 
@@ -134,7 +176,7 @@ class TrimmedSource(Closing):
             last = frame
         if last is None:
             raise InputError(
-                f"{self._source.info.name} has ended where `start={self._excerpt.start}` would be; name an earlier one."
+                f"{self._source.info.name} has ended where `start={self._trim.start}` would be; name an earlier one."
             )
         if self._is_cut_short:
             assert self.window.end is not None
@@ -143,7 +185,7 @@ class TrimmedSource(Closing):
 
     def _trimmed_frames(self) -> Iterator[Frame]:
         """Yield the frames of the part at their times in the clip."""
-        start, end, window = self._excerpt.start, self._excerpt.end, self.window
+        start, end, window = self._trim.start, self._trim.end, self.window
         if start is not None and self._may_skip and isinstance(self._source, Seekable):
             self._source.skip_to(window.begin - self._rounding)
         begun = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -15,12 +15,12 @@ from typing import BinaryIO, Self
 import numpy as np
 
 from fpsboost.errors import OutputError, explained
-from fpsboost.frame import ClipInfo, Frame, Image, describe
+from fpsboost.frame import Frame, Image, describe
 from fpsboost.io.animation import gif, png, webp
 from fpsboost.io.animation.canvas import AnimationWriter, with_four_channels
-from fpsboost.io.target import check_target
+from fpsboost.io.output import Output
 from fpsboost.io.video.ycc import straight_16_bit
-from fpsboost.timing.schedule import OutputTiming
+from fpsboost.io.writable import check_writable
 
 BROWSERS_SLOW_DOWN = Fraction(1, 100)
 """Browsers show frames of this length and shorter ones for a tenth of a second."""
@@ -76,18 +76,8 @@ class AnimationSink:
 
     Parameters
     ----------
-    path : str
-        Target; its suffix is one of `ANIMATION_SUFFIXES`.
-    info : ClipInfo
-        The size of the frames to come.
-    timing : OutputTiming
-        Rate.
-    plays : int
-        How often it is to be shown; 0 for ever again.
-    inputs : collection of Path
-        Files that are being read.
-    overwrite : bool
-        Replace an existing file.
+    output : Output
+        Its path ends with one of `ANIMATION_SUFFIXES`.
 
     Raises
     ------
@@ -97,14 +87,12 @@ class AnimationSink:
 
     holds_last_frame = True
 
-    def __init__(
-        self, path: str, info: ClipInfo, timing: OutputTiming, *, plays: int, inputs: Collection[Path], overwrite: bool
-    ) -> None:
-        self._name, self._path, self._info = path, Path(path), info
+    def __init__(self, output: Output) -> None:
+        self._name, self._path, self._info = output.path, Path(output.path), output.info
         self._type = types[self._path.suffix.lower()]
-        self._plays = min(plays, self._type.most_plays)
-        check_target(self._path, path, inputs, overwrite)
-        self._check_fits(timing.rate)
+        self._plays = min(output.stream.plays, self._type.most_plays)
+        check_writable(self._path, output.path, output.stream.files, output.overwrite)
+        self._check_fits(output.timing.rate)
         self._temporary = self._path.with_name(f".{self._path.name}.partial-{secrets.token_hex(4)}")
         self._file: BinaryIO
         self._writer: AnimationWriter

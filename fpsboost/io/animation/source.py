@@ -19,6 +19,7 @@ from fpsboost.io.images.exact import DamagedError
 from fpsboost.io.images.png_chunks import SIGNATURE
 from fpsboost.io.images.sizes import declared_size
 from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.stream_info import StreamInfo
 
 MAX_HEADER = 64
 """Bytes in which an animation says its size."""
@@ -105,6 +106,11 @@ class AnimationSource(Closing):
     def _open(self) -> BinaryIO:
         with explained(InputError, "read", self._name, "check that it exists and that you may read it"):
             return self.path.open("rb")
+
+    @property
+    def stream_info(self) -> StreamInfo:
+        """See `fpsboost.io.DescribedSource.stream_info`."""
+        return StreamInfo(plays=self.plays, files=[self.path])
 
     @property
     def remarks(self) -> list[str]:

@@ -21,6 +21,7 @@ from typing import Self
 
 from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image, describe
+from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import Closing
 from fpsboost.io.images.files import (
     IMAGE_SUFFIXES,
@@ -37,9 +38,11 @@ from fpsboost.io.images.files import (
 from fpsboost.io.images.kinds import holds_more_pictures, stored_otherwise
 from fpsboost.io.images.metadata import ImageMetadata, can_pass, lost_metadata, metadata_of, upright
 from fpsboost.io.images.numbering import find_images, is_pattern
-from fpsboost.io.images.sequence import FileSequence, Numbering
+from fpsboost.io.images.sequence import FileSequence, NumberedImages, Numbering
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.staging import JobFingerprint, StagingDirectory, hidden_place, sync, write_safely
+from fpsboost.io.output import Output
+from fpsboost.io.staging import StagingDirectory, hidden_place, sync, write_safely
+from fpsboost.io.stream_info import StreamInfo
 
 MAX_GAP = 1000
 """Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
@@ -78,26 +81,8 @@ class ImageSource(Closing):
 
     Attributes
     ----------
-    files : list of Path
-        The images in order.
-    numbering : Numbering or None
-        How they are named; None where the names have no numbers.
-    numbers : list of int
-        The images' numbers; empty where there are none.
-    step : int
-        By how much they rise; 1 with `fill_gaps`, where there are none, and for a single image.
-    fills_gaps : bool
-        `fill_gaps`.
-    skipped : int
-        Files before these that are not read.
-    begins : Fraction
-        When the first of these is shown, seconds after the first of all.
-    first_number : int
-        Number of the first of all images; 1 where there are none.
-    suffix : str
-        The type of the files as they write it, ``.png``.
-    needs_float : bool
-        Whether OpenEXR's half would lose some of their precision.
+    images : NumberedImages
+        The images that are read.
 
     Raises
     ------
@@ -124,88 +109,73 @@ class ImageSource(Closing):
             found = find_images(path)
             if in_place:
                 found = _without_moved(found)
-        self.files, self.numbering, self.numbers = found.files, found.numbering, list(found.numbers)
-        self.fills_gaps = fill_gaps
         if fill_gaps:
-            self._check_gaps(path)
+            _check_gaps(path, found)
         else:
             found.check_complete(
                 found.step, "add it, or convert with `fill_gaps`, which makes just those that are missing"
             )
-        self.step = 1 if fill_gaps else found.step
-        self._places = [number - self.numbers[0] for number in self.numbers] if fill_gaps else range(len(self.files))
-        self.skipped, self.begins = 0, Fraction(0)
-        self.suffix = self.files[0].suffix
-        if self.suffix.lower() not in IMAGE_SUFFIXES:
+        numbers = list(found.numbers)
+        self._places = [number - numbers[0] for number in numbers] if fill_gaps else range(len(found.files))
+        self._begins = Fraction(0)
+        if found.files[0].suffix.lower() not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
-        self.first_number = self.numbers[0] if self.numbers else 1
         self._upright, self._limit = upright, limit or MemoryLimit()
-        data = content_of(self.files[0])
-        first = self._decoded(self.files[0], data)
-        self.needs_float = needs_float(self.files[0], data, first)
-        self._unread = unread_channels(self.files[0], data)
+        data = content_of(found.files[0])
+        first = self._decoded(found.files[0], data)
+        self.images = NumberedImages(
+            found.files,
+            found.numbering,
+            numbers,
+            1 if fill_gaps else found.step,
+            numbers[0] if numbers else 1,
+            fills_gaps=fill_gaps,
+            needs_float=needs_float(found.files[0], data, first),
+        )
+        self._unread = unread_channels(found.files[0], data)
         self._holds_more = holds_more_pictures(data)
         height, width, _ = first.shape
-        self.info = ClipInfo(path, height, width, rate, 1 / rate, len(self.files), self._duration(rate))
-
-    def _check_gaps(self, path: str) -> None:
-        if not self.numbers:
-            raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
-        for (file, number), (next_file, following) in pairwise(zip(self.files, self.numbers, strict=True)):
-            if following - number > MAX_GAP:
-                raise InputError(
-                    f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` "
-                    f"makes {MAX_GAP - 1} at most; choose one sequence, or number the images anew."
-                )
+        self.info = ClipInfo(path, height, width, rate, 1 / rate, len(found.files), self._duration(rate))
 
     def _duration(self, rate: Fraction) -> Fraction | None:
-        """Seconds, where the number of images does not say it."""
-        return (self._places[-1] - self._places[0] + 1) / rate if self.fills_gaps else None
+        """Return the duration in seconds, where the number of images does not say it."""
+        return (self._places[-1] - self._places[0] + 1) / rate if self.images.fills_gaps else None
 
-    def numbers_for(self, factor: Fraction) -> tuple[int, int] | None:
-        """Which numbers frames of the output have, where the images keep theirs.
+    @property
+    def stream_info(self) -> StreamInfo:
+        """See `fpsboost.io.DescribedSource.stream_info`."""
+        return StreamInfo(images=self.images, files=self.images.files)
 
-        Parameters
-        ----------
-        factor : Fraction
-            Output frames per image, or per number where gaps are filled.
-
-        Returns
-        -------
-        (first, step) or None
-            None where they are numbered anew: the images have no numbers, theirs leave no room, or `factor` does not
-            divide their step.
-        """
-        step = self.step / factor
-        if not self.numbers or (self.step == 1 and not self.fills_gaps) or step.denominator > 1:
-            return None
-        return self.numbers[0], int(step)
+    @property
+    def beginning(self) -> SourcePosition:
+        """Position of the first of these images in the whole sequence."""
+        return SourcePosition(self.images.skipped, self._begins)
 
     @property
     def remarks(self) -> list[str]:
         """What is guessed and what is not read; what is wrong with images is an error."""
-        remarks = []
-        if self.step > 1:
+        name, images, remarks = self.info.name, self.images, []
+        if images.step > 1:
             remarks.append(
-                f"The numbers of {self.info.name} rise by {self.step}: taken for a sequence rendered with that step."
+                f"The numbers of {name} rise by {images.step}: taken for a sequence rendered with that step."
             )
+        first, names = self.images.files[0].name, self._unread
         if self._holds_more:
-            remarks.append(f"{self.files[0].name} and its like hold several pictures, the first of which was read.")
-        names = self._unread
-        if not names:
-            return remarks
-        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-        return [*remarks, f"{self.files[0].name} and its like hold other channels ({listed}), which were left out."]
+            remarks.append(f"{first} and its like hold several pictures, the first of which was read.")
+        if names:
+            listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+            remarks.append(f"{first} and its like hold other channels ({listed}), which were left out.")
+        return remarks
 
     def __iter__(self) -> Iterator[Frame]:
         first = None
-        for place, path in zip(self._places, self.files, strict=True):
+        for place, path in zip(self._places, self.images.files, strict=True):
             image = self._decoded(path, content_of(path))
             if first is None:
                 first = image
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
-                    f"{path} ({describe(image)}) is unlike {self.files[0]} ({describe(first)}); "
+                    f"{path} ({describe(image)}) is unlike {self.images.files[0]} ({describe(first)}); "
                     "make all images one size and type."
                 )
             original = None if self._upright else ImageFile(path)
@@ -216,25 +186,38 @@ class ImageSource(Closing):
         return upright(image, metadata_of(path, data).orientation) if self._upright else image
 
     def keep(self, first: int, last: int | None) -> None:
-        """Read only the files from one place to before another; places count numbers where gaps are filled.
+        """See `fpsboost.io.trim.Sliceable.keep`; places count numbers where gaps are filled.
 
         Raises
         ------
         InputError
-            There are none.
+            There are no such images.
         """
         kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
         if not kept:
             reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"
-            raise InputError(f"{self.info.name} has {len(self.files)} images and {reason}; name an earlier one.")
+            raise InputError(f"{self.info.name} has {len(self.images.files)} images and {reason}; name an earlier one.")
         part = slice(kept[0], kept[-1] + 1)
-        self.begins = self._places[kept[0]] / self.info.rate
-        self.files, self.numbers, self._places = self.files[part], self.numbers[part], self._places[part]
-        self.skipped = kept[0]
-        self.info = replace(self.info, frame_count=len(self.files), duration=self._duration(self.info.rate))
+        self._begins = self._places[kept[0]] / self.info.rate
+        self._places = self._places[part]
+        files, numbers = self.images.files[part], self.images.numbers[part]
+        self.images = replace(self.images, files=files, numbers=numbers, skipped=kept[0])
+        self.info = replace(self.info, frame_count=len(files), duration=self._duration(self.info.rate))
 
     def close(self) -> None:
         """Do nothing: no file stays open."""
+
+
+def _check_gaps(path: str, found: FileSequence) -> None:
+    """Raise an error unless the images have numbers, between which not too many are missing."""
+    if not found.numbers:
+        raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
+    for (file, number), (next_file, following) in pairwise(zip(found.files, found.numbers, strict=True)):
+        if following - number > MAX_GAP:
+            raise InputError(
+                f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` "
+                f"makes {MAX_GAP - 1} at most; choose one sequence, or number the images anew."
+            )
 
 
 def _without_moved(found: FileSequence) -> FileSequence:
@@ -256,25 +239,12 @@ class ImageSink:
 
     Parameters
     ----------
-    path : str
-        A folder, made if it is not there, or a pattern in an existing folder. In a folder the naming of an image source
-        is continued; frames of a video become ``000001.png``. JPEG is written with quality 95, everything else without
-        loss: OpenEXR as half where the source is, else as float.
-    info : ClipInfo
-        The size of the images.
-    source : ImageSource or None
-        Where the frames come from, if that is images: gives the first number and, in a folder, the naming.
-    frame_count : int or None
-        Expected number of frames; decides the digits in a folder.
-    overwrite : bool
-        Replace images of the same naming, later ones too. Anything else in the folder stays.
-    job : JobFingerprint, optional
-        What a later run must have in common with this one to go on with it; without one, nothing can be resumed.
-    factor : Fraction, optional
-        Images per image of the source, or per number of it where that fills gaps. Where it divides the step of the
-        source's numbers, the images keep those, with their padding, and the others get the numbers between.
-    in_place : bool
-        Write beside the source's images, which `path` names: only the others, none of which may be there.
+    output : Output
+        Its path is a folder, made if it is not there, or a pattern in an existing folder. In a folder the naming of an
+        image source is continued; frames of a video become ``000001.png``. Where its factor divides the step of the
+        source's numbers, the images keep those, with their padding, and the others get the numbers between. JPEG is
+        written with quality 95, everything else without loss: OpenEXR as half where the source is, else as float. With
+        `overwrite`, images of the same naming are replaced, later ones too, and anything else in the folder stays.
 
     Raises
     ------
@@ -287,58 +257,48 @@ class ImageSink:
 
     holds_last_frame = False
 
-    def __init__(
-        self,
-        path: str,
-        info: ClipInfo,
-        source: ImageSource | None,
-        frame_count: int | None,
-        *,
-        overwrite: bool,
-        job: JobFingerprint | None = None,
-        factor: Fraction | None = None,
-        in_place: bool = False,
-    ) -> None:
-        self._path, self._job, self._frame_count = path, job, frame_count
-        self._overwrite, self._in_place = overwrite, in_place
-        self._half = source is None or not source.needs_float
-        kept = None if source is None or factor is None else source.numbers_for(factor)
-        self._next, self._step = kept or (1 if source is None else source.first_number, 1)
-        self._originals = {file.name for file in source.files} if source is not None and in_place else set[str]()
-        self._metadata = ImageMetadata() if source is None else metadata_of(*_read_again(source.files[0]))
+    def __init__(self, output: Output) -> None:
+        path, images, factor, frame_count = output.path, output.stream.images, output.factor, output.expected_frames
+        self._path, self._job, self._frame_count = path, output.job, frame_count
+        self._overwrite, self._in_place = output.overwrite, output.in_place
+        self._half = images is None or not images.needs_float
+        kept = None if images is None or factor is None else images.numbers_for(factor)
+        self._next, self._step = kept or (1 if images is None else images.first_number, 1)
+        self._originals = {file.name for file in images.files} if images is not None and output.in_place else set[str]()
+        self._metadata = ImageMetadata() if images is None else metadata_of(*_read_again(images.files[0]))
         self._names: list[str] = []
         self._frames = 0
         self._frames_there = 0
         self._kinds = set[str]()
         self._remarks: list[str] = []
-        if source is not None and source.step > 1 and kept is None and factor is not None:
+        if images is not None and images.step > 1 and kept is None and factor is not None:
             self._remarks.append(
-                f"{factor} times the frames do not fit between numbers that rise by {source.step}: all were numbered "
-                f"anew, one by one; `factor={source.step}` makes just those that are missing."
+                f"{factor} times the frames do not fit between numbers that rise by {images.step}: all were numbered "
+                f"anew, one by one; `factor={images.step}` makes just those that are missing."
             )
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = Path(path).is_dir() or not is_pattern(path)
-            if in_place:
-                self._numbering = self._numbering_in_place(source, factor)
-            elif self._is_folder and kept and source is not None and source.numbering is not None:
-                self._numbering = replace(source.numbering, folder=Path(path))
+            if output.in_place:
+                self._numbering = self._numbering_in_place(images, factor)
+            elif self._is_folder and kept and images is not None and images.numbering is not None:
+                self._numbering = replace(images.numbering, folder=Path(path))
             elif self._is_folder:
-                self._numbering = _name_in_folder(Path(path), source, frame_count)
+                self._numbering = _name_in_folder(Path(path), images, frame_count)
             else:
                 self._numbering = Numbering.parse(path)
                 self._remark_on_digits(frame_count)
-            self._check_place(info)
-            if source is not None and not in_place:
-                self._refuse_inputs(source)
+            self._check_place(output.info)
+            if images is not None and not output.in_place:
+                self._refuse_inputs(images)
             folder = self._numbering.folder
             # Inside an existing folder rather than beside it: the folder may be a mount point, the parent read-only.
             self._is_new = not folder.is_dir()
-            if in_place or not (self._is_new or self._is_folder):
+            if output.in_place or not (self._is_new or self._is_folder):
                 called = self._numbering.pattern
             else:
                 called = folder.name if self._is_new else "fpsboost"
             place = hidden_place(folder.parent if self._is_new else folder, called)
-            self._unfinished = StagingDirectory(place, "output", path, job)
+            self._unfinished = StagingDirectory(place, "output", path, output.job)
             self._replaced = place / "replaced"
             self._moving = place / MOVING
             self._refuse_existing()
@@ -358,11 +318,11 @@ class ImageSink:
         """How many images an earlier run has finished; see `fpsboost.io.Resumable`."""
         return self._frames_there
 
-    def _numbering_in_place(self, source: ImageSource | None, factor: Fraction | None) -> Numbering:
+    def _numbering_in_place(self, images: NumberedImages | None, factor: Fraction | None) -> Numbering:
         """Return the source's own numbering if it has numbers for the frames between."""
-        if source is None or source.numbering is None or factor is None:
+        if images is None or images.numbering is None or factor is None:
             raise OptionError(f"`in_place` needs images with numbers in their names, and {self._path} has none.")
-        has_room = source.step > 1 or source.numbers[-1] - source.numbers[0] >= len(source.numbers)
+        has_room = images.step > 1 or images.numbers[-1] - images.numbers[0] >= len(images.numbers)
         if not has_room:
             if self._job is not None and self._job.resume:
                 raise CompleteAlreadyError(f"No image is missing from {self._path}, so it was left as it is.")
@@ -370,14 +330,14 @@ class ImageSink:
                 f"No image is missing from {self._path}: there are no numbers for frames between; leave `in_place` out "
                 "and name another folder."
             )
-        fits = factor == 1 if source.fills_gaps else factor > 1 and source.numbers_for(factor) is not None
+        fits = factor == 1 if images.fills_gaps else factor > 1 and images.numbers_for(factor) is not None
         if not fits:
-            way = "leave `factor` out" if source.fills_gaps else f"give `factor={source.step}`, or `fill_gaps`"
+            way = "leave `factor` out" if images.fills_gaps else f"give `factor={images.step}`, or `fill_gaps`"
             raise OptionError(
                 f"{factor} times the frames of {self._path} do not fit between its numbers, which `in_place` keeps; "
                 f"{way}."
             )
-        return source.numbering
+        return images.numbering
 
     def _remark_on_digits(self, frame_count: int | None) -> None:
         digits = self._numbering.digits
@@ -397,22 +357,22 @@ class ImageSink:
         if not needed.is_dir():
             raise OutputError(f"The folder {needed} does not exist; create it first.")
 
-    def _refuse_inputs(self, source: ImageSource) -> None:
+    def _refuse_inputs(self, images: NumberedImages) -> None:
         """Never touch what is being read, also through links and where names ignore case."""
         folder = self._numbering.folder
         if not folder.is_dir():
             return
         clash = None
-        if folder.samefile(source.files[0].parent):
+        if folder.samefile(images.files[0].parent):
             if self._is_folder:
                 raise OutputError(f"{self._path} is also the input; write to another folder.")
             folded = replace(
                 self._numbering, prefix=self._numbering.prefix.casefold(), suffix=self._numbering.suffix.casefold()
             )
-            clash = next((file for file in source.files if folded.number_in(file.name.casefold()) is not None), None)
+            clash = next((file for file in images.files if folded.number_in(file.name.casefold()) is not None), None)
         old = {path.resolve() for path in self._find_old()}
         if old and clash is None:
-            clash = next((file for file in source.files if file.resolve() in old), None)
+            clash = next((file for file in images.files if file.resolve() in old), None)
         if clash is not None:
             raise OutputError(f"{self._path} would replace the input {clash}; write to another folder or pattern.")
 
@@ -580,15 +540,15 @@ def _one_name(extension: str) -> str:
     return {".jpeg": ".jpg", ".tiff": ".tif"}.get(extension, extension)
 
 
-def _name_in_folder(folder: Path, source: ImageSource | None, frame_count: int | None) -> Numbering:
+def _name_in_folder(folder: Path, images: NumberedImages | None, frame_count: int | None) -> Numbering:
     """Continue the source's naming, with as many digits as keep the order of names the order of frames."""
-    first = 1 if source is None else source.first_number
+    first = 1 if images is None else images.first_number
     digits = VIDEO_DIGITS if frame_count is None else len(str(first + frame_count - 1))
-    if source is None:
+    if images is None:
         return Numbering(folder, "", max(digits, VIDEO_DIGITS), ".png")
-    if source.numbering is None:
-        return Numbering(folder, "", max(digits, VIDEO_DIGITS), source.suffix)
-    return replace(source.numbering, folder=folder, digits=max(digits, source.numbering.digits))
+    if images.numbering is None:
+        return Numbering(folder, "", max(digits, VIDEO_DIGITS), images.files[0].suffix)
+    return replace(images.numbering, folder=folder, digits=max(digits, images.numbering.digits))
 
 
 def _move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] | None = None) -> None:

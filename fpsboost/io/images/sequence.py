@@ -11,6 +11,7 @@ import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -143,6 +144,59 @@ class FileSequence:
         steps = f" (in steps of {step})" if step > 1 else ""
         more = f", and {missing - 1} more are" if missing > 1 else ""
         raise InputError(f"{self.numbering.path(gap + step)} is missing from its sequence{steps}{more}; {advice}.")
+
+
+@dataclass(frozen=True)
+class NumberedImages:
+    """Images that are read as a clip: their files, names and numbers.
+
+    Attributes
+    ----------
+    files : list of Path
+        The images in order; at least one.
+    numbering : Numbering or None
+        How they are named; None where the names have no numbers.
+    numbers : list of int
+        The images' numbers; empty where there are none.
+    step : int
+        By how much they rise; 1 with `fills_gaps`, where there are none, and for a single image.
+    first_number : int
+        Number of the first image of the whole sequence; 1 where there are none.
+    skipped : int
+        Files of the sequence before these.
+    fills_gaps : bool
+        Whether the numbers are the clock, so that images may be missing.
+    needs_float : bool
+        Whether OpenEXR's half would lose some of their precision.
+    """
+
+    files: list[Path]
+    numbering: Numbering | None
+    numbers: list[int]
+    step: int
+    first_number: int
+    skipped: int = 0
+    fills_gaps: bool = False
+    needs_float: bool = False
+
+    def numbers_for(self, factor: Fraction) -> tuple[int, int] | None:
+        """Return which numbers the frames of the output have if the images keep theirs.
+
+        Parameters
+        ----------
+        factor : Fraction
+            Output frames per image, or per number where gaps are filled.
+
+        Returns
+        -------
+        (first, step) or None
+            None where they are numbered anew: the images have no numbers, theirs leave no room, or `factor` does not
+            divide their step.
+        """
+        step = self.step / factor
+        if not self.numbers or (self.step == 1 and not self.fills_gaps) or step.denominator > 1:
+            return None
+        return self.numbers[0], int(step)
 
 
 def order_names(folder: Path, names: Sequence[str]) -> FileSequence:

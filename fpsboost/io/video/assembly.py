@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Iterator, Sequence
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +13,13 @@ import av.container
 import av.error
 
 from fpsboost.errors import OutputError
+from fpsboost.io.output import Output
 from fpsboost.io.staging import sync
-from fpsboost.io.trim import Window
 from fpsboost.io.video.chunks import Chunk
-from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
 from fpsboost.io.video.fitting import Fitting
 from fpsboost.io.video.muxing import open_muxer
 from fpsboost.io.video.other_streams import OtherStreams
-from fpsboost.io.video.source import VideoSource
 
 
 class Assembly:
@@ -36,50 +33,29 @@ class Assembly:
         Path of the staged file; the caller renames it to its final name.
     template : av.VideoStream
         Stream with an open encoder that is set up like the encoder of the chunks.
-    time_base : Fraction
-        Time base of the chunks, seconds per tick.
+    output : Output
+        Its source has all streams and metadata other than the video.
     display_matrix : tuple of 9 int or None
-    source : VideoSource or None
-        Source of all streams and metadata other than the video.
-    encoding : Encoding
-    container, name : str
-        FFmpeg's name of the container, and the output's name in messages.
     fitting : Fitting
         How the other streams are stored in the container.
-    window : Window, optional
-        Part of the source that is written.
     """
 
     def __init__(
         self,
         path: Path,
         template: av.VideoStream,
-        time_base: Fraction,
+        output: Output,
         display_matrix: tuple[int, ...] | None,
-        source: VideoSource | None,
-        *,
-        encoding: Encoding,
-        container: str,
-        name: str,
         fitting: Fitting,
-        window: Window | None = None,
     ) -> None:
-        self._path, self._time_base, self._container, self._name = path, time_base, container, name
+        self._path, self._time_base, self._name = path, output.timing.time_base, output.path
+        self._container = container = containers[path.suffix]
         self._output: av.container.OutputContainer | None = open_muxer(path, container, any_codec=fitting.any_codec)
         self._others: OtherStreams | None = None
         try:
             self._stream = self._add_video(self._output, template, display_matrix)
-            if source is not None:
-                self._others = OtherStreams(
-                    source,
-                    self._output,
-                    self._stream,
-                    encoding=encoding,
-                    container=container,
-                    name=name,
-                    fitting=fitting,
-                    window=window,
-                )
+            if output.stream.video is not None:
+                self._others = OtherStreams(output, output.stream.video, self._output, self._stream, container, fitting)
                 if container in EXACT_TIME_BASE_CONTAINERS:
                     self._output.container_options["movie_timescale"] = str(self._others.clock)
                     if self._others.tags.free_keys:

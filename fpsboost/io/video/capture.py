@@ -15,6 +15,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image, check_pair
 from fpsboost.io import Closing
 from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.stream_info import StreamInfo
 
 MAX_DENOMINATOR = 1001
 """Maximum denominator of a frame rate that OpenCV gives as a float: 29.97 becomes 30000/1001."""
@@ -49,6 +50,7 @@ class ArraySource(Closing):
         height, width = self._first.shape[:2]
         self.info = ClipInfo(name, height, width, rate, 1 / rate, None)
         self.remarks: list[str] = []
+        self.stream_info = StreamInfo()
 
     def __iter__(self) -> Iterator[Frame]:
         for number, image in enumerate(map(_with_channels, self._images)):
@@ -91,7 +93,7 @@ class CaptureSource(ArraySource):
         except BaseException:
             self._capture.release()
             raise
-        self.files = [Path(path)] if Path(path).is_file() else []
+        self.stream_info = StreamInfo(files=[Path(path)] if Path(path).is_file() else [])
         self.remarks = [
             f"{path} was read by OpenCV: 8-bit colours at a constant rate, without sound, subtitles and metadata."
         ]

@@ -17,15 +17,14 @@ from av.video.frame import PictureType
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import OutputError
-from fpsboost.frame import ClipInfo, Frame, Pixels
-from fpsboost.io.video.encode_options import Encoding
+from fpsboost.frame import Frame, Pixels
+from fpsboost.io.output import Output
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, needs_hardware
 from fpsboost.io.video.hdr import with_hdr
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.planes import as_picture
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha
-from fpsboost.timing.schedule import OutputTiming
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
@@ -36,22 +35,14 @@ class VideoEncoder:
 
     Parameters
     ----------
-    name : str
-        Name of the output in messages.
+    output : Output
+        Size, rate and time base of the frames, and the options of the user.
     encoder, options : str, dict
         FFmpeg's name of the encoder, and its options.
     container : str
         FFmpeg's name of the container of the packets.
-    info : ClipInfo
-        Size of the frames.
-    timing : OutputTiming
-        Frame rate and time base.
-    encoding : Encoding
-        Encoding options of the user.
     traits : VideoTraits
-        Colour coding, pixel shape and orientation of the source's pictures.
-    keeps_original : bool
-        Use the decoded picture of a frame where there is one.
+        Colour coding, pixel shape and orientation of the pictures: the source's, or those to write for images.
 
     Raises
     ------
@@ -60,22 +51,15 @@ class VideoEncoder:
     """
 
     def __init__(
-        self,
-        name: str,
-        encoder: str,
-        options: dict[str, str],
-        container: str,
-        info: ClipInfo,
-        timing: OutputTiming,
-        encoding: Encoding,
-        traits: VideoTraits,
-        *,
-        keeps_original: bool,
+        self, output: Output, encoder: str, options: dict[str, str], container: str, traits: VideoTraits
     ) -> None:
         self.remarks: list[str] = []
-        self._name, self._encoder, self._format = name, encoder, container
-        self._info, self._timing, self._encoding, self._traits = info, timing, encoding, traits
-        self._keeps_original = keeps_original
+        self._encoder, self._format = encoder, container
+        self._name, self._info, self._timing, self._encoding = output.path, output.info, output.timing, output.encoding
+        self._traits = traits
+        name = self._name
+        # decoded pictures are used where the source is video
+        self._keeps_original = keeps_original = output.stream.traits is not None
         self._reformatter = VideoReformatter()
         self._full_range = traits.full_range
         self._options = dict(options)
@@ -83,12 +67,12 @@ class VideoEncoder:
         if traits.tagged_chroma_location and not is_default:
             self._options["chroma_sample_location"] = traits.chroma_location
         self.pixel_format, lost = choose_pixel_format(
-            encoder, encoding, container, traits.pixel_format, info, name, of_images=not keeps_original
+            encoder, self._encoding, container, traits.pixel_format, self._info, name, of_images=not keeps_original
         )
         self.remarks += lost
         if has_alpha(self.pixel_format) and encoder.startswith("libvpx"):
             self._options["auto-alt-ref"] = "0"  # libvpx does not support hidden frames with alpha
-        if encoder == "libx265" and info.width < MIN_CUTREE_WIDTH:
+        if encoder == "libx265" and self._info.width < MIN_CUTREE_WIDTH:
             given = [self._options["x265-params"]] if self._options.get("x265-params") else []
             self._options["x265-params"] = ":".join([*given, "cutree=0"])
         if traits.sample_aspect_ratio not in (None, 1) and not self._keeps_pixel_shape():

@@ -17,13 +17,13 @@ import av.container
 import av.error
 
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.trim import Window
+from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode
 from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.muxing import INCOMPLETE_LIST_CONTAINERS, open_muxer
 from fpsboost.io.video.sound_encoders import choose_sound_encoder, defaults, friendly_name
-from fpsboost.io.video.source import VideoSource, open_video
+from fpsboost.io.video.source import open_video
 from fpsboost.io.video.subtitles import is_text
 
 MAX_PROBED_PACKETS = 200
@@ -46,10 +46,8 @@ class Fitting:
     any_codec: bool = False
 
 
-def fit_streams(
-    source: VideoSource, encoding: Encoding, encoder: str, container: str, name: str, window: Window | None = None
-) -> Fitting:
-    """Decide how audio and subtitles of a source are stored in a container.
+def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
+    """Decide how audio and subtitles of an output's source are stored in a container, beside an encoder's video.
 
     Raises
     ------
@@ -58,8 +56,11 @@ def fit_streams(
     OptionError
         The audio codec that was asked for is unknown, or the container does not hold it.
     """
+    source, encoding, name = output.stream.video, output.encoding, output.path
+    if source is None:
+        return Fitting()
     asked = choose_sound_encoder(encoding, container, name)
-    stretch = Fraction(1) if window is None else window.stretch
+    stretch = Fraction(1) if output.window is None else output.window.stretch
     if stretch != 1 and asked is None and encoding.audio_codec is not None and encoding.audio:
         raise OptionError(
             f"`slow_motion_sound='stretch'` and `audio_codec={encoding.audio_codec!r}` contradict each other; give "
@@ -67,7 +68,7 @@ def fit_streams(
         )
     encoders: dict[int, str] = {}
     any_codec = False
-    with open_video(source.path, source.info.name) as file:
+    with open_video(source.path, source.name) as file:
         streams = [stream for stream in file.streams if is_wanted(stream, encoding)]
         strict = [stream for stream in streams if not is_text(stream)]
         samples = first_packets(file, strict)
@@ -75,7 +76,7 @@ def fit_streams(
             sample = samples.get(stream.index)
             if stream.type == "audio" and (stretch != 1 or (asked is not None and not is_of(stream, asked))):
                 encoders[stream.index] = asked or defaults[container]
-                _check_encodes(stream, encoders[stream.index], stretch, source.info.name)
+                _check_encodes(stream, encoders[stream.index], stretch, source.name)
             elif not fits(container, stream, sample):
                 instead = [
                     suffix
@@ -84,7 +85,7 @@ def fit_streams(
                     and (not encoding.codec or holds(other, encoder))
                     and all(fits(other, each, samples.get(each.index)) for each in strict)
                 ]
-                raise OutputError(_refusal(stream, container, instead, name, source.info.name))
+                raise OutputError(_refusal(stream, container, instead, name, source.name))
             else:
                 any_codec |= not _listed(container, stream)
     return Fitting(encoders, any_codec)

@@ -7,8 +7,9 @@ from typing import Any
 
 import av
 
+from fpsboost.io.stream_info import VideoFile
 from fpsboost.io.video.fitting import first_packets, fits, keeps_data
-from fpsboost.io.video.source import VideoSource, open_video
+from fpsboost.io.video.source import open_video
 from fpsboost.io.video.stream_choice import is_cover_art
 from fpsboost.io.video.subtitles import is_text
 from fpsboost.io.video.timecode import find_timecode
@@ -43,12 +44,12 @@ class StreamFacts:
     carries_over: bool
 
 
-def list_streams(source: VideoSource) -> list[StreamFacts]:
-    """Return the properties of all streams in the file of a source."""
-    with open_video(source.path, source.info.name) as file:
-        streams = list(file.streams)
-        samples = first_packets(file, [each for each in streams if each.type in ("audio", "subtitle")])
-        return [_facts_of(each, source.stream_index, samples.get(each.index)) for each in streams]
+def list_streams(file: VideoFile) -> list[StreamFacts]:
+    """Return the properties of all streams in a file."""
+    with open_video(file.path, file.name) as container:
+        streams = list(container.streams)
+        samples = first_packets(container, [each for each in streams if each.type in ("audio", "subtitle")])
+        return [_facts_of(each, file.stream_index, samples.get(each.index)) for each in streams]
 
 
 def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) -> StreamFacts:

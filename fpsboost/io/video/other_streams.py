@@ -16,6 +16,8 @@ import av
 import av.container
 import av.error
 
+from fpsboost.io.output import Output
+from fpsboost.io.stream_info import VideoFile
 from fpsboost.io.trim import Window
 from fpsboost.io.video.damage import Damage
 from fpsboost.io.video.encode_options import Encoding
@@ -24,7 +26,7 @@ from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.losses import not_held_remark
 from fpsboost.io.video.packets import read_packets
-from fpsboost.io.video.source import VideoSource, open_video
+from fpsboost.io.video.source import open_video
 from fpsboost.io.video.stream_choice import is_cover_art
 from fpsboost.io.video.subtitles import TextConverter, formats, is_text
 from fpsboost.io.video.tags import copy_labels, lost_labels, tags_for
@@ -41,37 +43,33 @@ class OtherStreams:
 
     Parameters
     ----------
-    source : VideoSource
+    plan : Output
+        What is written: which streams, and which part of the source.
+    source : VideoFile
     output : av.container.OutputContainer
         Output whose header is not written yet.
     video : av.VideoStream
         Video stream of the output.
-    encoding : Encoding
-    container, name : str
-        FFmpeg's name of the output's container, and the output's name in messages.
+    container : str
+        FFmpeg's name of the output's container.
     fitting : Fitting
         How the streams are stored in the container.
-    window : Window, optional
-        Part of the source that is written. Packets that overlap it are copied, with the same time offset as the
-        pictures.
     """
 
     def __init__(
         self,
-        source: VideoSource,
+        plan: Output,
+        source: VideoFile,
         output: av.container.OutputContainer,
         video: av.VideoStream,
-        *,
-        encoding: Encoding,
         container: str,
-        name: str,
         fitting: Fitting,
-        window: Window | None = None,
     ) -> None:
-        self._window, self._fitting = window, fitting
+        self._window, self._fitting = plan.window, fitting
+        name = plan.path
         self.remarks: list[str] = []
         self._output, self._name, self._container, self._source = output, name, container, source
-        self._input = open_video(source.path, source.info.name)
+        self._input = open_video(source.path, source.name)
         self._targets: dict[int, av.stream.Stream] = {}
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.stream.Stream] = []
@@ -82,7 +80,7 @@ class OtherStreams:
         if self.tags.lost:
             names = ", ".join(self.tags.lost)
             self.remarks.append(f"{name} lost tags of its source, which its container has no place for: {names}.")
-        chapters = _chapters_within(self._input, window, source.start)
+        chapters = _chapters_within(self._input, plan.window, source.start)
         output.set_chapters(chapters)
         if chapters and fitting.any_codec:
             self.remarks.append(f"{name} lost the chapters of its source, which its kind of sound rules out here.")
@@ -90,7 +88,7 @@ class OtherStreams:
         self._has_timecode = self._copy_timecode(video)
         for stream in self._input.streams:
             if stream.index != source.stream_index:
-                self._add(stream, encoding)
+                self._add(stream, plan.encoding)
         self.clock = _exact_timescale(
             self._input, source.start, [Fraction(sound.stream.time_base) for sound in self._sounds.values()]
         )
@@ -187,7 +185,7 @@ class OtherStreams:
         for index, sound in self._sounds.items():
             self._output.mux(sound.finish())
             if sound.lost_packets:
-                self.remarks.append(remark_on(sound.lost_packets, index, self._source.info.name, self._name))
+                self.remarks.append(remark_on(sound.lost_packets, index, self._source.name, self._name))
         self._sounds = {}
 
     def _copy_timecode(self, video: av.VideoStream) -> bool:
@@ -235,7 +233,7 @@ class OtherStreams:
             return
         damage = Damage()
         sentence = (
-            f"{self._source.info.name} is damaged where sound, subtitles or data lie, so some may be missing in "
+            f"{self._source.name} is damaged where sound, subtitles or data lie, so some may be missing in "
             f"{self._name}; listen to it."
         )
         for packet in read_packets(self._input, wanted, damage):
@@ -292,7 +290,7 @@ class OtherStreams:
         # short audio packets may share a millisecond, and re-encoded audio gets new times
         equal_is_fine = kind == "subtitle" or index in self._sounds or self._container not in EXACT_TIME_BASE_CONTAINERS
         if last is not None and (packet.dts < last or (packet.dts == last and not equal_is_fine)):
-            sentence = f"{self._source.info.name} has sound or subtitle packets out of order, which were left out."
+            sentence = f"{self._source.name} has sound or subtitle packets out of order, which were left out."
             if sentence not in self.remarks:
                 self.remarks.append(sentence)
             return
@@ -347,12 +345,12 @@ def _exact_timescale(file: av.container.InputContainer, start: Fraction, ticks_o
     return ticks if ticks < 2**31 else 1000
 
 
-def _attached_picture(source: VideoSource, index: int) -> av.Packet[Any] | None:
+def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
     """Return a picture attached to the file, which FFmpeg delivers as the first packet of its own stream.
 
     The file is opened separately, since seeking back to the start afterwards would lose audio before time 0.
     """
-    with open_video(source.path, source.info.name) as file:
+    with open_video(source.path, source.name) as file:
         try:
             packet = next(iter(file.demux(file.streams[index])), None)
         except av.error.FFmpegError:

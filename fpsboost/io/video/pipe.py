@@ -33,11 +33,11 @@ from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneErro
 from fpsboost.frame import ClipInfo, Frame, Pixels, describe
 from fpsboost.io import Closing
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.output import Output
+from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.video.losses import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.nominal_rate import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.planes import as_picture, coding_of, in_planes
-from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import (
     FULL_RANGE,
@@ -48,7 +48,6 @@ from fpsboost.io.video.ycc import (
     plane_arrays,
     to_bgr,
 )
-from fpsboost.timing.schedule import OutputTiming
 
 INPUT_NAME, OUTPUT_NAME = "standard input", "standard output"
 
@@ -255,9 +254,9 @@ class PipeSource(Closing):
         return list(self._remarks)
 
     @property
-    def traits(self) -> VideoTraits:
-        """Colour and pixel shape, as the first line says."""
-        return self._traits
+    def stream_info(self) -> StreamInfo:
+        """See `fpsboost.io.DescribedSource.stream_info`; colour and pixel shape are those of the first line."""
+        return StreamInfo(traits=self._traits)
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:
@@ -333,14 +332,9 @@ class PipeSink:
 
     Parameters
     ----------
-    info : ClipInfo
-        Size of the frames to come.
-    timing : OutputTiming
-        Rate; the stream has no other clock.
-    encoding : Encoding
-        Only its pixel format.
-    source : VideoSource, PipeSource or None
-        What the frames come from, whose pixel format and range are kept where the stream can say them.
+    output : Output
+        Pixel format and range of its source are kept where the stream can say them; of the encoding only the pixel
+        format applies.
     stream : binary stream, optional
         By default standard output.
 
@@ -354,14 +348,8 @@ class PipeSink:
 
     holds_last_frame = True
 
-    def __init__(
-        self,
-        info: ClipInfo,
-        timing: OutputTiming,
-        encoding: Encoding,
-        source: VideoSource | PipeSource | None,
-        stream: BinaryIO | None = None,
-    ) -> None:
+    def __init__(self, output: Output, stream: BinaryIO | None = None) -> None:
+        encoding = output.encoding
         others = [option for option in encoding.given if option != "`pixel_format`"]
         if others:
             raise OptionError(f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.")
@@ -371,11 +359,8 @@ class PipeSink:
                 f"`pixel_format={encoding.pixel_format!r}` is nothing that YUV4MPEG2 holds; use one of "
                 f"{', '.join(held)}."
             )
-        self._timing, self._encoding, self._source = timing, encoding, source
-        self._traits = source.traits if source is not None else None
-        self._info = (
-            info if source is None else source.info
-        )  # whose first picture knows the size better than the header
+        self._timing, self._encoding, self._info = output.timing, encoding, output.info
+        self._traits = output.stream.traits
         self._waiting = _standard_output() if stream is None else None
         self._stream = stream or cast(Descriptor, self._waiting)
         self._header: Header | None = None
@@ -384,10 +369,10 @@ class PipeSink:
         self._start = Fraction(0)
         self._count = 0
         self._is_uneven = self._alpha_dropped = False
-        if isinstance(source, VideoSource):
+        if output.stream.video is not None:
             wanted = {"sound": encoding.audio, "subtitles": encoding.subtitles}
-            lost = [kind for kind in source.companions if wanted[kind]]
-            self._remarks += [lost_companions_remark(source.info.name, lost, "YUV4MPEG2")] * bool(lost)
+            lost = [kind for kind in output.stream.video.companions if wanted[kind]]
+            self._remarks += [lost_companions_remark(output.stream.video.name, lost, "YUV4MPEG2")] * bool(lost)
 
     @property
     def remarks(self) -> list[str]:
@@ -487,9 +472,9 @@ class PipeSink:
             "rotation": traits.display_matrix is not None,
         }
         words = " and ".join(word for word, is_lost in lost.items() if is_lost)
-        if words and self._source is not None:
+        if words:
             self._remarks.append(
-                f"{OUTPUT_NAME} cannot say the {words} of {self._source.info.name}; say it again behind the pipe."
+                f"{OUTPUT_NAME} cannot say the {words} of {self._info.name}; say it again behind the pipe."
             )
 
     def _remark_on(self, frame: Frame) -> None:

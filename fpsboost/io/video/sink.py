@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import os
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,13 +20,11 @@ import av.error
 import numpy as np
 
 from fpsboost.errors import CompleteAlreadyError, OutputError
-from fpsboost.frame import ClipInfo, Frame, Image, describe
-from fpsboost.io.staging import JobFingerprint, StagingDirectory, complete_already, hidden_place
-from fpsboost.io.target import check_target
-from fpsboost.io.trim import Window
+from fpsboost.frame import Frame, Image, describe
+from fpsboost.io.output import Output
+from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
 from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
-from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import (
     EXACT_TIME_BASE_CONTAINERS,
@@ -37,12 +34,10 @@ from fpsboost.io.video.encoding import (
     containers,
     depth_of,
 )
-from fpsboost.io.video.fitting import Fitting, fit_streams
-from fpsboost.io.video.pipe import PipeSource
-from fpsboost.io.video.source import VideoSource
+from fpsboost.io.video.fitting import fit_streams
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import has_alpha
-from fpsboost.timing.schedule import OutputTiming
+from fpsboost.io.writable import check_writable
 
 
 class VideoSink:
@@ -50,26 +45,11 @@ class VideoSink:
 
     Parameters
     ----------
-    path : str or path
-        Path of the output; its suffix is one of `VIDEO_SUFFIXES`.
-    info : ClipInfo
-        Size of the frames to come.
-    timing : OutputTiming
-        Frame rate and time base.
-    encoding : Encoding
-        Encoding options, and the streams to carry over.
-    source : VideoSource, PipeSource or None
-        Source of colour tags and pixel aspect ratio; of a file also audio, subtitles, titles and orientation.
-    overwrite : bool
-        Replace an existing file.
-    job : JobFingerprint, optional
-        Properties that a later run must share with this one to resume it; without them no run can be resumed.
-    frame_count : int, optional
-        Expected number of frames, for messages.
+    output : Output
+        Its path ends with one of `VIDEO_SUFFIXES`. Colour tags and pixel aspect ratio are the source's; of a file also
+        audio, subtitles, titles and orientation.
     chunk_frames : int
         Frames per chunk; a later run reuses complete chunks only.
-    window : Window, optional
-        Part of the source that is written.
 
     Raises
     ------
@@ -82,53 +62,28 @@ class VideoSink:
 
     holds_last_frame = True
 
-    def __init__(
-        self,
-        path: str | os.PathLike[str],
-        info: ClipInfo,
-        timing: OutputTiming,
-        encoding: Encoding,
-        source: VideoSource | PipeSource | None,
-        *,
-        overwrite: bool,
-        job: JobFingerprint | None = None,
-        frame_count: int | None = None,
-        chunk_frames: int = CHUNK_FRAMES,
-        window: Window | None = None,
-    ) -> None:
-        self._window = window
-        self._name = os.fspath(path)
-        self._path = Path(path)
-        self._timing, self._encoding = timing, encoding
+    def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
+        self._plan = output
+        self._name, self._path = output.path, Path(output.path)
         suffix = self._path.suffix.lower()
         if suffix not in containers:
             raise OutputError(f"{self._name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
-        self._format = containers[suffix]
-        file = source if isinstance(source, VideoSource) else None
+        self._container = containers[suffix]
         self._unfinished = StagingDirectory(
-            hidden_place(self._path.parent, self._path.name), f"output{suffix}", self._name, job
+            hidden_place(self._path.parent, self._path.name), f"output{suffix}", self._name, output.job
         )
-        inputs = [] if file is None else [file.path]
-        if (
-            not overwrite
-            and job is not None
-            and job.resume
-            and _is_complete_already(self._path, inputs, self._unfinished)
-        ):
+        resumes = output.job is not None and output.job.resume
+        if resumes and not output.overwrite and self._is_complete_already():
             raise CompleteAlreadyError(complete_already(self._name))
-        check_target(self._path, self._name, inputs, overwrite)
-        if self._format not in EXACT_TIME_BASE_CONTAINERS and 1 / timing.rate < MATROSKA_TICK:
+        check_writable(self._path, self._name, output.stream.files, output.overwrite)
+        if self._container not in EXACT_TIME_BASE_CONTAINERS and 1 / output.timing.rate < MATROSKA_TICK:
             raise OutputError(
-                f"{self._name} counts time in milliseconds and cannot hold {float(timing.rate):g} frames per second; "
-                "write an .mp4 or .mov instead."
+                f"{self._name} counts time in milliseconds and cannot hold {float(output.timing.rate):g} frames per "
+                "second; write an .mp4 or .mov instead."
             )
-        self._source, self._traits = file, source.traits if source is not None else None
-        self._codec, self._options = self._choose_encoder(self._traits)
-        self._info = info if file is None else file.info  # its size is of the first picture, not of the header
-        self._fitting = Fitting()
-        if file is not None:
-            self._fitting = fit_streams(file, encoding, self._codec, self._format, self._name, window)
-        self._frame_count, self._chunk_frames = frame_count, chunk_frames
+        self._codec, self._options = self._choose_encoder(output.stream.traits)
+        self._fitting = fit_streams(output, self._codec, self._container)
+        self._chunk_frames = chunk_frames
         self._encoder: VideoEncoder | None = None
         self._assembly: Assembly | None = None
         self._writer: ChunkWriter | None = None
@@ -161,8 +116,8 @@ class VideoSink:
                 self._unfinished.open()
                 self._chunks = find_chunks(self._unfinished.folder)
                 self._frames_there = self._frames_finished
-                if self._traits is not None:
-                    self._start(self._traits)
+                if self._plan.stream.traits is not None:
+                    self._start(self._plan.stream.traits)
         except BaseException as error:
             self._leave(error)
             raise
@@ -188,9 +143,9 @@ class VideoSink:
         OutputError
             The frame does not fit the clip, or the file cannot be written.
         """
-        if frame.image.shape[:2] != (self._info.height, self._info.width):
+        if frame.image.shape[:2] != (self._plan.info.height, self._plan.info.width):
             raise OutputError(
-                f"{self._name} is {self._info.width}x{self._info.height} and cannot take a frame of "
+                f"{self._name} is {self._plan.info.width}x{self._plan.info.height} and cannot take a frame of "
                 f"{describe(frame.image)}; make all frames one size first."
             )
         with self._explained():
@@ -202,7 +157,7 @@ class VideoSink:
             if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(self._encoder.pixel_format):
                 self._alpha_dropped = True
                 self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")
-            pts = round(frame.time / self._timing.time_base)
+            pts = round(frame.time / self._plan.timing.time_base)
             if self._last_pts is not None and pts <= self._last_pts:
                 raise OutputError(
                     f"{self._name} cannot tell two frames at {float(frame.time):.6f} s apart; choose a lower rate."
@@ -218,28 +173,9 @@ class VideoSink:
         Without the traits of a source, the traits are those of the first frame.
         """
         self._codec, self._options = self._choose_encoder(traits)
-        self._encoder = VideoEncoder(
-            self._name,
-            self._codec,
-            self._options,
-            self._format,
-            self._info,
-            self._timing,
-            self._encoding,
-            traits,
-            keeps_original=self._traits is not None,
-        )
+        self._encoder = VideoEncoder(self._plan, self._codec, self._options, self._container, traits)
         self._assembly = Assembly(
-            self._unfinished.staged,
-            self._encoder.stream,
-            self._timing.time_base,
-            traits.display_matrix,
-            self._source,
-            encoding=self._encoding,
-            container=self._format,
-            name=self._name,
-            fitting=self._fitting,
-            window=self._window,
+            self._unfinished.staged, self._encoder.stream, self._plan, traits.display_matrix, self._fitting
         )
 
     def _remark_on_floats(self, image: Image) -> None:
@@ -256,14 +192,14 @@ class VideoSink:
     def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
         """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
         known = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
-        return choose_encoder(self._encoding, self._format, self._name, *known)
+        return choose_encoder(self._plan.encoding, self._container, self._name, *known)
 
     def _encode(self, frame: Frame, pts: int) -> None:
         assert self._encoder is not None
         if self._writer is None:
             extradata = bytes(self._encoder.stream.codec_context.extradata or b"")
             self._writer = ChunkWriter(self._unfinished.folder, len(self._chunks), extradata)
-        end = round((frame.time + frame.duration) / self._timing.time_base)
+        end = round((frame.time + frame.duration) / self._plan.timing.time_base)
         self._durations[pts] = max(1, end - pts)
         self._keep(self._encoder.encode(frame, pts, self._durations[pts]))
         self._frames_in_chunk += 1
@@ -295,6 +231,12 @@ class VideoSink:
         self._assembly.finish(self._chunks)
         self._unfinished.publish(self._path)
 
+    def _is_complete_already(self) -> bool:
+        """Return whether an earlier run has finished the output and no later run has begun it again."""
+        files = self._plan.stream.files
+        is_input = self._path.exists() and any(each.exists() and self._path.samefile(each) for each in files)
+        return self._path.is_file() and not is_input and not self._unfinished.is_pending
+
     def _leave(self, error: BaseException | None) -> None:
         """Close and discard everything but the finished chunks that a later run can resume from."""
         if self._writer is not None:
@@ -303,7 +245,7 @@ class VideoSink:
             self._assembly.discard()
         if self._encoder is not None:
             self._encoder.close()
-        self._unfinished.leave(error, self._frames_finished, self._frame_count)
+        self._unfinished.leave(error, self._frames_finished, self._plan.expected_frames)
 
     @contextlib.contextmanager
     def _explained(self) -> Iterator[None]:
@@ -318,12 +260,6 @@ def _is_beyond_white(image: Image) -> bool:
     """Return whether a float image has colours outside 0 to 1."""
     colours = image[..., :3]
     return bool(np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0)
-
-
-def _is_complete_already(path: Path, inputs: Collection[Path], unfinished: StagingDirectory) -> bool:
-    """Return whether an earlier run has finished the output and no later run has begun it again."""
-    is_input = path.exists() and any(each.exists() and path.samefile(each) for each in inputs)
-    return path.is_file() and not is_input and not unfinished.is_pending
 
 
 def _explain(error: Exception, name: str) -> str:

@@ -24,6 +24,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.io import Closing
 from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.stream_info import StreamInfo, VideoFile
 from fpsboost.io.video.damage import Damage, counted
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.fields import frames_of_fields
@@ -156,15 +157,16 @@ class VideoSource(Closing):
         return self._info
 
     @property
-    def stream_index(self) -> int:
-        """Number of the converted stream in its file."""
-        return self._stream.index
+    def stream_info(self) -> StreamInfo:
+        """See `fpsboost.io.DescribedSource.stream_info`; decodes the first frame."""
+        return StreamInfo(traits=self.traits, video=self.file, files=[self.path])
 
     @property
-    def companions(self) -> list[str]:
-        """What the file holds beside its pictures: ``sound``, ``subtitles``, both or neither."""
+    def file(self) -> VideoFile:
+        """The file, for what is read of it besides the pictures."""
         streams = self._container.streams
-        return ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
+        companions = ["sound"] * bool(streams.audio) + ["subtitles"] * bool(streams.subtitles)
+        return VideoFile(self.path, self._name, self._stream.index, self.start, self.coded_rate, companions)
 
     @property
     def remarks(self) -> list[str]:
@@ -300,8 +302,8 @@ class VideoSource(Closing):
         traits = self.traits
         if is_on_its_side(traits.display_matrix):
             self._info = replace(self._info, width=self._info.height, height=self._info.width)
-        if self.companions:
-            self._remarks.append(lost_companions_remark(self._name, self.companions, "images"))
+        if self.file.companions:
+            self._remarks.append(lost_companions_remark(self._name, self.file.companions, "images"))
         if traits.sample_aspect_ratio not in (None, 1):
             self._remarks.append(lost_shape_remark(self._name, traits.sample_aspect_ratio))
 
