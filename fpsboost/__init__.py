@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from fpsboost.observer import Observer, Summary
     from fpsboost.run_options import RunOptions
     from fpsboost.streaming import run_conversion
-    from fpsboost.synthesis import Synthesizer
-    from fpsboost.synthesis.multi_hypothesis import InterpolatedImage
+    from fpsboost.synthesis import InterpolatedImage, Synthesizer
     from fpsboost.timing.position import Position
     from fpsboost.timing.rate import FrameIntervals, OutputRate
     from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
@@ -97,7 +96,7 @@ _homes = {
     "FrameSink": "io",
     "FrameSource": "io",
     "InputError": "errors",
-    "InterpolatedImage": "synthesis.multi_hypothesis",
+    "InterpolatedImage": "synthesis",
     "Interpolator": "interpolator",
     "MemoryLimit": "io.memory_limit",
     "MotionEstimator": "motion",

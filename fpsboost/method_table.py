@@ -17,7 +17,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vector_folder import UsesVectors, VectorFolder
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch
@@ -25,9 +25,9 @@ from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, TvL1
 from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.synthesis import FramePair
+from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage
 from fpsboost.synthesis.blend import Blend, Nearest
-from fpsboost.synthesis.multi_hypothesis import InterpolatedImage, MultiHypothesis
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.synthesis.splat import Splat
@@ -90,8 +90,8 @@ def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
         raise OptionError(f"There is no method {name!r}; choose one of {', '.join([*methods, *vector_methods])}.")
     if vectors is None:
         return methods[name]
-    if not isinstance(methods[name].estimator, ExhaustiveSearch):
-        searches = (each for each, method in methods.items() if isinstance(method.estimator, ExhaustiveSearch))
+    if not isinstance(methods[name].estimator, UsesVectors):
+        searches = (each for each, method in methods.items() if isinstance(method.estimator, UsesVectors))
         raise OptionError(
             f"`vectors` does not apply to the method {name!r}; leave it out, or choose one of "
             f"{', '.join([*vector_methods, *searches])}."
@@ -290,7 +290,7 @@ def interpolate_with_confidence(
     True
     """
     interpolator = find_method(method) if isinstance(method, str) else method
-    if not isinstance(interpolator.synthesizer, MultiHypothesis):
+    if not isinstance(interpolator.synthesizer, FusesHypotheses):
         raise OptionError(f"The method {method!r} does not know its confidence; take nlm or nlm-fast.")
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from fpsboost.frame import Pixels
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image, Pixels
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
@@ -39,6 +41,15 @@ class FramePair:
     after: Neighbour | None = None
 
 
+class InterpolatedImage(NamedTuple):
+    """In-between frame and its confidence."""
+
+    image: Image
+    """Colours, (H, W, C)."""
+    confidence: NDArray[Any]
+    """Confidence of every pixel, (H, W) float32 in [0, 1]."""
+
+
 class Synthesizer(Protocol):
     """Protocol of synthesizers of the frames between two frames."""
 
@@ -56,4 +67,13 @@ class Synthesizer(Protocol):
         (H, W, C), dtype of the frames, or YCbCrImage where they are
             New arrays, generated one at a time, so that any number of them needs the memory of one.
         """
+        ...
+
+
+@runtime_checkable
+class FusesHypotheses(Protocol):
+    """Contract: synthesizer that knows how far each pixel can be trusted."""
+
+    def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
+        """Generate one image with its confidence for every time; see `Synthesizer.synthesize`."""
         ...

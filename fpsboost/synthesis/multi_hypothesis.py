@@ -23,7 +23,7 @@ from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_c
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
 from fpsboost.motion.trajectory import ONE_SIDED, TWO_SIDED, accelerations_at_points
-from fpsboost.synthesis import FramePair
+from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
 from fpsboost.ycbcr import YCbCrImage
 
@@ -41,15 +41,6 @@ MIN_SHARE = np.float32(0.01)
 
 CONSISTENCY_TOLERANCE = 16
 """Forward-backward error at which the vote of a motion is halved, pixels."""
-
-
-class InterpolatedImage(NamedTuple):
-    """In-between frame and its confidence."""
-
-    image: Image
-    """Colours, (H, W, C)."""
-    confidence: NDArray[Any]
-    """Confidence of every pixel, (H, W) float32 in [0, 1]."""
 
 
 class Votes(NamedTuple):
