@@ -17,12 +17,12 @@ class RunOptions:
     ----------
     overwrite : bool
         Replace an existing output.
-    resume : bool
-        Resume an earlier run of the same input and options that was stopped, after the frames that it finished; start
-        anew if there is none.
     in_place : bool
         Write the frames that are made beside the images of the input; the output must not be given. Existing files are
         never changed.
+    resume : bool
+        Resume an earlier run of the same input and options that was stopped, after the frames that it finished; start
+        anew if there is none.
     limit : MemoryLimit, optional
         Memory that may be used: a clip that needs more is refused before it is decoded. By default what is available.
     threads : int, optional

@@ -57,11 +57,11 @@ def run_conversion(
         Determines the output times.
     observer : Observer, optional
         Informed of the progress.
+    stretch : Fraction
+        Duration of the output as a multiple of the source's; not included in the schedule.
     skip : int
         Number of output frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are
         counted and passed on in order, but instead of an interpolated image they carry one of the source.
-    stretch : Fraction
-        Duration of the output as a multiple of the source's; not included in the schedule.
     threads : int, optional
         Pairs of frames processed in parallel; as many as there are cores by default. Frames are the same with any
         number.

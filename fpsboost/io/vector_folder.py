@@ -86,11 +86,6 @@ class VectorFolder:
         The same for depth: OpenEXR files with one channel, or with one named Z, Depth, V or Y, or Blender's
         ``Depth.Z``. May be the same files.
 
-    Raises
-    ------
-    InputError
-        The folder is missing, empty, or holds other files or several sequences; a ``.flo`` has no partner.
-
     Attributes
     ----------
     files : list of Path
@@ -99,6 +94,11 @@ class VectorFolder:
         Number of vectors from one output frame to the next: the difference of their numbers, or 1.
     remarks : list of str
         Remarks on what was guessed when the frames were matched.
+
+    Raises
+    ------
+    InputError
+        The folder is missing, empty, or holds other files or several sequences; a ``.flo`` has no partner.
     """
 
     def __init__(self, path: str | Path, depth: str | Path | None = None) -> None:

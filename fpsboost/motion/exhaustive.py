@@ -34,7 +34,7 @@ class ExhaustiveSearch:
         Largest motion that can be found, pixels in x and in y; None for an automatic choice for each pair, see
         `fpsboost.motion.search_radius` (section 4.1).
     patch_radius : int
-        r of the similarity area of (2r + 1) x (2r + 1) pixels, 1 to 20; 5 in the report.
+        Radius r of the similarity area of (2r + 1) x (2r + 1) pixels, 1 to 20; 5 in the report.
     window : {'box', 'gaussian'}
         Weights of the similarity area; the Gaussian's variance is half the area's side (section 3.1).
     v : float

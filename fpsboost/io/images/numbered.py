@@ -70,14 +70,14 @@ class ImageSource(Closing):
         ignored.
     rate : Fraction
         Frames per second; images do not say.
-    limit : MemoryLimit, optional
-        What may be taken; what is available without it.
     upright : bool
         Turn images as their EXIF orientation says, for targets that cannot say it; frames then have no original.
     fill_gaps : bool
         Take the numbers for the clock, `rate` of them a second, so that images may be missing.
     in_place : bool
         Frames are to be made beside the images: those that a stopped run has begun to put there do not count.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Attributes
     ----------

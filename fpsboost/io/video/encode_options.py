@@ -65,20 +65,20 @@ class Encoding:
         Quality, 0 (best) to 51 or 63; by default one that is hard to distinguish from the source.
     preset : str, optional
         Speed: ``ultrafast`` ... ``placebo`` for h264 and hevc, a number for vp9 (0-8) and av1 (0-13, larger is faster).
-    audio, subtitles : bool
-        Keep the source's audio and subtitles.
-    audio_codec : str, optional
-        Format that audio in another format is re-encoded in: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``, ``flac``,
-        ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, audio is copied packet
-        by packet.
-    pixel_format : str, optional
-        FFmpeg's name, ``yuv420p10le``; by default the source's, or the encoder's that loses least.
     bitrate : int, optional
         Target bit rate instead of a quality, bits per second.
     lossless : bool
         Encode so that decoding gives back exactly the pictures that were encoded.
+    pixel_format : str, optional
+        FFmpeg's name, ``yuv420p10le``; by default the source's, or the encoder's that loses least.
     encoder_options : tuple of (str, str)
         FFmpeg's own options of the encoder; they override everything above.
+    audio_codec : str, optional
+        Format that audio in another format is re-encoded in: ``aac``, ``opus``, ``mp3``, ``ac3``, ``eac3``, ``flac``,
+        ``alac``, ``pcm`` or the exact name of an FFmpeg encoder. By default, and with ``copy``, audio is copied packet
+        by packet.
+    audio, subtitles : bool
+        Keep the source's audio and subtitles.
 
     Raises
     ------

@@ -19,8 +19,8 @@ def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
     ----------
     image : (H, W, C)
     matrix : tuple of 9 int or None
-        x' = a x + c y, y' = b x + d y, with (a, b, c, d) at indices 0, 1, 3 and 4. Rotations by other
-        angles than quarter turns are not applied.
+        Maps (x, y) to (a x + c y, b x + d y), with a, b, c and d at indices 0, 1, 3 and 4. Rotations by other angles
+        than quarter turns are not applied.
 
     Returns
     -------

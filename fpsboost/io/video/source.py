@@ -69,14 +69,14 @@ class VideoSource(Closing):
     for_images : bool
         For targets that hold pictures and nothing else: turn them upright as the file's display matrix says, and remark
         what is left behind. Decodes the first picture at once to know the size; frames keep no decoder's picture.
-    decoding : DecodeOptions, optional
-        Which stream, and what is done to its pictures first.
-    limit : MemoryLimit, optional
-        What may be taken; what is available without it.
     keeps_alpha : bool
         Yield BGRA where the file has alpha; it is left out otherwise, with a remark.
     keeps_planes : bool
         Yield pictures of Y, Cb and Cr as they are, as `YCbCrImage`; others, and all without it, become BGR.
+    decoding : DecodeOptions, optional
+        Which stream, and what is done to its pictures first.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
 
     Attributes
     ----------
