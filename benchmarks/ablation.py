@@ -64,7 +64,7 @@ class WholePixels:
 
 
 def whole_pixels(field: MotionField) -> MotionField:
-    """The field with every vector rounded."""
+    """Return a field with every vector rounded."""
     return replace(field, vectors=np.rint(field.vectors))
 
 
@@ -197,7 +197,7 @@ CONSTANTS: dict[str, dict[str, Any]] = {
 
 
 def list_variants(full: Interpolator) -> dict[str, Interpolator]:
-    """What is measured; edit at will."""
+    """List what is measured; edit at will."""
     search: Any = full.estimator
     fusing: Any = full.synthesizer
     return {
@@ -223,12 +223,12 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
 
 
 def options_of(part: Any) -> dict[str, Any]:
-    """The fields of a dataclass by name."""
+    """Return the fields of a dataclass by name."""
     return {each.name: getattr(part, each.name) for each in fields(part)}
 
 
 def changed(part: Any, variants: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """An estimator or synthesizer with each variant's options, where it has them and they differ."""
+    """Yield an estimator or synthesizer with each variant's options, where it has them and they differ."""
     known = options_of(part)
     return {
         name: replace(part, **options)
@@ -238,7 +238,7 @@ def changed(part: Any, variants: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 
 def measure(paths: Sequence[str], variants: dict[str, Interpolator], largest: int) -> dict[str, dict[str, Figures]]:
-    """Scores of every variant on every clip, by variant and by clip."""
+    """Return scores of every variant on every clip, by variant and by clip."""
     figures: dict[str, dict[str, Figures]] = {name: {} for name in variants}
     for clip_name, path in find_clips(paths).items():
         clip = read_clip(clip_name, path, largest)
@@ -250,7 +250,7 @@ def measure(paths: Sequence[str], variants: dict[str, Interpolator], largest: in
 
 
 def ablation_table(title: str, rows: dict[str, Figures]) -> Table:
-    """Every variant's means, and how far they lie from those of the whole method."""
+    """Return every variant's means, and how far they lie from those of the whole method."""
     table = Table("variant", "PSNR, dB", "SSIM", "MAE", "CPU, ms", "PSNR +", "SSIM +", "MAE +", title=title)
     whole = rows[WHOLE]
     for name, row in rows.items():

@@ -97,7 +97,7 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
 
 
 def _payload(packet: Any) -> bytes:
-    """A packet without the header that AAC has in transport streams and nowhere else."""
+    """Return a packet without the header that AAC has in transport streams only."""
     data = bytes(packet)
     if packet.stream.codec_context.name != "aac" or data[0] != 0xFF or data[1] & 0xF0 != 0xF0:
         return data
@@ -105,7 +105,7 @@ def _payload(packet: Any) -> bytes:
 
 
 def _packets(file: av.container.InputContainer) -> Iterator[Any]:
-    """All packets of pictures, sound and subtitles, past damage and past samples that lie behind the file's end."""
+    """Yield all packets of pictures, sound and subtitles, past damage and past samples behind the file's end."""
     for stream in file.streams:
         if stream.type not in ("video", "audio", "subtitle"):
             stream.discard = av.stream.Discard.all

@@ -44,7 +44,7 @@ def judge_confidence(clip: Clip, made: Made) -> Figures:
 
 
 def rank_correlation(error: NDArray[Any], doubt: NDArray[Any]) -> float:
-    """Spearman's, over the means of blocks; NaN where either is the same everywhere."""
+    """Return Spearman's rank correlation over the means of blocks; NaN where either is the same everywhere."""
     first, second = block_means(error).ravel(), block_means(doubt).ravel()
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         return float("nan")
@@ -52,7 +52,7 @@ def rank_correlation(error: NDArray[Any], doubt: NDArray[Any]) -> float:
 
 
 def block_means(values: NDArray[Any]) -> NDArray[Any]:
-    """Means of whole blocks; what remains at the right and at the bottom is left out."""
+    """Return means of whole blocks; what remains at the right and at the bottom is left out."""
     rows, columns = (length // BLOCK for length in values.shape)
     blocks = values[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK)
     means: NDArray[Any] = blocks.mean(axis=(1, 3))

@@ -132,13 +132,13 @@ def make_cases(method: Interpolator, clip: Clip, largest: int) -> list[Case]:
 
 
 def squared_error(truth: Image, made: Image) -> NDArray[Any]:
-    """(H, W) float64, levels of 255, mean over the colours."""
+    """Return the squared error, (H, W) float64, levels of 255, mean over the colours."""
     error: NDArray[Any] = ((truth.astype(np.float64) - made) ** 2).mean(axis=2)
     return error
 
 
 def psnr(error: NDArray[Any]) -> float:
-    """In dB, of a squared error in levels of 255."""
+    """Return the PSNR in dB of a squared error in levels of 255."""
     return float(10 * np.log10(255**2 / max(error.mean(), 1e-10)))
 
 
@@ -149,7 +149,7 @@ def motion_of_truth(case: Case) -> list[tuple[MotionField, MotionField]]:
 
 
 def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
-    """Where it is difficult, by the hidden frame; each (H, W) bool, and they overlap."""
+    """Return where it is difficult, by the hidden frame; each (H, W) bool, and they overlap."""
     height, width = case.truth.shape[:2]
     y, x = np.arange(height), np.arange(width)
     hidden = np.zeros((height, width), bool)
@@ -171,7 +171,7 @@ def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
 
 
 def find_edges(motion: NDArray[Any]) -> NDArray[Any]:
-    """Where motion changes within a few pixels, and what is near, (H, W) bool."""
+    """Return where motion changes within a few pixels, and what is near, (H, W) bool."""
     window = np.ones((EDGE_WINDOW, EDGE_WINDOW), np.uint8)
     change = (cv2.dilate(motion, window) - cv2.erode(motion, window)).max(axis=2)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * NEAR + 1, 2 * NEAR + 1))
@@ -179,7 +179,7 @@ def find_edges(motion: NDArray[Any]) -> NDArray[Any]:
 
 
 def find_alike(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Where patches are flat, and where others not far away are like them, each (H, W) bool; on half the size."""
+    """Return where patches are flat, and where others near are like them, each (H, W) bool; on half the size."""
     height, width = image.shape[:2]
     half = cv2.resize(image, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA).astype(np.float32)
     rows, columns = half.shape[:2]
@@ -204,7 +204,7 @@ def find_alike(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def with_best_time(case: Case, fusing: MultiHypothesis, error: NDArray[Any]) -> NDArray[Any]:
-    """The squared error if every block may choose among the frame that was made and straight paths at `TIMES`."""
+    """Return the squared error if every block may choose among the method's frame and straight paths at `TIMES`."""
     straight = replace(case.frame_pair, before=None, after=None)
     errors = [error, *(squared_error(case.truth, image) for image in fusing.synthesize(straight, TIMES))]
     height, width = error.shape
@@ -217,7 +217,7 @@ def with_best_time(case: Case, fusing: MultiHypothesis, error: NDArray[Any]) -> 
 
 
 def choose_by_truth(case: Case, fusing: MultiHypothesis) -> dict[str, NDArray[Any]]:
-    """The squared error if the truth chooses among the method's candidates, by oracle."""
+    """Return the squared error if the truth chooses among the method's candidates, by oracle."""
     frame_pair, truth = case.frame_pair, case.truth
     size = truth.shape[0], truth.shape[1]
     count, motions, weights = fusing._candidates(fusing._collect_votes(frame_pair), size, MIDDLE)
@@ -258,7 +258,7 @@ def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]
 
 
 def budget(case: Case, fusing: MultiHypothesis, reach: float) -> Figures:
-    """Figures of one hidden frame: PSNR, shares of the squared error and of the area, and dB that oracles gain."""
+    """Return figures of one hidden frame: PSNR, shares of squared error and area, and dB that oracles gain."""
     error = squared_error(case.truth, case.made)
     whole = psnr(error)
     figures = {"psnr": whole}
@@ -270,7 +270,7 @@ def budget(case: Case, fusing: MultiHypothesis, reach: float) -> Figures:
 
 
 def measure(paths: Sequence[str], method: Interpolator, largest: int) -> dict[str, Figures]:
-    """Means over the hidden frames of every clip."""
+    """Return means over the hidden frames of every clip."""
     fusing, search = method.synthesizer, method.estimator
     if not isinstance(fusing, MultiHypothesis) or not isinstance(search, CoarseToFine):
         raise TypeError("Only a method that searches coarse to fine and fuses has such a budget.")
@@ -285,7 +285,7 @@ def measure(paths: Sequence[str], method: Interpolator, largest: int) -> dict[st
 
 
 def budget_table(figures: dict[str, Figures]) -> Table:
-    """A row a clip, then the mean, and the mean share of the area."""
+    """Return a table with a row a clip, then the mean, and the mean share of the area."""
     table = Table("clip", "PSNR", *AREAS.values(), *ORACLES.values(), box=None, padding=(0, 1, 0, 0))
     for name, row in {**figures, "mean": means(list(figures.values()))}.items():
         shares = [f"{row[f'{area}_error']:.0%}" for area in AREAS]

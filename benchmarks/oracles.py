@@ -27,7 +27,7 @@ SHIFTS = (0.0, -0.5, 0.5, -1.0, 1.0)
 
 @njit(**FINITE_JIT)
 def sum_around(values, radius, sums):
-    """Sums over the patch around each pixel of a window, cut off at its border."""
+    """Sum over the patch around each pixel of a window, cut off at its border."""
     for y in range(WINDOW):
         for x in range(WINDOW):
             total = np.float32(0)
@@ -39,7 +39,7 @@ def sum_around(values, radius, sums):
 
 @njit(**FINITE_JIT)
 def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks, images):
-    """A window along one candidate: both frames mixed, and each alone, as in `fpsboost.kernels.multi_hypothesis`.
+    """Sample a window along one candidate: both frames mixed, and each alone, as the kernel does.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def best_of(
     alone: bool = False,
     radius: int = -1,
 ) -> tuple[Image, NDArray[Any]]:
-    """The frame at time t of the candidates that come nearest to the truth, and which those are.
+    """Return the frame at time t of the candidates that come nearest to the truth, and which those are.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def best_of(
 
 
 def shifted(motions: NDArray[Any], choice: NDArray[Any], t: float, *, paths: bool) -> NDArray[Any]:
-    """The chosen candidate of each node, and the same with its motion or its place at time t shifted by `SHIFTS`.
+    """Yield the chosen candidate of each node, and the same with its motion or its position at t shifted by `SHIFTS`.
 
     Parameters
     ----------

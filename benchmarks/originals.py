@@ -89,7 +89,7 @@ def judge(path: Path, folder: Path, options: list[str]) -> Row:
 
 
 def find_faults(row: Row, before: Video, after: Video) -> list[str]:
-    """What did not come through and was not said."""
+    """Return what did not come through without a remark."""
     faults = []
     interval = after.duration / max(len(after.times), 1)
     is_said = any("its header promises" in remark for remark in row.remarks)  # the header is where its end comes from
@@ -107,7 +107,7 @@ def find_faults(row: Row, before: Video, after: Video) -> list[str]:
 
 
 def table(rows: list[Row]) -> Table:
-    """A row a file."""
+    """Return a table with a row a file."""
     result = Table(box=None, pad_edge=False, header_style="dim")
     for name in ("file", "in", "out", "length, s", "sound", "colour", "PSNR", "turned", "verdict"):
         result.add_column(name, overflow="fold")

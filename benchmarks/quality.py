@@ -119,14 +119,14 @@ def count_leads(scores: Mapping[str, Scores], measure: str) -> dict[str, int]:
 
 
 def mean_scores(scores: Mapping[str, Scores]) -> Scores:
-    """Means over the clips that every method could do."""
+    """Return means over the clips that every method could do."""
     names = {name: None for rows in scores.values() for name in rows}
     complete = [rows for rows in scores.values() if len(rows) == len(names)]
     return {name: means([rows[name] for rows in complete]) for name in names} if complete else {}
 
 
 def write_crops(folder: Path, clip: Clip, made: Mapping[str, Made]) -> None:
-    """Pictures of where the first method errs most: truth and everything that was made, side by side."""
+    """Write pictures of where the first method errs most: truth and everything that was made, side by side."""
     first = next(iter(made.values()))
     errors = {index: absolute_error(clip.hidden[index], first.images[index]) for index in clip.scored}
     for index in sorted(errors, key=lambda index: -float(errors[index].mean()))[:WORST]:
@@ -142,7 +142,7 @@ def write_crops(folder: Path, clip: Clip, made: Mapping[str, Made]) -> None:
 
 
 def _labelled(name: str, image: Image) -> NDArray[Any]:
-    """An enlarged crop with its name above and a gap beside."""
+    """Return an enlarged crop with its name above and a gap beside."""
     values = np.rint(np.clip(normalised(image), 0, 1) * 255).astype(np.uint8)
     large = cv2.resize(values, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_NEAREST)
     framed: NDArray[Any] = cv2.copyMakeBorder(large, LABEL, 0, 0, 4, cv2.BORDER_CONSTANT, value=(255, 255, 255))
@@ -171,7 +171,7 @@ def confidence_table(title: str, rows: Scores) -> Table:
 
 
 def parse_peers(texts: list[str]) -> dict[str, str]:
-    """Commands by name, from NAME=COMMAND."""
+    """Parse commands by name from NAME=COMMAND."""
     peers = dict(text.partition("=")[::2] for text in texts)
     for name, command in peers.items():
         if "{in}" not in command or "{out}" not in command:

@@ -18,13 +18,13 @@ from fpsboost.io.prefetch import available_cores
 
 
 def worker_counts() -> list[int]:
-    """Powers of two up to the number of cores."""
+    """Return powers of two up to the number of cores."""
     return [2**power for power in range(available_cores().bit_length())]
 
 
 @contextmanager
 def pinned(count: int) -> Iterator[None]:
-    """Processes started meanwhile get the first so many of this one's cores, before a library of theirs counts them."""
+    """Give processes started meanwhile the first so many cores, before a library of theirs counts them."""
     cores = os.sched_getaffinity(0)
     os.sched_setaffinity(0, sorted(cores)[:count])
     try:
@@ -81,15 +81,15 @@ def _figures(process: Popen[str]) -> dict[str, Any]:
 
 
 def _stop(process: Popen[str]) -> NoReturn:
-    """Its own message stands on standard error."""
+    """Stop with a failed process; its own message is on standard error."""
     raise OptionError(f"A conversion ended with code {process.returncode}.")
 
 
 def serial_share(faster: float, workers: int) -> float:
-    """The share of work that one worker does alone, by Amdahl's law: 1 / faster = share + (1 - share) / workers."""
+    """Return the serial share of work by Amdahl's law: 1 / faster = share + (1 - share) / workers."""
     return max(0.0, (1 / faster - 1 / workers) / (1 - 1 / workers))
 
 
 def times_faster(serial: float, workers: int) -> float:
-    """How much faster so many workers are than one, by the same law."""
+    """Return how much faster so many workers are than one, by the same law."""
     return 1 / (serial + (1 - serial) / workers)

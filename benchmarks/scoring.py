@@ -69,7 +69,7 @@ class Made(NamedTuple):
 
 
 def wide_console() -> Console:
-    """A console for tables that need more than 80 columns, also where the output goes into a file."""
+    """Return a console for tables that need more than 80 columns, also where the output goes into a file."""
     return Console(width=max(Console().width, 120))
 
 
@@ -79,7 +79,7 @@ def one_thread() -> None:
 
 
 def find_clips(paths: Iterable[str]) -> dict[str, str]:
-    """Clips by name: each path is a video, a pattern or a folder of images, or a folder that holds such folders."""
+    """Return clips by name: each path is a video, a pattern or a folder of images, or a folder of such folders."""
     found = []
     for path in paths:
         if Path(path).is_dir() and not _holds_images(Path(path)):
@@ -99,7 +99,7 @@ def _holds_images(folder: Path) -> bool:
 
 
 def read_frames(path: str, largest: int) -> list[Image]:
-    """The first frames of a clip as three colours, so that every tool gets the same."""
+    """Read the first frames of a clip as three colours, so that every tool gets the same."""
     with open_source(path) as source:
         return [three_colours(frame.image) for frame in islice(source, largest)]
 
@@ -139,7 +139,7 @@ class KeepingConfidence:
 
 
 def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:
-    """The frame in the middle of every two."""
+    """Yield the frame in the middle of every two."""
     prepared = pairwise(map(FrameCache, frames))  # one of each frame, for both of its pairs
     for before, pair, after in with_neighbours(starmap(interpolator.pair, prepared)):
         yield from interpolator.between(pair, [0.5], before, after).images
@@ -179,7 +179,7 @@ def score_clip(clip: Clip, made: Made, metrics: Sequence[str] = ()) -> Figures:
 
 
 def measure_further(clip: Clip, made: Made, metrics: Sequence[str]) -> Figures:
-    """Figures of further metrics over the frames that count, by name."""
+    """Return figures of further metrics over the frames that count, by name."""
     meters = Meters(metrics, clip.rate)
     for shown, truth, image in zip(clip.shown, clip.hidden, made.images, strict=False):
         meters.shown(shown)

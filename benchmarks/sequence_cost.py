@@ -19,7 +19,7 @@ from fpsboost.ycbcr import Coding, YCbCrImage
 
 
 def as_video(image: Image) -> YCbCrImage:
-    """A frame as video has it: 4:2:0, 8 bits, BT.709."""
+    """Return a frame as video has it: 4:2:0, 8 bits, BT.709."""
     coding = Coding(8, BT709, full_range=False, chroma_location="left", pixel_format="yuv420p")
     return in_planes(from_bgr(image, coding.pixel_format, BT709, full_range=False), coding)
 

@@ -98,7 +98,7 @@ class Options:
 
 
 def textured_pair(height: int, width: int, shift: int = 7) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Two frames of a texture with detail at every scale, the second shifted."""
+    """Return two frames of a texture with detail at every scale, the second shifted."""
     generator = np.random.default_rng(0)
     texture = np.zeros((height, width + shift, 3), np.float32)
     for cell in (2, 8, 32, 128):
@@ -109,7 +109,7 @@ def textured_pair(height: int, width: int, shift: int = 7) -> tuple[NDArray[Any]
 
 
 def sequence(options: Options, height: int, width: int) -> list[Image]:
-    """Frames of one size: those of the clip, or a texture with detail at every scale that turns and grows."""
+    """Return frames of one size: those of the clip, or a turning and growing texture with detail at every scale."""
     if options.clip:
         frames = read_frames(options.clip, FRAMES)
         return [cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA) for frame in frames]
@@ -118,14 +118,14 @@ def sequence(options: Options, height: int, width: int) -> list[Image]:
 
 
 def turned(image: Image, degrees: float, scale: float = 1.0) -> Image:
-    """The same image, turned and grown around its middle."""
+    """Return an image turned and enlarged around its middle."""
     height, width = image.shape[:2]
     turn = cv2.getRotationMatrix2D((width / 2, height / 2), degrees, scale)
     return cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REFLECT)
 
 
 def draw_video(path: Path, height: int, width: int, count: int, pixel_format: str = "yuv420p") -> None:
-    """An H.264 video of 24 frames a second: a texture with detail at every scale that turns."""
+    """Write an H.264 video of 24 frames a second: a rotating texture with detail at every scale."""
     texture, _ = textured_pair(height, width)
     with av.open(str(path), "w") as output:
         stream = output.add_stream("libx264", 24, width=width, height=height, pix_fmt=pixel_format)
@@ -142,7 +142,7 @@ def timed(run: Callable[[], object]) -> tuple[float, float]:
 
 
 def exhaustive(console: Console, options: Options) -> Figures:
-    """The report's search: the fused kernel against full-image passes of OpenCV, both directions each."""
+    """Measure the report's search: the fused kernel against full-image passes of OpenCV, both directions each."""
     height, width, radius, patch_radius = 360, 640, 16, 5
     pair = [colour_components(frame) for frame in textured_pair(height, width)]
     evaluations = height * width * (2 * radius + 1) ** 2
@@ -172,7 +172,7 @@ def exhaustive(console: Console, options: Options) -> Figures:
 
 
 def by_method(console: Console, options: Options) -> Figures:
-    """Every method: milliseconds per in-between frame, frames in memory."""
+    """Measure every method: milliseconds per in-between frame, frames in memory."""
     table = Table("method", "size", "wall, ms", "CPU, ms", "in-between frames/s", title="One in-between frame a pair")
     figures: Figures = {}
     for name, interpolator in methods.items():
@@ -252,7 +252,7 @@ def start(console: Console, options: Options) -> Figures:
 
 
 def stages(console: Console, options: Options) -> Figures:
-    """Each stage of a method: CPU time per in-between frame in the best round, and what moves through memory."""
+    """Measure each stage of a method: CPU time per in-between frame in the best round, and memory traffic."""
     fastest = copy_bandwidth()
     figures: Figures = {"copy_bytes_per_s": fastest}
     interpolator = methods[options.method]
@@ -281,7 +281,7 @@ def stages(console: Console, options: Options) -> Figures:
 
 
 def stage_cells(row: Figures, share: float, fastest: float) -> list[str]:
-    """One stage's row of the table."""
+    """Return one stage's row of the table."""
     cells = [f"{row['calls']:.0f}" if row["calls"] else "", f"{row['cpu_ms']:.1f}", f"{share:.1%}"]
     if not row["bytes"]:
         return cells
@@ -336,7 +336,7 @@ def sequence_cpu(interpolator: Interpolator, frames: Sequence[Image]) -> float:
 
 
 def threads(console: Console, options: Options) -> Figures:
-    """A whole conversion with 1, 2, 4 ... workers on as many cores, and as many conversions of one worker each.
+    """Measure a whole conversion with 1, 2, 4 ... workers on as many cores, and as many conversions of one worker each.
 
     Of each the best round: what else runs on the machine can only take away.
     """
@@ -410,13 +410,13 @@ def conversions(console: Console, options: Options) -> Figures:
 
 
 def convert_one(clip: Path, folder: str, method: str) -> Figures:
-    """One conversion by two workers on two cores."""
+    """Measure one conversion by two workers on two cores."""
     (figures,) = convert_together(str(clip), folder, method, workers=2, conversions=1)
     return figures
 
 
 def minterpolate(clip: Path, folder: str, frames: int) -> Figures:
-    """The same by FFmpeg's motion-compensated filter, on two cores."""
+    """Measure the same by FFmpeg's motion-compensated filter, on two cores."""
     out = [*("-vf", "minterpolate=fps=48"), *("-c:v", "libx264", "-preset", "veryfast"), str(Path(folder, "peer.mp4"))]
     with pinned(2):
         begin = time.perf_counter()

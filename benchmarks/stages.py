@@ -92,7 +92,7 @@ class Bill:
     inside: list[float] = field(default_factory=list)
 
     def timed(self, name: str, run: Callable[..., Any]) -> Callable[..., Any]:
-        """The same function, billed to a stage."""
+        """Return a function whose time is billed to a stage."""
 
         def billed(*arguments: Any, **options: Any) -> Any:
             self.inside.append(0.0)
@@ -111,7 +111,7 @@ class Bill:
         return billed
 
     def wrapped(self, name: str, stage: Stage, run: Callable[..., Any], width: int) -> Callable[..., Any]:
-        """The same function, billed as its stage says; `width` is that of the frames."""
+        """Return a function whose time is billed as its stage says; `width` is that of the frames."""
         width_of = stage.width_of
         if width_of is None:
             return self.timed(name, run)
@@ -125,7 +125,7 @@ class Bill:
 
 
 def bytes_of(value: Any) -> int:
-    """Bytes of all arrays in nested tuples, lists and dataclasses, and of the pixels of images."""
+    """Return bytes of all arrays in nested tuples, lists and dataclasses, and of the pixels of images."""
     if isinstance(value, np.ndarray):
         return value.nbytes
     if isinstance(value, FrameCache):
@@ -189,7 +189,7 @@ def profile_sequence(interpolator: Interpolator, frames: Sequence[Image]) -> Pro
 
 
 def copy_bandwidth(megabytes: int = 256) -> float:
-    """Bytes that a plain copy in one thread reads and writes in a CPU second: the best of five."""
+    """Return bytes that a plain copy in one thread reads and writes in a CPU second: the best of five."""
     source, target = np.ones(megabytes * 2**20, np.uint8), np.zeros(megabytes * 2**20, np.uint8)
     seconds = []
     for _ in range(5):

@@ -50,7 +50,7 @@ def on_page_content(content: str, page: Any, config: Any, files: Any) -> str:
 
 
 def included(path: str, part: str | None) -> str:
-    """A file of the repository or a part of it, with links that lead somewhere on the site."""
+    """Return a file of the repository or a part of it, with links that lead somewhere on the site."""
     text = (ROOT / path).read_text("utf-8")
     if part is not None:
         found = re.search(rf"<!-- {part} -->\n(.*?)<!-- /{part} -->", text, re.DOTALL)
@@ -71,7 +71,7 @@ def included(path: str, part: str | None) -> str:
 
 
 def options() -> str:
-    """Every option of every command, as the command line itself describes it."""
+    """Return every option of every command, as the command line itself describes it."""
     text = app.generate_docs(output_format="markdown", recursive=True, heading_level=2)
     _, text = text.split("**Arguments**", 1)  # its own title and contents
     text = re.sub(r"\*\*Commands\*\*:\n\n(?:\* .*\n)+", "", text)

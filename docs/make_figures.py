@@ -65,32 +65,32 @@ def main() -> None:
 
 
 def clip() -> list[Picture]:
-    """The frames of the sample clip."""
+    """Read the frames of the sample clip."""
     with av.open(str(SAMPLES / "orbit.mp4")) as container:
         return [frame.to_ndarray(format="bgr24") for frame in container.decode(video=0)]
 
 
 def scene(name: str, *numbers: int) -> list[Picture]:
-    """Frames of a rendered scene."""
+    """Return frames of a rendered scene."""
     frames = [cv2.imread(str(SAMPLES / "scenes" / name / f"{number:04d}.png")) for number in numbers]
     assert all(frame is not None for frame in frames)
     return frames
 
 
 def prepared(frames: Sequence[Picture]) -> list[FrameCache]:
-    """Frames as estimators take them."""
+    """Return frames as estimators take them."""
     return [FrameCache(frame) for frame in frames]
 
 
 def middle_pair(method: Interpolator, frames: Sequence[Picture]) -> tuple[Pair, Pair, Pair]:
-    """Of four frames the pair in the middle, with the one before and the one after."""
+    """Return of four frames the pair in the middle, with the one before and the one after."""
     images = prepared(frames)
     before, pair, after = (method.pair(*images[k : k + 2]) for k in range(3))
     return before, pair, after
 
 
 def made_between(frames: Sequence[Picture]) -> Picture:
-    """What the default method makes half-way between the second and the third of four frames."""
+    """Return what the default method makes half-way between the second and the third of four frames."""
     method = methods["nlm"]
     before, pair, after = middle_pair(method, frames)
     (image,) = method.between(pair, [0.5], before, after).images
@@ -118,7 +118,7 @@ def draw_before_and_after() -> Path:
 
 
 def draw_motion() -> Path:
-    """A pair of frames and its motion."""
+    """Draw a pair of frames and its motion."""
     frames = clip()[27:29]
     field01, _ = methods["nlm"].pair(*prepared(frames)).fields
     edge = 20.0
@@ -138,7 +138,7 @@ def draw_motion() -> Path:
 
 
 def draw_similarity() -> Path:
-    """The similarity of every offset at one point: where there is much contrast, and where there is little."""
+    """Draw the similarity of every offset at one point: where there is much contrast, and where there is little."""
     radius, reach, scale = 5, 24, 4
     rows = []
     for name, numbers, (y, x) in (("glass", (8, 10), (52, 58)), ("reflective", (8, 10), (62, 188))):
@@ -162,7 +162,7 @@ def draw_similarity() -> Path:
 
 
 def draw_choice() -> Path:
-    """What semi-global matching adds in repeated patterns, beside a renderer's vectors."""
+    """Draw what semi-global matching adds in repeated patterns, beside a renderer's vectors."""
     number = 7
     first, second = scene("texture", number, number + 1)
     images = prepared([first, second])
@@ -185,7 +185,7 @@ def draw_choice() -> Path:
 
 
 def draw_residual_search() -> Path:
-    """A small fast ball, without and with the search for small things."""
+    """Draw a small fast ball, without and with the search for small things."""
     frames = clip()[63:65]
     with mock.patch.object(nlm, "MIN_SIMILARITY", ()):
         without = nlm.CoarseToFine().estimate(*prepared(frames))[0].flow
@@ -199,7 +199,7 @@ def draw_residual_search() -> Path:
 
 
 def draw_candidates() -> Path:
-    """The candidate motions of one node: what each brings together, and its weight."""
+    """Draw the candidate motions of one node: what each brings together, and its weight."""
     frames = clip()[27:29]
     pair, fuse = methods["nlm"].pair(*prepared(frames)), MultiHypothesis()
     frame_pair = FramePair(pair.image0, pair.image1, *pair.fields)
@@ -237,7 +237,7 @@ def draw_candidates() -> Path:
 
 
 def draw_confidence() -> Path:
-    """Where the result can be trusted, and where it is wrong."""
+    """Draw where the result can be trusted, and where it is wrong."""
     frames = scene("glass", 12, 13, 14)
     pair = methods["nlm"].pair(*prepared([frames[0], frames[2]]))
     (fused,) = MultiHypothesis().fuse(FramePair(pair.image0, pair.image1, *pair.fields), [0.5])
@@ -256,7 +256,7 @@ def draw_confidence() -> Path:
 
 
 def draw_cut() -> Path:
-    """The likeness of all pairs of the sample clip, as an SVG."""
+    """Draw the match score of all pairs of the sample clip, as an SVG."""
     detector, images = CutDetector(), prepared(clip())
     match_score = [detector.match_score(first, second) for first, second in pairwise(images)]
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "fpsboost", "font.family": "sans-serif"}):
@@ -280,12 +280,12 @@ def draw_cut() -> Path:
 
 
 def exp_of(v: float) -> Any:
-    """The report's similarity of pixels."""
+    """Return the report's similarity of pixels."""
     return lambda apart: np.exp(-np.square(apart).sum(axis=-1) / (2 * v * v))
 
 
 def linear_of(v: float) -> Any:
-    """The linear form of it."""
+    """Return its linear form."""
     return lambda apart: (1 - np.abs(apart).sum(axis=-1) / (4 * v)).clip(0)
 
 
@@ -304,7 +304,7 @@ def similarity_map(first: Picture, second: Picture, y: int, x: int, radius: int,
 def alone_everywhere(
     fuse: MultiHypothesis, frame_pair: FramePair, motion: Picture, listed: Candidates, t: float
 ) -> tuple[Picture, Picture]:
-    """The in-between frame of one motion, and the similarity of every pixel along it."""
+    """Return the in-between frame of one motion, and the similarity of every pixel along it."""
     motions, weights = np.zeros_like(listed.motions), np.zeros_like(listed.weights)
     motions[..., 0, :2], weights[..., 0] = motion[:2], 1
     confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
@@ -316,18 +316,18 @@ def alone_everywhere(
 
 
 def smaller(picture: Picture, width: int) -> Picture:
-    """A picture reduced to a width."""
+    """Return a picture reduced to a width."""
     height = round(picture.shape[0] * width / picture.shape[1])
     return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
 
 
 def larger(picture: Picture, scale: int) -> Picture:
-    """A picture whose pixels can be seen."""
+    """Return a picture enlarged so that its pixels can be seen."""
     return picture.repeat(scale, axis=0).repeat(scale, axis=1)
 
 
 def mark_maximum(picture: Picture, values: Picture, scale: int) -> Picture:
-    """A ring around the largest value."""
+    """Draw a ring around the largest value."""
     row, column = np.unravel_index(values.argmax(), values.shape)
     centre = int(column * scale + scale // 2), int(row * scale + scale // 2)
     picture = np.ascontiguousarray(picture)
@@ -336,14 +336,14 @@ def mark_maximum(picture: Picture, values: Picture, scale: int) -> Picture:
 
 
 def add_wheel(picture: Picture, side: int = 48) -> None:
-    """The legend of colours for motion, in the lower right corner."""
+    """Draw the legend of colours for motion in the lower right corner."""
     wheel = draw_wheel(side)
     corner, alpha = picture[-side - 6 : -6, -side - 6 : -6], wheel[..., 3:] / 255
     corner[:] = np.rint(corner * (1 - alpha) + wheel[..., :3] * alpha)
 
 
 def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
-    """Panels in rows as a PNG of 256 colours."""
+    """Save panels in rows as a PNG of 256 colours."""
     widths = [max(row[k].picture.shape[1] for row in rows if k < len(row)) for k in range(len(rows[0]))]
     tops, height = [], GAP // 2
     for row in rows:
@@ -372,7 +372,7 @@ def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
 
 
 def choose_colours(picture: Picture, count: int = 256) -> Picture:
-    """The colours that suit a picture best, (count, 3) uint8; rare ones count more than their pixels alone would."""
+    """Choose the colours that suit a picture best, (count, 3) uint8; rare ones count more than their pixels would."""
     colours, pixels = np.unique(picture.reshape(-1, 3) >> 3, axis=0, return_counts=True)
     random, share = np.random.default_rng(1), np.sqrt(pixels)
     points = colours[random.choice(len(colours), 20000, p=share / share.sum())].astype(np.float32) * 8 + 4

@@ -16,9 +16,11 @@ from video_truth import write_clip
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError
-from fpsboost.evaluation.compare import compare, pick
+from fpsboost.evaluation.compare import compare
+from fpsboost.evaluation.exporting import as_json
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.making import InterpolatorMaker, Made, Minterpolate
+from fpsboost.evaluation.picking import pick
 from fpsboost.evaluation.regions import find_regions
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vector_folder import VectorFolder
@@ -116,7 +118,7 @@ def test_a_comparison_knows_who_is_better(folder):
     assert comparison.cuts == []
     assert all(frame.seconds > 0 for frame in dis.frames)
     assert observer.told == ["made" if k % 4 else each for k, each in enumerate(expected_calls())]
-    plain = json.loads(json.dumps(comparison.as_json(), allow_nan=False))
+    plain = json.loads(json.dumps(as_json(comparison), allow_nan=False))
     assert plain["skipped"] == {"other": "it is not there"}
     assert plain["methods"][0]["mean"]["psnr"] == pytest.approx(comparison.means(dis).psnr)
     assert len(plain["methods"][1]["frames"]) == 3
@@ -125,7 +127,7 @@ def test_a_comparison_knows_who_is_better(folder):
 def test_a_comparison_knows_the_radius_that_was_searched(folder):
     """Of each frame of a method that has one; it is a number in the data, and null where there is none."""
     makers = {name: InterpolatorMaker(find_method(name)) for name in ("nlm-exhaustive", "blend")}
-    searched, blended = compare(folder, makers, Hiding(last=3), Nobody()).as_json()["methods"]
+    searched, blended = as_json(compare(folder, makers, Hiding(last=3), Nobody()))["methods"]
     (radius,) = (frame["search_radius"] for frame in searched["frames"])
     assert 2 * STEP <= radius <= 2 * (2 * STEP)
     assert [frame["search_radius"] for frame in blended["frames"]] == [None]
@@ -255,7 +257,7 @@ def test_a_repeat_gives_nobody_a_frame_for_nothing(tmp_path):
     dis, blend = ([frame.scores.psnr for frame in comparison.counted(each)] for each in comparison.methods)
     assert len(dis) == 4
     assert min(np.subtract(dis, blend)) > 3
-    plain = comparison.as_json()
+    plain = as_json(comparison)
     assert (plain["repeats"], plain["doubtful"], plain["times"]) == ([7], [8], [0.5, 0.5, 0.5, 2 / 3, 0.5])
     assert len(comparison.notes(makers)) == 2
 

@@ -37,7 +37,8 @@ def described(module: str) -> Iterator[str]:
         elif inspect.isclass(value):
             yield f"{module}.{name}"
             for member, each in vars(value).items():
-                if not member.startswith("_") and (inspect.isfunction(each) or isinstance(each, property)):
+                is_method = inspect.isfunction(each) and each.__name__ == member  # and no function that is a default
+                if not member.startswith("_") and (is_method or isinstance(each, property)):
                     yield f"{module}.{name}.{member}"
 
 

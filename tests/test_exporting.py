@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from fpsboost.errors import OutputError
-from fpsboost.evaluation.compare import DATA_VERSION, Comparison, FrameResult, MethodResult
-from fpsboost.evaluation.exporting import write_csv, write_json
+from fpsboost.evaluation.exporting import DATA_VERSION, as_json, write_csv, write_json
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.grid_metric import count_steps
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.metrics import Scores
 from fpsboost.evaluation.regions import NAMES, OUTSIDES
+from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 
 DESCRIPTION = (Path(__file__).parents[1] / "docs" / "comparison.md").read_text(encoding="utf-8")
 
@@ -72,7 +72,7 @@ def names_in(value: Any) -> set[str]:
 
 def test_every_name_in_the_data_is_described(comparison):
     """The version too; names of methods and programs are data themselves."""
-    data = comparison.as_json()
+    data = as_json(comparison)
     assert data["version"] == DATA_VERSION
     assert f"`version` is {DATA_VERSION};" in DESCRIPTION
     described = set(re.findall(r"[\w-]+", " ".join(re.findall(r"`([^`\n]+)`", DESCRIPTION.replace("```", "")))))

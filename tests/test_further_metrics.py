@@ -251,7 +251,7 @@ def test_what_is_missing_is_named(monkeypatch):
     monkeypatch.setattr(filter_metrics.av.filter, "filters_available", frozenset())
     monkeypatch.setattr(flip_metric, "find_spec", lambda name: None)
     for name, words in (("xpsnr", "filter xpsnr"), ("vmaf", "filter libvmaf"), ("flip", r"'fpsboost\[flip\]'")):
-        with pytest.raises(OptionError, match=f"--metrics {name} needs the .*{words}"):
+        with pytest.raises(OptionError, match=f"`metrics={name}` needs the .*{words}"):
             choose_metrics([name])
 
 

@@ -91,7 +91,7 @@ def test_what_is_no_range_is_refused(text):
 @pytest.mark.parametrize("options", [{"skip": 0}, {"first": -1}, {"first": 4, "last": 6}, {"skip": 3, "last": 4}])
 def test_hiding_nothing_is_refused(options):
     """Too small a range, nothing to skip, or a frame before the first."""
-    with pytest.raises(OptionError, match=r"--skip|--range"):
+    with pytest.raises(OptionError, match=r"`skip`|`range"):
         Hiding(**options)
 
 

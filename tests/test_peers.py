@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from fpsboost.errors import InputError
-from fpsboost.evaluation.compare import pick
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.peers import find_frames, list_images, read_like, run_peer
+from fpsboost.evaluation.picking import pick
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")

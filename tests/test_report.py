@@ -24,13 +24,14 @@ from video_truth import scene
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.charts import Dot, Series, draw_dots, draw_lines
-from fpsboost.evaluation.compare import Comparison, compare
+from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.looks import colours_of, looks_of
 from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
 from fpsboost.evaluation.metrics import as_shown
 from fpsboost.evaluation.pictures import find_spots, in_colour
 from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, write_report
+from fpsboost.evaluation.results import Comparison
 from fpsboost.method_table import methods
 
 NAMES = ("dis", "blend", "nearest")

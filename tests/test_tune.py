@@ -54,7 +54,7 @@ def test_no_frame_is_tuned_on_where_nothing_moves(tmp_path):
     for number, step in enumerate((0, 4, 8, 8, 8, 8, 8)):
         cv2.imwrite(str(tmp_path / f"{number}.png"), texture[:, 16 - step : 80 - step])
     assert [each.hidden.number for each in choose_frames(str(tmp_path), Hiding(), 3, Nobody())] == [1]
-    with pytest.raises(InputError, match="--duplicates keep"):
+    with pytest.raises(InputError, match="`duplicates='keep'`"):
         choose_frames(str(tmp_path), Hiding(first=2), 1, Nobody())
 
 
@@ -144,7 +144,7 @@ def test_methods_without_a_patch_are_refused(folder):
     """One sentence says which to take; so does one for no frame at all."""
     with pytest.raises(OptionError, match="no patch to tune"):
         tune(folder, "dis", Hiding(), 1, Nobody())
-    with pytest.raises(OptionError, match="--frames must be at least 1"):
+    with pytest.raises(OptionError, match="`frames` must be at least 1"):
         tune(folder, "nlm", Hiding(), 0, Nobody())
 
 

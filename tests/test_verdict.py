@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from video_truth import scene
 
-from fpsboost.evaluation.compare import Comparison, FrameResult, MethodResult
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.metrics import Scores
+from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 from fpsboost.evaluation.verdict import difference, judge
 
 # said only under pytest

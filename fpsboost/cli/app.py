@@ -18,7 +18,7 @@ from fpsboost.cli.library_texts import LibraryTexts
 from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
 from fpsboost.cli.options import CutOptions, MessageOptions, MethodOptions, TuningOptions
 from fpsboost.cli.progress import Reporter
-from fpsboost.cli.signature import GROUPS, with_flags
+from fpsboost.cli.signature import GROUPS, default_text, with_flags
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -56,9 +56,7 @@ app = App(
     suppress_keyboard_interrupt=False,
     version=f"fpsboost {__version__}",
     group_commands=Group("Commands", sort_key=9),
-    default_parameter=Parameter(
-        negative=(), show_default=lambda value: value if value is not False else None, show_choices=False
-    ),
+    default_parameter=Parameter(negative=(), show_default=default_text, show_choices=False),
 )
 
 

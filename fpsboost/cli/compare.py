@@ -19,25 +19,20 @@ from rich.table import Column, Table
 
 from fpsboost.cli import messages
 from fpsboost.cli.contestants import choose, name_others, split_methods
-from fpsboost.cli.messages import shown
-from fpsboost.cli.options import CutOptions, HidingOptions
+from fpsboost.cli.messages import sentence, shown
+from fpsboost.cli.options import ContestOptions, CutOptions, HidingOptions, ResultOptions
 from fpsboost.cli.signature import GROUPS, with_flags
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.decode_options import DecodeOptions
 
 if TYPE_CHECKING:
-    from fpsboost.evaluation.compare import Comparison, MethodResult
     from fpsboost.evaluation.hiding import Hiding
     from fpsboost.evaluation.making import Maker
+    from fpsboost.evaluation.results import Comparison, MethodResult
     from fpsboost.io.vector_folder import VectorFolder
-
-DEFAULT_METHODS = ("nlm,nlm-fast,dis,minterpolate,blend",)
 
 EXIT_BELOW_LIMIT = 3
 """Exit code of a comparison that ends below ``--fail-under``."""
-
-what = Group("What is compared", sort_key=2)
-results = Group("Results", sort_key=3)
 
 
 frames_group = Group("Which frames", sort_key=1)
@@ -58,22 +53,9 @@ def compare(
     *,
     decoding: Annotated[DecodeOptions, frames_group],
     frames: Annotated[HidingOptions, frames_group],
-    methods: Annotated[
-        tuple[str, ...], Parameter(group=what, name=["--methods", "-m"], metavar="NAMES", show_default=",".join)
-    ] = DEFAULT_METHODS,
-    frames_of: Annotated[
-        tuple[str, ...], Parameter(group=what, name="--frames", metavar="NAME=DIR", show_default=False)
-    ] = (),
-    peer: Annotated[tuple[str, ...], Parameter(group=what, metavar="NAME=COMMAND", show_default=False)] = (),
-    vectors: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
-    depth: Annotated[str | None, Parameter(group=what, metavar="DIR")] = None,
+    contest: Annotated[ContestOptions, Group("What is compared", sort_key=2)],
     at_cuts: Annotated[CutOptions, GROUPS["Scenes"]],
-    metrics: Annotated[tuple[str, ...], Parameter(group=results, metavar="NAMES", show_default=False)] = (),
-    report: Annotated[str | None, Parameter(group=results, metavar="DIR")] = None,
-    json: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
-    csv: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
-    fail_under: Annotated[float | None, Parameter(group=results, metavar="DB")] = None,
-    quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
+    results: Annotated[ResultOptions, Group("Results", sort_key=3)],
 ) -> None:
     """Hide frames, make them again with each method, and say which comes nearest to the truth.
 
@@ -83,36 +65,6 @@ def compare(
     ----------
     input
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
-    methods
-        As in conversions, with commas between them and options
-        behind a colon: dis,nlm-exhaustive:patch-radius=9,v=0.05;
-        or all; minterpolate is FFmpeg's. Given repeatedly, all.
-    frames_of
-        Images that another tool made: all frames in order,
-        the hidden ones alone, or numbered like them, from 0.
-        May be given repeatedly.
-    peer
-        A command that makes them: 'tool {in} {out}', from
-        and into a folder of images; also {factor} and {fps}.
-        May be given repeatedly.
-    vectors
-        Folder of a renderer's vectors, for every frame of IN.
-    depth
-        Folder of its depth, for reproject-scene.
-    metrics
-        Measured beside PSNR (and P5, its 5th percentile), SSIM,
-        MAE and MSE, with commas between: dtssd, tof, flip,
-        xpsnr, vmaf, grid; see docs/comparison.md.
-    report
-        A new folder for the page, index.html.
-    json
-        A new file for all figures, as docs/comparison.md says.
-    csv
-        A new file for a table: a row a method and frame.
-    fail_under
-        Exit with 3 if the first method's PSNR is lower.
-    quiet
-        Say nothing but errors.
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
     from fpsboost.evaluation.exporting import write_csv, write_json  # noqa: PLC0415
@@ -120,22 +72,22 @@ def compare(
     from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
-    console = Console(highlight=False, quiet=quiet)
+    console = Console(highlight=False, quiet=results.quiet)
     hiding = hiding_of(frames, decoding)
-    others = name_others(frames_of, peer)
-    if depth is not None and vectors is None:
+    others = name_others(contest.frames_of, contest.peer)
+    if contest.depth is not None and contest.vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
-    folder = None if vectors is None else open_vectors(input, vectors, depth)
-    makers, skipped = choose(methods, folder)
+    folder = None if contest.vectors is None else open_vectors(input, contest.vectors, contest.depth)
+    makers, skipped = choose(contest.methods, folder)
     makers = with_cuts(makers, at_cuts)
-    if fail_under is not None:
-        check_limit(fail_under, methods, list(makers), skipped)
-    chosen = choose_metrics(metrics)
-    for path, option in ((report, "--report"), (json, "--json"), (csv, "--csv")):
+    if results.fail_under is not None:
+        check_limit(results.fail_under, contest.methods, list(makers), skipped)
+    chosen = choose_metrics(results.metrics)
+    for path, option in ((results.report, "--report"), (results.json, "--json"), (results.csv, "--csv")):
         check_new(path, option)
     rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
-        with Progressing(quiet=quiet) as progress:
+        with Progressing(quiet=results.quiet) as progress:
             makers |= others.makers(lambda: hiding.intervals(input, rate), Path(scratch), progress.begun)
             comparison = run(
                 input,
@@ -144,7 +96,7 @@ def compare(
                 progress,
                 skipped=skipped,
                 input_fps=rate,
-                rendered=words_of({"--vectors": vectors, "--depth": depth}),
+                rendered=words_of({"--vectors": contest.vectors, "--depth": contest.depth}),
                 others=others.words(),
                 vectors=folder,
                 cuts=at_cuts.applied_to(find_method("nlm")).cuts,
@@ -154,20 +106,20 @@ def compare(
         for each in tables(comparison):
             console.print(each)
         for line in remarks(comparison, makers):
-            console.print(shown(line))
-        console.print(shown(judge(comparison).text), style="bold", soft_wrap=True)
-        if json is not None:
-            write_json(Path(json), comparison)
-        if csv is not None:
-            write_csv(Path(csv), comparison)
-        if report is not None:
+            console.print(sentence(line))
+        console.print(sentence(judge(comparison).text), style="bold", soft_wrap=True)
+        if results.json is not None:
+            write_json(Path(results.json), comparison)
+        if results.csv is not None:
+            write_csv(Path(results.csv), comparison)
+        if results.report is not None:
             from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (the drawing code is slow to import)
 
-            with Console(stderr=True, quiet=quiet).status("writing the page"):
-                page = write_report(Path(report), comparison, makers, input_fps=rate)
+            with Console(stderr=True, quiet=results.quiet).status("writing the page"):
+                page = write_report(Path(results.report), comparison, makers, input_fps=rate)
             console.print(f"Page: {shown(str(page))}", soft_wrap=True)
-    if fail_under is not None:
-        check_is_reached(comparison, fail_under)
+    if results.fail_under is not None:
+        check_is_reached(comparison, results.fail_under)
 
 
 def words_of(options: Mapping[str, object]) -> tuple[str, ...]:

@@ -141,9 +141,68 @@ class HidingOptions:
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate (no truths) or keep them.")
 
 
+@dataclass(frozen=True)
+class ContestOptions:
+    """What is compared."""
+
+    methods: tuple[str, ...] = option(
+        ("nlm,nlm-fast,dis,minterpolate,blend",),
+        "As in conversions, with commas between them and options\n"
+        "behind a colon: dis,nlm-exhaustive:patch-radius=9,v=0.05;\n"
+        "or all; minterpolate is FFmpeg's. Given repeatedly, all.",
+        short="m",
+        metavar="NAMES",
+    )
+    frames_of: tuple[str, ...] = option(
+        (),
+        "Images that another tool made: all frames in order,\n"
+        "the hidden ones alone, or numbered like them, from 0.\n"
+        "May be given repeatedly.",
+        flag="frames",
+        metavar="NAME=DIR",
+    )
+    peer: tuple[str, ...] = option(
+        (),
+        "A command that makes them: 'tool {in} {out}', from\n"
+        "and into a folder of images; also {factor} and {fps}.\n"
+        "May be given repeatedly.",
+        metavar="NAME=COMMAND",
+    )
+    vectors: str | None = option(None, "Folder of a renderer's vectors, for every frame of IN.", metavar="DIR")
+    depth: str | None = option(None, "Folder of its depth, for reproject-scene.", metavar="DIR")
+
+
+@dataclass(frozen=True)
+class ResultOptions:
+    """What is measured and written."""
+
+    metrics: tuple[str, ...] = option(
+        (),
+        "Measured beside PSNR (and P5, its 5th percentile), SSIM,\n"
+        "MAE and MSE, with commas between: dtssd, tof, flip,\n"
+        "xpsnr, vmaf, grid; see docs/comparison.md.",
+        metavar="NAMES",
+    )
+    report: str | None = option(None, "A new folder for the page, index.html.", metavar="DIR")
+    json: str | None = option(None, "A new file for all figures, as docs/comparison.md says.", metavar="FILE")
+    csv: str | None = option(None, "A new file for a table: a row a method and frame.", metavar="FILE")
+    fail_under: float | None = option(None, "Exit with 3 if the first method's PSNR is lower.", metavar="DB")
+    quiet: bool = option(False, "Say nothing but errors.", short="q")
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """What is tried."""
+
+    method: str = option(
+        "nlm-exhaustive", "nlm-exhaustive, or nlm, which has no window and no search radius.", short="m"
+    )
+    frames: int = option(3, "How many to try on; they are chosen for their motion.")
+
+
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions),
-    *(MessageOptions, HidingOptions),
+    *(MessageOptions, HidingOptions, ContestOptions, ResultOptions, SweepOptions),
 )
 
 QUOTES = "'\""

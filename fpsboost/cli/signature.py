@@ -27,6 +27,13 @@ _metavars = {
 """Placeholders of values by the name of the type; in a union the first of these counts."""
 
 
+def default_text(value: Any) -> str | None:
+    """Return a default as the help shows it; None for a switch, or where there is none."""
+    if isinstance(value, tuple):
+        return ",".join(value) or None
+    return None if value is None or value is False else str(value)
+
+
 def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     """Replace each parameter of a command whose type is a dataclass of options by flags for its fields.
 

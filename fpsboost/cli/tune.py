@@ -12,14 +12,13 @@ from rich.table import Table
 
 from fpsboost.cli.compare import Progressing, check_new, frames_group, hiding_of
 from fpsboost.cli.messages import shown
-from fpsboost.cli.options import HidingOptions
+from fpsboost.cli.options import HidingOptions, SweepOptions
 from fpsboost.cli.signature import with_flags
 from fpsboost.io.video.decode_options import DecodeOptions
 
 if TYPE_CHECKING:
     from fpsboost.evaluation.tune import Trial, Tuning
 
-what = Group("What is tried", sort_key=2)
 results = Group("Results", sort_key=3)
 
 MAX_BAR_LENGTH = 24
@@ -33,8 +32,7 @@ def tune(
     *,
     decoding: Annotated[DecodeOptions, frames_group],
     chosen: Annotated[HidingOptions, frames_group],
-    method: Annotated[str, Parameter(group=what, name=["--method", "-m"], metavar="NAME")] = "nlm-exhaustive",
-    frames: Annotated[int, Parameter(group=what, metavar="N")] = 3,
+    sweep: Annotated[SweepOptions, Group("What is tried", sort_key=2)],
     figure: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
 ) -> None:
@@ -44,10 +42,6 @@ def tune(
     ----------
     input
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
-    method
-        nlm-exhaustive, or nlm, which has no window and no search radius.
-    frames
-        How many to try on; they are chosen for their motion.
     figure
         A new file for the curves: .svg, .png or .pdf.
     quiet
@@ -63,7 +57,7 @@ def tune(
         check_drawable(Path(figure))
     rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
     with Progressing(quiet=quiet) as progress:
-        tuning = run(input, method, hiding, frames, progress, rate)
+        tuning = run(input, sweep.method, hiding, sweep.frames, progress, rate)
     if figure is not None:
         draw_tuning(tuning, Path(figure))
     if not quiet:

@@ -213,7 +213,7 @@ def _begin(form: Form, label: str) -> tuple[Figure, Axes]:
 
 
 def _fitted(title: str, form: Form) -> str:
-    """A title in two lines where one would be cut off; it begins where the axes do."""
+    """Break a title into two lines if one would be cut off; it begins where the axes do."""
     room = 0.86 * 72 * form.size[0] / (TITLE_WIDTH * form.text)
     before, comma, behind = title.rpartition(", ")
     return f"{before},\n{behind}" if comma and len(title) > room else title
@@ -324,7 +324,7 @@ def _finish(figure: Figure, axes: Axes, name: str, form: Form) -> Chart:
 
 
 def _for_page(svg: str, prefix: str) -> str:
-    """Names that no other figure of a page has, and classes for what belongs to a method."""
+    """Rename what other figures of a page may have too, and add classes for what belongs to a method."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     # what is drawn again and again takes the colour of its place, not of its definition

@@ -9,12 +9,19 @@ import csv
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from fpsboost.evaluation.compare import Comparison
+import numpy as np
+
 from fpsboost.evaluation.regions import NAMES, OUTSIDES
+from fpsboost.evaluation.results import Comparison
+from fpsboost.evaluation.verdict import judge
 from fpsboost.evaluation.writing import appearing
+
+DATA_VERSION = 1
+"""Of `Comparison.as_json`: higher where a name has gone or means something else, the same where names were added."""
 
 
 def write_json(path: Path, comparison: Comparison) -> None:
@@ -26,7 +33,30 @@ def write_json(path: Path, comparison: Comparison) -> None:
         It cannot be written.
     """
     with appearing(path) as unfinished:
-        unfinished.write_text(json.dumps(comparison.as_json(), indent=1) + "\n", encoding="utf-8")
+        unfinished.write_text(json.dumps(as_json(comparison), indent=1) + "\n", encoding="utf-8")
+
+
+def as_json(comparison: Comparison) -> dict[str, Any]:
+    """Return a comparison as plain data: the frames of every method, and their means."""
+    plain = {
+        "version": DATA_VERSION,
+        **asdict(comparison),
+        "hiding": comparison.hiding.as_json(),
+        "verdict": asdict(judge(comparison)),
+    }
+    for row, method in zip(plain["methods"], comparison.methods, strict=True):
+        seconds, cpu_seconds = comparison.mean_seconds(method)
+        row["mean"] = {
+            **asdict(comparison.means(method)),
+            "psnr_p5": comparison.low_psnr(method),
+            "metrics": comparison.further(method),
+            "seconds": seconds,
+            "cpu_seconds": cpu_seconds,
+            "inside": {area: comparison.mean_error(method, area) for area in NAMES},
+            "outside": {area: comparison.mean_error(method, area, inside=False) for area in NAMES},
+        }
+    finite: dict[str, Any] = _without_nan(plain)
+    return finite
 
 
 def write_csv(path: Path, comparison: Comparison) -> None:
@@ -45,7 +75,7 @@ def write_csv(path: Path, comparison: Comparison) -> None:
 
 
 def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
-    """The rows of the table; a cell is empty where there is no number."""
+    """Yield the rows of the table; a cell is empty where there is no number."""
     for method in comparison.methods:
         counted = {frame.number for frame in comparison.counted(method)}
         for frame, t in zip(method.frames, comparison.times, strict=True):
@@ -67,3 +97,12 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
                 **frame.metrics,
             }
             yield {name: "" if isinstance(each, float) and math.isnan(each) else each for name, each in row.items()}
+
+
+def _without_nan(value: Any) -> Any:
+    """Return plain data with None for NaN and infinity, for which JSON has no word."""
+    if isinstance(value, dict):
+        return {key: _without_nan(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(each) for each in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

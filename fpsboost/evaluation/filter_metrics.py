@@ -39,7 +39,7 @@ MIN_SIDE = 32
 
 
 def missing_filter(name: str) -> str | None:
-    """What there must be to use a filter of FFmpeg and is not, or None."""
+    """Return what is missing to use a filter of FFmpeg, or None."""
     if name in av.filter.filters_available:
         return None
     return f"the filter {name}, which the FFmpeg of this PyAV ({av.__version__}) was built without"
@@ -95,7 +95,7 @@ class _Side:
 
 
 def _without_alpha(image: Image) -> Image:
-    """Colours as far as they are seen, which is what the other scores count."""
+    """Return colours as far as they are seen, which is what the other scores count."""
     return composite_on_black(image)[..., :-1] if has_alpha(image) else image
 
 
@@ -108,7 +108,7 @@ class _FilterMeter:
         self._is_made: list[bool] = []
 
     def shown(self, image: Image) -> None:
-        """A frame that passes as it is.
+        """Add a frame that passes as it is.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class _FilterMeter:
         self._push(image, image)
 
     def made(self, truth: Image, made: Image) -> None:
-        """A made frame in its place."""
+        """Add a made frame in its place."""
         self._is_made.append(True)
         self._push(truth, made)
 
@@ -154,7 +154,7 @@ class XpsnrMeter(_FilterMeter):
         if min(height, width) < MIN_SIDE or height * width < MIN_PIXELS:
             raise InputError(
                 f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small for XPSNR, which needs {MIN_SIDE} "
-                f"pixels each way and {MIN_PIXELS} in all; leave xpsnr out of --metrics."
+                f"pixels each way and {MIN_PIXELS} in all; leave xpsnr out of `metrics`."
             )
         truth, made = (np.ascontiguousarray(image[:height, :width]) for image in (truth, made))
         if self._side is None:
@@ -165,7 +165,7 @@ class XpsnrMeter(_FilterMeter):
         self._found += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
 
     def values(self) -> list[dict[str, float]]:
-        """``xpsnr`` of every made frame."""
+        """Return ``xpsnr`` of every made frame."""
         if self._side is not None:
             self._keep(self._side.end())
             self._side = None
@@ -195,7 +195,7 @@ class VmafMeter(_FilterMeter):
         self._side.push(made, truth)  # unlike xpsnr, it takes the reference second
 
     def values(self) -> list[dict[str, float]]:
-        """``vmaf`` of every made frame."""
+        """Return ``vmaf`` of every made frame."""
         if self._side is not None:
             self._side.end()
             self._side = None  # the filter writes its log when it is taken down

@@ -18,7 +18,7 @@ PACKAGE = "flip_evaluator"
 
 
 def missing() -> str | None:
-    """What there must be to measure it and is not, or None."""
+    """Return what is missing to measure it, or None."""
     return None if find_spec(PACKAGE) else "the package flip-evaluator; install it with pip install 'fpsboost[flip]'"
 
 
@@ -34,7 +34,7 @@ class FlipMeter:
         self._values: list[dict[str, float]] = []
 
     def shown(self, image: Image) -> None:
-        """A frame that nobody made has no part in it."""
+        """Ignore a frame that nobody made."""
 
     def made(self, truth: Image, made: Image) -> None:
         """Compare a frame."""
@@ -44,10 +44,10 @@ class FlipMeter:
         self._values.append({"flip": float(mean)})
 
     def values(self) -> list[dict[str, float]]:
-        """``flip`` of every made frame."""
+        """Return ``flip`` of every made frame."""
         return self._values
 
 
 def _as_rgb(image: Image) -> NDArray[Any]:
-    """sRGB as FLIP takes it, (H, W, 3) float32 with 1.0 for white."""
+    """Return sRGB as FLIP takes it, (H, W, 3) float32 with 1.0 for white."""
     return np.ascontiguousarray(as_shown(image)[..., ::-1]).astype(np.float32) / np.float32(255)

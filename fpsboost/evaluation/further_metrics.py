@@ -24,11 +24,11 @@ class Meter(Protocol):
     """Contract: measures what one method made, frame by frame, in the order of the output."""
 
     def shown(self, image: Image) -> None:
-        """A frame that methods get to see takes its place in the output; the first and the last are such."""
+        """Add a frame that methods get to see to the output; the first and the last are such."""
         ...
 
     def made(self, truth: Image, made: Image) -> None:
-        """A made frame takes its place, with the true one."""
+        """Add a made frame to the output, with the true one."""
         ...
 
     def values(self) -> list[dict[str, float]]:
@@ -119,11 +119,11 @@ metrics: dict[str, Metric] = {
         summarise=grid_ratios,
     ),
 }
-"""By name, as ``--metrics`` takes them."""
+"""Metrics by name."""
 
 
 def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
-    """Read ``--metrics``: names with commas between them.
+    """Read the names of metrics, with commas between them.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
             raise OptionError(f"There is no metric {name!r}; choose from {', '.join([*ALWAYS, *metrics])}.")
         reason = metrics[name].missing() if name in metrics else None
         if reason is not None:
-            raise OptionError(f"--metrics {name} needs {reason}.")
+            raise OptionError(f"`metrics={name}` needs {reason}.")
     return tuple(dict.fromkeys(name for name in names if name in metrics))
 
 
@@ -170,7 +170,7 @@ class Meters:
         self._meters = [metrics[name].start(rate) for name in names]
 
     def passing(self, intervals: Iterator[Interval]) -> Iterator[Hidden]:
-        """The hidden frames of a clip in order; whoever takes one has `made` it before taking the next."""
+        """Yield the hidden frames of a clip in order; each must have been `made` before the next one is taken."""
         last: Interval | None = None
         for last in intervals:
             self.shown(last.shown0.array)
@@ -189,7 +189,7 @@ class Meters:
             meter.made(truth, made)
 
     def values(self, frames: int) -> list[dict[str, float]]:
-        """What all of them measured of each of so many made frames, by name."""
+        """Return what all of them measured of each of so many made frames, by name."""
         rows: list[dict[str, float]] = [{} for _ in range(frames)]
         for meter in self._meters:
             for row, values in zip(rows, meter.values(), strict=True):
@@ -198,7 +198,7 @@ class Meters:
 
 
 def summarise(names: Sequence[str], rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """The figures of a method.
+    """Return the figures of a method.
 
     Parameters
     ----------
@@ -216,5 +216,5 @@ def summarise(names: Sequence[str], rows: Sequence[Mapping[str, float]]) -> dict
 
 
 def figures_of(names: Sequence[str]) -> list[Figure]:
-    """What tables show of these metrics."""
+    """Return the figures of these metrics that tables show."""
     return [figure for name in names for figure in metrics[name].figures]

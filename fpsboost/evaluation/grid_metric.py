@@ -42,19 +42,19 @@ class GridMeter:
         self._counts: list[dict[str, float]] = []
 
     def shown(self, image: Image) -> None:
-        """A frame that nobody made has no part in it."""
+        """Ignore a frame that nobody made."""
 
     def made(self, truth: Image, made: Image) -> None:
         """Count those of one frame."""
         self._counts.append(count_steps(truth, made))
 
     def values(self) -> list[dict[str, float]]:
-        """``grid8_lines``, ``grid8_between`` and so on of every frame."""
+        """Return ``grid8_lines``, ``grid8_between`` and so on of every frame."""
         return self._counts
 
 
 def count_steps(truth: Image, made: Image) -> dict[str, float]:
-    """Steps on the lines of each grid and on the lines half-way between, of one made frame.
+    """Count the steps of one made frame on the lines of each grid and on the lines half-way between.
 
     A step is a difference of two pixels beside or below each other, the largest of their channels, under the conditions
     that `HIGHER`, `STEEPER` and `WRONG` name. The lines of a grid run behind every `PERIODS`-th column and row, those
@@ -84,7 +84,7 @@ def count_steps(truth: Image, made: Image) -> dict[str, float]:
 
 
 def _steps_by_column(truth: NDArray[Any], made: NDArray[Any], error: NDArray[Any]) -> NDArray[Any]:
-    """Number of steps between each column and the next, (W - 1,) int."""
+    """Return the number of steps between each column and the next, (W - 1,) int."""
     height, true_height = (np.abs(np.diff(image, axis=1)).max(axis=2) for image in (made, truth))
     none = np.zeros((height.shape[0], 1), height.dtype)
     left, right = np.hstack([none, height[:, :-1]]), np.hstack([height[:, 1:], none])
@@ -95,7 +95,7 @@ def _steps_by_column(truth: NDArray[Any], made: NDArray[Any], error: NDArray[Any
 
 
 def grid_ratios(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Steps on the lines over those half-way between, each summed over all frames: 1 where no grid is to be seen.
+    """Return the steps on the lines over those half-way between, each summed over all frames: 1 without a visible grid.
 
     Parameters
     ----------

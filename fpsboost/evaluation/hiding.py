@@ -130,16 +130,16 @@ class Hiding:
     counts_frames: bool = False
 
     def __post_init__(self) -> None:
-        check_choice("--duplicates", self.duplicates, get_args(Duplicates))
+        check_choice("`duplicates`", self.duplicates, get_args(Duplicates))
         if self.skip < 1:
-            raise OptionError(f"--skip must be at least 1, the number of frames to hide, not {self.skip}.")
+            raise OptionError(f"`skip` must be at least 1, the number of frames to hide, not {self.skip}.")
         if self.first < 0 or (self.last is not None and self.last - self.first < self.skip + 2):
             raise OptionError(
-                f"--range {self._range} leaves nothing to hide; with --skip {self.skip} give at least "
+                f"`range={self._range}` leaves nothing to hide; with `skip={self.skip}` give at least "
                 f"{self.skip + 2} frames."
             )
         if self._range != WHOLE and not self.decoding.trim.is_whole:
-            raise OptionError("--range says in frames what --start and --end say; give one or the other.")
+            raise OptionError("`range` says in frames what `start` and `end` say; give one or the other.")
 
     @property
     def _range(self) -> str:
@@ -205,7 +205,9 @@ class Hiding:
                     yield _interval(row, clock)
                     row = row[-1:]
         if not found:
-            beside = f" beside the {repeats} that repeat another (--duplicates keep takes them too)" if repeats else ""
+            beside = (
+                f" beside the {repeats} that repeat another (`duplicates='keep'` takes them too)" if repeats else ""
+            )
             raise InputError(
                 f"{path} has too few frames to hide {'one' if self.skip == 1 else self.skip} between two others; "
                 f"{self.skip + 2} are needed in the range{beside}."
@@ -245,7 +247,7 @@ class Hiding:
 
 
 def _clock(info: ClipInfo) -> ByRate:
-    """How a conversion to twice the rate sees the times of a clip."""
+    """Return how a conversion to twice the rate sees the times of a clip."""
     return ByRate.forgiving(2 * info.rate, info.rate, info.time_base)
 
 
@@ -287,7 +289,7 @@ def _check_numbers(image: Image, number: int, path: str) -> None:
     if image.dtype == np.float32 and not np.isfinite(image).all():
         raise InputError(
             f"Frame {number} of {path} holds values that are no numbers (NaN or infinity), to which nothing can be "
-            "compared; repair it, or leave it out with --range."
+            "compared; repair it, or leave it out with `range`."
         )
 
 
@@ -310,4 +312,4 @@ def parse_range(text: str) -> tuple[int, int | None]:
             raise ValueError
         return int(first or 0), int(last) if last else None
     except ValueError:
-        raise OptionError(f"--range {text!r} is no range; write it like 0:50, 100: or :50.") from None
+        raise OptionError(f"`range` {text!r} is no range; write it like 0:50, 100: or :50.") from None

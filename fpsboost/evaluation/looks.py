@@ -67,7 +67,7 @@ class Look(NamedTuple):
 
 
 def looks_of(names: Sequence[str]) -> list[Look]:
-    """How each of the methods of a page is drawn.
+    """Return how each of the methods of a page is drawn.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def looks_of(names: Sequence[str]) -> list[Look]:
 
 
 def break_name(name: str) -> list[str]:
-    """A long name in lines, broken behind its punctuation.
+    """Break a long name into lines behind its punctuation.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def break_name(name: str) -> list[str]:
 
 
 def colours_of(name: str) -> tuple[str, str]:
-    """The colours of a method on light and on dark paper."""
+    """Return the colours of a method on light and on dark paper."""
     if name in NAMED:
         return NAMED[name]
     lightness, hue = divmod(_checksum(name) % COLOURS, HUES)
@@ -116,13 +116,13 @@ def colours_of(name: str) -> tuple[str, str]:
 
 
 def _checksum(name: str) -> int:
-    """The same whatever the order of the options."""
+    """Return a checksum that does not depend on the order of the options."""
     base, colon, options = name.partition(":")
     return zlib.crc32(f"{base}{colon}{','.join(sorted(options.split(',')))}".encode())
 
 
 def from_oklch(lightness: float, chroma: float, hue: float) -> str:
-    """A colour of OKLCH (Ottosson 2020) as sRGB; less chroma where sRGB has not as much.
+    """Convert a colour of OKLCH (Ottosson 2020) to sRGB, with less chroma where sRGB has not as much.
 
     Parameters
     ----------

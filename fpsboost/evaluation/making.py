@@ -32,7 +32,7 @@ MINTERPOLATE = "minterpolate"
 
 
 def known_methods() -> list[str]:
-    """The names of all methods that can be compared; those of other tools differ from them."""
+    """Return the names of all methods that can be compared; those of other tools differ from them."""
     return [*methods, *vector_methods, MINTERPOLATE]
 
 
@@ -75,7 +75,7 @@ class Maker(Protocol):
         ...
 
     def describe(self) -> str:
-        """Its options in one line."""
+        """Return the options in one line."""
         ...
 
 
@@ -141,7 +141,7 @@ class Minterpolate:
 
     @classmethod
     def with_options(cls, texts: Mapping[str, str]) -> Self:
-        """The filter with some of its options changed.
+        """Return the filter with some of its options changed.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class Minterpolate:
                 made.seek(place * size)
                 data = made.read(size)
                 if len(data) < size:
-                    raise InputError(f"ffmpeg's minterpolate made no frame {number}; leave it out with --methods.")
+                    raise InputError(f"ffmpeg's minterpolate made no frame {number}; leave it out with `methods`.")
                 image = _like(np.frombuffer(data, np.uint8).reshape(*shown.shape[:2], 3), shown)
                 yield Made(number, image, seconds / len(places), cpu_seconds / len(places))
 

@@ -98,7 +98,7 @@ def absolute_error(truth: Image, made: Image) -> NDArray[Any]:
 
 
 def composite_on_black(image: Image) -> NDArray[Any]:
-    """The image as float32 with 1.0 for white, colours multiplied by alpha; what is no number becomes black."""
+    """Return the image as float32 with 1.0 for white, colours multiplied by alpha; what is no number becomes black."""
     values = normalised(image)
     if has_alpha(image) and image.dtype != np.float32:  # float images have that done already
         values[..., :-1] *= values[..., -1:]
@@ -106,7 +106,7 @@ def composite_on_black(image: Image) -> NDArray[Any]:
 
 
 def as_shown(image: Image) -> NDArray[Any]:
-    """An image as a screen shows it: 8-bit colours, clipped; transparency over mid gray; float values as linear light.
+    """Return an image as a screen shows it: 8-bit colours, clipped; transparency over mid gray; float as linear light.
 
     Returns
     -------
@@ -131,19 +131,19 @@ def as_shown(image: Image) -> NDArray[Any]:
 
 
 def mean_scores(scores: Sequence[Scores]) -> Scores:
-    """The mean of every figure; PSNR as the mean of decibels, as benchmarks have it."""
+    """Return the mean of every figure; PSNR as the mean of decibels, as benchmarks have it."""
     rows = [asdict(each) for each in scores]
     return Scores(**{name: mean([row[name] for row in rows]) for name in rows[0]})
 
 
 def mean(values: Sequence[float]) -> float:
-    """The mean of those that are numbers; no number where none is."""
+    """Return the mean of those that are numbers; NaN where none is."""
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
 
 
 def low_percentile(values: Sequence[float]) -> float:
-    """The 5th percentile, interpolated linearly between the two values around it (NumPy's default).
+    """Return the 5th percentile, interpolated linearly between the two values around it (NumPy's default).
 
     Parameters
     ----------
@@ -159,5 +159,5 @@ def low_percentile(values: Sequence[float]) -> float:
 
 
 def means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """`mean` of every figure."""
+    """Return the `mean` of every figure."""
     return {key: mean([row[key] for row in rows]) for key in rows[0]}

@@ -129,7 +129,7 @@ def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerF
 
 
 def _steps(numbers: Sequence[int | None]) -> list[int]:
-    """From each number to the next; none where images have no numbers."""
+    """Return the steps from each number to the next; none where images have no numbers."""
     known = [number for number in numbers if number is not None]
     return [after - before for before, after in pairwise(known)]
 
@@ -180,7 +180,7 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
 
 
 def split_command(name: str, command: str) -> list[str]:
-    """The words of a peer's command.
+    """Split a peer's command into words.
 
     Raises
     ------
@@ -247,7 +247,7 @@ def _run(name: str, words: Sequence[str], folder: Path) -> str:
         try:
             done = subprocess.run(words, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, check=False)
         except OSError as error:
-            raise InputError(f"The peer {name} cannot be run ({error.strerror}: {words[0]}); check --peer.") from None
+            raise InputError(f"The peer {name} cannot be run ({error.strerror}: {words[0]}); check `peer`.") from None
         last_line = _last_line(said)
     if done.returncode:
         how = f"exit code {done.returncode}" if done.returncode > 0 else f"signal {-done.returncode}"
@@ -269,7 +269,7 @@ class NumberedImage(NamedTuple):
 
 
 def list_images(folder: Path) -> list[NumberedImage]:
-    """The images of a folder in the order of their names, numbers in them by their value.
+    """List the images of a folder in the order of their names, numbers in them by their value.
 
     Raises
     ------
@@ -292,7 +292,7 @@ def list_images(folder: Path) -> list[NumberedImage]:
 
 
 def read_like(path: Path, like: Image) -> Image:
-    """An image in the type and with the channels of the clip's frames.
+    """Return an image in the type and with the channels of the clip's frames.
 
     Depths are scaled; missing alpha is opaque and alpha that the clip lacks is left out; gray becomes colour, and
     colour the gray of its luma.

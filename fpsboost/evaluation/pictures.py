@@ -11,16 +11,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.evaluation.compare import Picked
 from fpsboost.evaluation.hiding import Interval
 from fpsboost.evaluation.making import InterpolatorMaker, Maker
 from fpsboost.evaluation.metrics import absolute_error, as_shown
+from fpsboost.evaluation.picking import Picked
 from fpsboost.frame import Image
 from fpsboost.interpolator import Pair
 from fpsboost.motion.field import point_places
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
+from fpsboost.synthesis import FramePair, FusesHypotheses
 
 WIDEST = 1280
 """Pixels of a picture on the page."""
@@ -260,7 +259,7 @@ def _doubts(
         if name not in pairs or not isinstance(maker, InterpolatorMaker):
             continue
         synthesizer = maker.interpolator.synthesizer
-        if isinstance(synthesizer, MultiHypothesis):
+        if isinstance(synthesizer, FusesHypotheses):
             frame_pair = FramePair(*pairs[name].compensated, *pairs[name].fields)
             confidence = next(synthesizer.fuse(frame_pair, [float(picked.hidden.t)])).confidence
             error = absolute_error(picked.hidden.truth, made[name])
@@ -269,7 +268,7 @@ def _doubts(
 
 
 def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
-    """An image, made smaller where a page has no use for its width."""
+    """Reduce an image that is wider than a page can use."""
     height, width = image.shape[:2]
     if width <= WIDEST:
         return image
@@ -277,13 +276,13 @@ def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def encode(image: NDArray[Any], quality: int = QUALITY) -> str:
-    """An image as text that a page can hold."""
+    """Encode an image as text that a page can hold."""
     data = cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1]
     return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode()
 
 
 def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
-    """The square where all methods together err most, and the one, beside it, where the best is farthest ahead.
+    """Return the square where all methods together err most, and the one, beside it, where the best is farthest ahead.
 
     Ahead of the middle one, that is.
 
@@ -323,7 +322,7 @@ def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
 
 
 def _window_means(error: NDArray[Any], size: int) -> NDArray[Any]:
-    """Means over all squares that lie inside, by their upper left corner."""
+    """Return means over all squares that lie inside, by their upper left corner."""
     sums = cv2.integral(error.astype(np.float32), sdepth=cv2.CV_64F)
     return (sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]) / size**2
 
@@ -341,7 +340,7 @@ def in_colour(flow: NDArray[Any], edge: float) -> NDArray[Any]:
 
 
 def draw_wheel(size: int) -> NDArray[Any]:
-    """The legend of `in_colour`: each direction's and length's colour, where it points to.
+    """Draw the legend of `in_colour`: each direction's and length's colour, where it points to.
 
     Returns
     -------
@@ -354,7 +353,7 @@ def draw_wheel(size: int) -> NDArray[Any]:
 
 
 def _stretch(edge: float, spacing: int) -> float:
-    """The roundest factor that lets arrows be seen and hardly overlap."""
+    """Return the roundest factor that lets arrows be seen and hardly overlap."""
     return float(next((factor for factor in (20, 10, 5, 2) if factor * edge <= 1.5 * spacing), 1))
 
 
@@ -380,7 +379,7 @@ def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, 
 
 
 def as_heat(values: NDArray[Any]) -> NDArray[Any]:
-    """Values from 0 to 1 from black over red to pale yellow.
+    """Return values from 0 to 1 from black over red to pale yellow.
 
     Returns
     -------

@@ -52,7 +52,7 @@ class Regions(NamedTuple):
 
 
 def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Iterator[Regions]:
-    """The areas of every hidden frame of an interval, the same for every method.
+    """Return the areas of every hidden frame of an interval, the same for every method.
 
     Without vectors, motion is that of DIS between the hidden frame and each of the shown ones, which methods that use
     DIS cannot ask for. It is believed as far as the pixels bear it out: a block is found where it is the same at the
@@ -84,7 +84,7 @@ def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Ite
 
 
 def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -> tuple[NDArray[Any], NDArray[Any]]:
-    """(H, W, 2) float32 each, motion from one frame to another and back."""
+    """Return the motion from one frame to another and back, (H, W, 2) float32 each."""
     if vectors is None:
         field, back = Dis().estimate(here, there)
         return field.flow, back.flow
@@ -92,7 +92,7 @@ def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -
 
 
 def _find(truth: FrameCache, shown: Sequence[FrameCache], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Where the blocks of the true frame are found in each of the shown ones."""
+    """Return where the blocks of the true frame are found in each of the shown ones."""
     here = np.asarray(truth.cached(brightness), np.float32)
     differences = []
     for other, flow in zip(shown, flows, strict=True):
@@ -107,7 +107,7 @@ def _find(truth: FrameCache, shown: Sequence[FrameCache], flows: Sequence[NDArra
 
 
 def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder) -> NDArray[Any]:
-    """(H, W, 2) float32, motion from one frame to another, along the vectors of the first."""
+    """Return the motion from one frame to another along the vectors of the first, (H, W, 2) float32."""
     number = frame_number(here.output_position)
     frames = frame_number(there.output_position) - number
     known = vectors.for_image(number, here.array)
@@ -116,20 +116,20 @@ def _rendered_motion(here: FrameCache, there: FrameCache, vectors: VectorFolder)
 
 
 def _leads_back(flow: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
-    """Where motion leads into another frame, and from there to where it began."""
+    """Return where motion leads into another frame, and from there to where it began."""
     returned = cv2.remap(back, *_ends(flow), cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
     leads_back: NDArray[Any] = (np.linalg.norm(flow + returned, axis=-1) <= CONSISTENT) & _is_inside(flow)
     return leads_back
 
 
 def _ends(flow: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Columns and rows where motion ends, each (H, W) float32."""
+    """Return columns and rows where motion ends, each (H, W) float32."""
     y, x = np.mgrid[: flow.shape[0], : flow.shape[1]].astype(np.float32)
     return x + flow[..., 0], y + flow[..., 1]
 
 
 def _is_inside(flow: NDArray[Any]) -> NDArray[Any]:
-    """Where motion ends within the frame."""
+    """Return where motion ends within the frame."""
     x, y = _ends(flow)
     height, width = flow.shape[:2]
     inside: NDArray[Any] = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)

@@ -20,11 +20,12 @@ from markupsafe import Markup
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.charts import Chart, Dot, Series, draw_dots, draw_lines
-from fpsboost.evaluation.compare import Comparison, MethodResult, make_some, pick
 from fpsboost.evaluation.further_metrics import Figure, figures_of, metrics
 from fpsboost.evaluation.looks import looks_of
 from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
+from fpsboost.evaluation.picking import make_some, pick
 from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
+from fpsboost.evaluation.results import Comparison, MethodResult
 from fpsboost.evaluation.verdict import judge
 from fpsboost.evaluation.writing import appearing
 
@@ -120,7 +121,7 @@ def write_report(
         The folder exists, or cannot be written.
     """
     if folder.exists():
-        raise OutputError(f"{folder} exists; name a new folder with --report, or remove it first.")
+        raise OutputError(f"{folder} exists; name a new folder with `report`, or remove it first.")
     page = make_page(comparison, makers, input_fps=input_fps)
     with appearing(folder) as unfinished:
         unfinished.mkdir(exist_ok=True)  # one of an earlier, stopped attempt is taken over
@@ -135,7 +136,7 @@ def make_page(
     input_fps: Fraction | None = None,
     date: datetime | None = None,
 ) -> str:
-    """The page of a comparison as text.
+    """Return the page of a comparison as text.
 
     Parameters
     ----------
@@ -186,7 +187,7 @@ def make_page(
 def _view_frames(
     comparison: Comparison, makers: Mapping[str, Maker], input_fps: Fraction | None
 ) -> tuple[list[Shown], MotionView | None]:
-    """The chosen frames, each made again when its turn comes, so that few are in memory; motion around the first."""
+    """Yield the chosen frames, each made again when its turn comes, so that few are in memory; motion at the first."""
     names = [method.name for method in comparison.methods]
     chosen = choose_frames(comparison)
     clip = comparison.clip, comparison.hiding, [each.number for each in chosen]
@@ -202,7 +203,7 @@ def _view_frames(
 
 
 def choose_frames(comparison: Comparison) -> list[Chosen]:
-    """The worst, the median and the best frame of the first method, and the one where the methods differ most."""
+    """Choose the worst, the median and the best frame of the first method, and the one where methods differ most."""
     first = comparison.methods[0]
     ranked = sorted(comparison.counted(first), key=lambda frame: frame.scores.psnr)
     reasons = {"the worst": ranked[0].number}
@@ -232,7 +233,7 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def describe_hidden(comparison: Comparison) -> str:
-    """What was hidden, in one sentence.
+    """Describe what was hidden, in one sentence.
 
     Returns
     -------
@@ -258,7 +259,7 @@ def overall_rows(comparison: Comparison) -> list[Row]:
 
 
 def area_rows(comparison: Comparison) -> list[Row]:
-    """Errors in and out of each area, in the order of `overall_rows`."""
+    """Return errors in and out of each area, in the order of `overall_rows`."""
     figures = [
         [comparison.mean_error(method, area, inside) for area, _ in comparison.areas for inside in (True, False)]
         for method in comparison.methods
@@ -268,7 +269,7 @@ def area_rows(comparison: Comparison) -> list[Row]:
 
 
 def further_rows(comparison: Comparison) -> list[Row]:
-    """What was measured beside, in the order of `overall_rows`."""
+    """Return what was measured beside, in the order of `overall_rows`."""
     figures = figures_of(comparison.metrics)
     values = [[comparison.further(method)[each.name] for each in figures] for method in comparison.methods]
     rows = _rows(comparison.methods, values, [(each.digits, each.high_is_good) for each in figures])
@@ -290,7 +291,7 @@ def _rows(
 
 
 def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cell]:
-    """What reads the same as the best is the best too; a lone value is no best."""
+    """Return the cells; what reads the same as the best is the best too, and a lone value is no best."""
     known = [value for value in values if math.isfinite(value)]
     digits += _more_digits(known, digits)
     best = f"{max(known) if high_is_good else min(known):.{digits}f}" if len(known) > 1 else None
@@ -308,7 +309,7 @@ def _more_digits(values: Sequence[float], digits: int) -> int:
 
 
 def frame_plots(comparison: Comparison) -> list[Plot]:
-    """The error of every frame, as three figures to choose from, and more where more was measured."""
+    """Return the error of every frame, as three figures to choose from, and more where more was measured."""
     choices = [
         ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
         ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
@@ -324,7 +325,7 @@ def frame_plots(comparison: Comparison) -> list[Plot]:
 
 
 def time_plot(comparison: Comparison) -> Plot | None:
-    """The time that every frame took; None where nobody knows it."""
+    """Draw the time that every frame took; None where nobody knows it."""
     if not any(math.isfinite(comparison.mean_seconds(method)[0]) for method in comparison.methods):
         return None
     charts = _frame_charts(comparison, "seconds", "Time, seconds a frame", may_be_logarithmic=True)
@@ -339,7 +340,7 @@ def _frame_charts(comparison: Comparison, key: str, label: str, **how: bool) -> 
 
 
 def shared_out(comparison: Comparison) -> list[str]:
-    """The methods whose time is that of another program's whole run, which nobody can tell frame by frame."""
+    """Return the methods whose time is that of another program's whole run, which nobody can tell frame by frame."""
     ours = {*known_methods()} - {MINTERPOLATE}
     return [
         method.name
@@ -349,7 +350,7 @@ def shared_out(comparison: Comparison) -> list[str]:
 
 
 def quality_charts(comparison: Comparison) -> list[Chart]:
-    """One dot a method: what it costs and what it is worth."""
+    """Return one dot a method: what it costs and what it is worth."""
     looks = looks_of([method.name for method in comparison.methods])
     dots = [
         Dot(index, method.name, comparison.mean_seconds(method)[0], comparison.means(method).psnr, looks[index])
@@ -360,7 +361,7 @@ def quality_charts(comparison: Comparison) -> list[Chart]:
 
 
 def frame_values(comparison: Comparison) -> dict[str, Any]:
-    """What the page's figures are drawn from, for its script."""
+    """Return what the page's figures are drawn from, for its script."""
     return {
         "frames": comparison.hidden,
         "cuts": comparison.cuts,
@@ -383,7 +384,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
 
 
 def command(comparison: Comparison, input_fps: Fraction | None) -> str:
-    """What to type to do it again."""
+    """Return the command line that makes the comparison again."""
     known = known_methods()
     names = [*(method.name for method in comparison.methods), *comparison.skipped]
     names = [name for name in names if name.partition(":")[0] in known]
@@ -397,7 +398,7 @@ def command(comparison: Comparison, input_fps: Fraction | None) -> str:
 
 
 def breakable(name: str) -> Markup:
-    """A name that a browser may break behind its punctuation.
+    """Return a name that a browser may break behind its punctuation.
 
     Examples
     --------
@@ -408,6 +409,6 @@ def breakable(name: str) -> Markup:
 
 
 def _text_of(environment: Environment, file: str) -> Markup:
-    """A style sheet or a script, as it is."""
+    """Return a style sheet or a script as it is."""
     assert environment.loader is not None
     return Markup(environment.loader.get_source(environment, file)[0])

@@ -18,7 +18,7 @@ from fpsboost.motion.colour import gray
 
 
 class DifferenceMeter:
-    """dtSSD: how far the change from the frame before is from the true change.
+    """Meter of dtSSD: how far the change from the frame before is from the true change.
 
     The root of the mean, over pixels and channels, of ((made - output before) - (truth - truth before))², levels of
     255. Erofeev et al. 2015 ("Perceptually motivated benchmark for video matting", BMVC) take the root of
@@ -33,23 +33,23 @@ class DifferenceMeter:
         self._values: list[dict[str, float]] = []
 
     def shown(self, image: Image) -> None:
-        """A frame that passes as it is has no error."""
+        """Add a frame that passes as it is, which has no error."""
         self._error = 0.0
 
     def made(self, truth: Image, made: Image) -> None:
-        """The change of the error is the error of the change."""
+        """Add a made frame: the change of the error is the error of the change."""
         error = composite_on_black(made) - composite_on_black(truth)
         change = np.square(error - self._error, dtype=np.float64)
         self._values.append({"dtssd": float(np.sqrt(change.mean())) * LEVELS})
         self._error = error
 
     def values(self) -> list[dict[str, float]]:
-        """``dtssd`` of every made frame."""
+        """Return ``dtssd`` of every made frame."""
         return self._values
 
 
 class FlowMeter:
-    """tOF: how far the motion that is seen from the frame before is from the true motion.
+    """Meter of tOF: how far the motion that is seen from the frame before is from the true motion.
 
     The mean over pixels of the distance between two motion vectors, pixels: of the optical flow from the output's frame
     before to the made frame, and of that from the true frame before to the true frame. Chu et al. 2020 ("Learning
@@ -65,7 +65,7 @@ class FlowMeter:
         self._values: list[dict[str, float]] = []
 
     def shown(self, image: Image) -> None:
-        """A frame that passes as it is stands on both sides."""
+        """Add a frame that passes as it is to both sides."""
         luma = gray(image)
         self._before = luma, luma
 
@@ -78,12 +78,12 @@ class FlowMeter:
         self._before = now
 
     def values(self) -> list[dict[str, float]]:
-        """``tof`` of every made frame."""
+        """Return ``tof`` of every made frame."""
         return self._values
 
 
 def _farneback(image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[Any]:
-    """With the options of OpenCV's own example, which tOF is measured with; (H, W, 2) float32, pixels."""
+    """Return Farneback's flow with the options of OpenCV's example, as tOF has it; (H, W, 2) float32, pixels."""
     flow: NDArray[Any] = cv2.calcOpticalFlowFarneback(
         image0,
         image1,

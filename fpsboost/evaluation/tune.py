@@ -18,10 +18,11 @@ import numpy as np
 
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError, OptionError
-from fpsboost.evaluation.compare import Observer, Picked, pick
+from fpsboost.evaluation.compare import Observer
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.making import InterpolatorMaker
 from fpsboost.evaluation.metrics import mean, score
+from fpsboost.evaluation.picking import Picked, pick
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import configure, find_method, methods
 from fpsboost.motion.search_radius import choose_search_radius, expected_motion
@@ -122,7 +123,7 @@ def tune(
         The method has no patch radius, or `count` is below 1.
     """
     if count < 1:
-        raise OptionError(f"--frames must be at least 1, not {count}.")
+        raise OptionError(f"`frames` must be at least 1, not {count}.")
     interpolator = find_method(method)
     known = {field.name for field in fields(interpolator.estimator)}  # type: ignore[arg-type]
     if "patch_radius" not in known:
@@ -172,7 +173,7 @@ def choose_frames(
     if not fair:
         raise InputError(
             f"{path} has no hidden frame to tune on that is no repeat and beside none; choose another part of it, or "
-            "take repeats for truth with --duplicates keep."
+            "take repeats for truth with `duplicates='keep'`."
         )
     usable = [each for each, cut in fair if not cut] or [each for each, _ in fair]
     ranked = [number for _, number in sorted(usable)]
@@ -181,7 +182,7 @@ def choose_frames(
 
 
 def patches(known: Container[str]) -> list[dict[str, Any]]:
-    """Every patch radius, with every window where the method with these options has one, the cheap ones first."""
+    """Yield every patch radius, with every window where the method with these options has one, the cheap ones first."""
     windows: Sequence[Mapping[str, Any]] = [{"window": name} for name in WINDOWS] if "window" in known else [{}]
     return [{"patch_radius": radius, **window} for window in windows for radius in RADII]
 
@@ -241,7 +242,7 @@ class _Tuner:
     observer: Observer
 
     def accepted(self, settings: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
-        """Those that the method does not refuse: its own checks know its bounds."""
+        """Yield those that the method does not refuse: its own checks know its bounds."""
         return [each for each in settings if self._configured(each) is not None]
 
     def attempt(self, options: dict[str, Any]) -> Trial | None:
@@ -266,6 +267,6 @@ class _Tuner:
 
 
 def _best(trials: Sequence[Trial]) -> Trial:
-    """The first of those that are about as good as the best: sweeps go from what is cheap to what is dear."""
+    """Return the first of those that are about as good as the best: sweeps go from what is cheap to what is dear."""
     least = min(trial.mse for trial in trials)
     return next(trial for trial in trials if trial.mse <= least * AS_GOOD)

@@ -9,17 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from fpsboost.evaluation.compare import Comparison
+from fpsboost.evaluation.results import Comparison
 
-LEVEL = 2.0
+MAX_STANDARD_ERRORS = 2.0
 """Two methods are level where their mean difference is within so many of its standard errors: about 95 %."""
 
-ABOUT_AS_GOOD = 0.3
+NEGLIGIBLE_DIFFERENCE = 0.3
 """What so few dB less are worth is hardly seen; the cheapest method within them is recommended too, dB."""
 
 
@@ -44,7 +42,7 @@ class Difference:
     @property
     def is_level(self) -> bool:
         """Whether the difference may be chance; what is the same in every frame is level, too."""
-        return self.standard_error is None or self.mean <= LEVEL * self.standard_error
+        return self.standard_error is None or self.mean <= MAX_STANDARD_ERRORS * self.standard_error
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class Verdict:
     level : list of str
         Those of them that are level with the best.
     cheapest : str
-        The method that takes the least CPU time of those within `ABOUT_AS_GOOD` of the best, itself included.
+        The method that takes the least CPU time of those within `NEGLIGIBLE_DIFFERENCE` of the best, itself included.
     cpu_seconds : dict of str to float
         What multiplying the frames of the whole range by `factor` takes, by method; no number where nobody knows.
     clip_frames, factor : int
@@ -91,7 +89,7 @@ class Verdict:
 
 
 def judge(comparison: Comparison) -> Verdict:
-    """What a comparison comes to; the terminal, the data and the page all say this.
+    """Judge a comparison; the terminal, the data and the page all say this.
 
     Parameters
     ----------
@@ -105,7 +103,7 @@ def judge(comparison: Comparison) -> Verdict:
     prices = {name: math.inf if math.isnan(each) else each for name, each in seconds.items()}
     best, *others = sorted(means, key=lambda name: (-means[name], prices[name]))
     ahead = [difference(name, psnr[best], psnr[name]) for name in others]
-    near = [name for name in means if means[best] - means[name] <= ABOUT_AS_GOOD]
+    near = [name for name in means if means[best] - means[name] <= NEGLIGIBLE_DIFFERENCE]
     verdict = Verdict(
         best=best,
         psnr=means[best],
@@ -122,7 +120,7 @@ def judge(comparison: Comparison) -> Verdict:
 
 
 def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Difference:
-    """The mean paired difference of two methods, and how well it is known.
+    """Return the mean paired difference of two methods, and how well it is known.
 
     Frames that follow each other resemble each other, so that n of them tell less than n independent ones. The
     differences are taken for a first-order autoregressive process: with r, their correlation from frame to frame as
@@ -183,7 +181,7 @@ def _say(verdict: Verdict, means: dict[str, float]) -> list[str]:
     if verdict.cheapest == verdict.best:
         sentences.append(f"{price}.")
         if not math.isnan(seconds):
-            sentences.append(f"Take {verdict.best}: nothing cheaper comes within {ABOUT_AS_GOOD} dB.")
+            sentences.append(f"Take {verdict.best}: nothing cheaper comes within {NEGLIGIBLE_DIFFERENCE} dB.")
     else:
         less = means[verdict.best] - means[verdict.cheapest]
         cheap = say_seconds(verdict.cpu_seconds[verdict.cheapest])
@@ -193,8 +191,8 @@ def _say(verdict: Verdict, means: dict[str, float]) -> list[str]:
             else f"{price}, and {verdict.cheapest} {cheap}."
         )
         sentences.append(
-            f"Take {verdict.best} for the best picture, or {verdict.cheapest}, the cheapest within {ABOUT_AS_GOOD} dB "
-            f"({less:.2f} dB less)."
+            f"Take {verdict.best} for the best picture, or {verdict.cheapest}, the cheapest within "
+            f"{NEGLIGIBLE_DIFFERENCE} dB ({less:.2f} dB less)."
         )
     return sentences
 
@@ -213,7 +211,7 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def say_seconds(seconds: float) -> str:
-    """A time as people say it, with two figures that count.
+    """Return a time as people say it, with two figures that count.
 
     Examples
     --------

@@ -125,7 +125,7 @@ def open_source(
 
 
 def stands_for_images(path: str) -> bool:
-    """Whether a path names a folder, or a pattern of images."""
+    """Return whether a path names a folder, or a pattern of images."""
     return path not in {"", *PIPES} and (Path(path).is_dir() or (is_pattern(path) and not Path(path).is_file()))
 
 

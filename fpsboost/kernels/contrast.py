@@ -18,7 +18,7 @@ def as_level(value):
 
 @njit(forceinline=True, **FINITE_JIT)
 def split_row(pixels, channels, normalise, scale, luma, first, third):
-    """Process one row of `split_colours`; `pixels` is (W C,)."""
+    """Split one row for `split_colours`; `pixels` is (W C,)."""
     half, chroma_red, chroma_blue = np.float32(0.5), np.float32(0.713 / 2), np.float32(0.564 / 2)
     for x in range(Index(luma.size)):
         place = x * Index(channels)

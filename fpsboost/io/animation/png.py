@@ -37,7 +37,7 @@ _coarse_clocks = (10_000, 1000, 100, 10, 1)
 
 
 def is_apng(file: BinaryIO) -> bool:
-    """Whether an open PNG file says that it is an animation."""
+    """Return whether an open PNG file says that it is an animation."""
     try:
         for chunk in chunks_in(file, (b"IDAT",)):
             if chunk.name in (b"acTL", b"IDAT"):

@@ -36,7 +36,7 @@ _pixels = (b"ALPH", b"VP8 ", b"VP8L")
 
 
 def is_animated(file: BinaryIO) -> bool:
-    """Whether an open WebP file says that it is an animation."""
+    """Return whether an open WebP file says that it is an animation."""
     head = file.read(21)
     return len(head) == 21 and head[12:16] == b"VP8X" and bool(head[20] & ANIMATED)
 

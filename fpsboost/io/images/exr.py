@@ -244,7 +244,7 @@ def _damaged(path: Path) -> InputError:
 
 
 def _attributes(data: bytes) -> tuple[dict[str, bytes], int]:
-    """All attributes by name, and where the table of chunks begins."""
+    """Return all attributes by name, and where the table of chunks begins."""
     attributes, place = {}, 8
     while data[place] != 0:
         name, place = _word(data, place)
@@ -285,7 +285,7 @@ def _channels(data: bytes) -> tuple[dict[str, Precision], frozenset[str]]:
 
 
 def _has_all_chunks(data: bytes, table: int, window: Window, attributes: Mapping[str, bytes], is_tiled: bool) -> bool:
-    """Whether every chunk of the full image lies within the file, by the table of chunks and by what each one says."""
+    """Return whether every chunk of the full image lies within the file, by the table and by what each one says."""
     if is_tiled:
         tile_width, tile_height = struct.unpack_from("<II", attributes["tiles"])
         count, before_size = -(-window.size[0] // tile_height) * -(-window.size[1] // tile_width), 16
@@ -306,7 +306,7 @@ def _has_all_chunks(data: bytes, table: int, window: Window, attributes: Mapping
 
 
 def _decode(data: bytes, names: list[str], window: Window, path: Path) -> list[NDArray[Any]]:
-    """Channels as they are stored, (height, width) of the data window, float32."""
+    """Return the channels as they are stored, (height, width) of the data window, float32."""
     import Imath  # noqa: PLC0415
     import OpenEXR  # noqa: PLC0415
 

@@ -80,7 +80,7 @@ def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
 
 
 def content_of(path: Path, advice: str = "check that it exists and that you may read it") -> bytes:
-    """All bytes of an input, or `InputError` with advice."""
+    """Return all bytes of an input, or raise `InputError` with advice."""
     with explained(InputError, "read", path, advice):
         return path.read_bytes()  # not cv2.imread, which knows no Unicode names on Windows and gives no reasons
 
@@ -134,7 +134,7 @@ def _choose_colours(names: Collection[str]) -> list[str]:
 
 
 def needs_float(path: Path, data: bytes, image: Image) -> bool:
-    """Whether the 16 bits of OpenEXR's half would lose some of an image's precision.
+    """Return whether the 16 bits of OpenEXR's half would lose some of an image's precision.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def check_size(target: str, extension: str, info: ClipInfo) -> None:
 
 
 def keeps_alpha(extension: str) -> bool:
-    """Whether a type of file, ``.png``, holds alpha."""
+    """Return whether a type of file, ``.png``, holds alpha."""
     return extension in _types_with_alpha
 
 
@@ -267,7 +267,7 @@ def _encode_by_pillow(extension: str, image: Image, metadata: ImageMetadata) -> 
 
 
 def _options(extension: str, image: Image) -> list[int]:
-    """Options of OpenCV for one image; see the module's text for why."""
+    """Return options of OpenCV for one image; see the module's text for why."""
     if extension in (".tif", ".tiff"):
         if image.dtype == np.float32:
             return [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_NONE]

@@ -37,5 +37,5 @@ def frame_header(data: bytes) -> bytes:
 
 
 def components_of(data: bytes) -> int:
-    """How many values a pixel of a JPEG has; 0 where it does not say."""
+    """Return how many values a pixel of a JPEG has; 0 where it does not say."""
     return int.from_bytes(frame_header(data)[5:6])

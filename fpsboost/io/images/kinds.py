@@ -63,7 +63,7 @@ def stored_otherwise(data: bytes, channels: int) -> str:
 
 
 def holds_more_pictures(data: bytes) -> bool:
-    """Whether a file holds several pictures, the first of which is read: pages of a TIFF, frames of an animation."""
+    """Return whether a file holds several pictures: pages of a TIFF, frames of an animation. The first is read."""
     try:
         if data.startswith(png_chunks.SIGNATURE):
             return any(chunk.name == b"acTL" for chunk in png_chunks.chunks_in(BytesIO(data), (b"IDAT", b"fdAT")))

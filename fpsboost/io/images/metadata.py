@@ -66,7 +66,7 @@ class ImageMetadata:
         return number if number is not None and 1 <= number <= 8 else 1
 
     def fits(self, channels: int) -> bool:
-        """Whether the profile is one for images of so many channels."""
+        """Return whether the profile is one for images of so many channels."""
         return self.profile[16:20] == (b"GRAY" if channels <= 2 else b"RGB ")
 
 
@@ -95,7 +95,7 @@ def metadata_of(path: Path, data: bytes) -> ImageMetadata:
 
 
 def can_pass(data: bytes) -> bool:
-    """Whether a file shows in every viewer what `decode_image` made of it: upright, no colours for print."""
+    """Return whether every viewer shows of a file what `decode_image` made of it: upright, no colours for print."""
     if data.startswith(b"\xff\xd8"):
         return components_of(data) in (1, 3)
     tags = tiff_tags.read_tags(data)

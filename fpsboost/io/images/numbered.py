@@ -431,7 +431,7 @@ class ImageSink:
             )
 
     def _count_finished(self) -> int:
-        """Frames that an earlier run has finished, from the first up to the first that is missing."""
+        """Return frames that an earlier run has finished, from the first up to the first that is missing."""
         if self._moving.exists():
             return int(json.loads(self._moving.read_bytes())["frames"])
         made = set(os.listdir(self._unfinished.staged))

@@ -124,7 +124,7 @@ class FileSequence:
         return math.gcd(*(later - earlier for earlier, later in pairwise(self.numbers))) or 1
 
     def missing(self, step: int) -> int:
-        """How many files that a step leads to, from one file to the next, are not there."""
+        """Return how many files that a step leads to, from one file to the next, are not there."""
         return sum((later - earlier) // step - 1 for earlier, later in pairwise(self.numbers))
 
     def check_complete(self, step: int, advice: str) -> None:
@@ -266,7 +266,7 @@ def _in_order(numbering: Numbering, found: Sequence[tuple[int, Path]]) -> FileSe
 
 
 def _across_zero(folder: Path, groups: dict[tuple[str, str], list[str]]) -> FileSequence | None:
-    """Two namings as one where they differ by a dash that is a minus: ``-0001.png`` and ``0000.png``."""
+    """Return two namings as one if they differ by a dash that is a minus: ``-0001.png`` and ``0000.png``."""
     if len(groups) != 2:
         return None
     (prefix, suffix), other = sorted(groups, key=lambda key: len(key[0]))
@@ -288,7 +288,7 @@ def _signed(numbering: Numbering) -> FileSequence | None:
 
 
 def list_files(folder: Path) -> list[str]:
-    """Names of the files in a folder, without folders, by the alphabet.
+    """Return names of the files in a folder, without folders, by the alphabet.
 
     Raises
     ------

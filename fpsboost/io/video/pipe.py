@@ -458,7 +458,7 @@ class PipeSink:
         return found.name
 
     def _chroma_location(self, pixel_format: str) -> str:
-        """Where the source has its chroma samples; for images where the name of 8-bit 4:2:0 usually says."""
+        """Return where the source has its chroma samples; for images where the name of 8-bit 4:2:0 usually says."""
         if self._traits is not None:
             return self._traits.chroma_location
         return "center" if pixel_format == "yuv420p" else "left"

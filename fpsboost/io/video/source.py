@@ -375,7 +375,7 @@ class VideoSource(Closing):
             ) from None
 
     def _time_of(self, picture: av.VideoFrame, end: Fraction | None = None) -> Fraction:
-        """When a picture is shown; where it does not say, when the one before it ends."""
+        """Return when a picture is shown; where it does not say, when the one before it ends."""
         if picture.pts is not None:
             return picture.pts * (as_fraction(picture.time_base) or self._info.time_base) - self.start
         self._damage.untimed += 1
@@ -387,7 +387,7 @@ class VideoSource(Closing):
         return picture.duration * time_base if picture.duration > 0 else 1 / self._rate
 
     def _last_duration(self, last: Frame) -> Fraction:
-        """How long the last frame is shown so that the clip ends where the container says, if that is plausible.
+        """Return how long the last frame is shown so that the clip ends where the container says, if plausible.
 
         It is, too, where packets that became no picture reach that far: captures leave out what stands still.
         """

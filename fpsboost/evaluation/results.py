@@ -1,0 +1,198 @@
+"""Results of a comparison as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from fpsboost.evaluation.further_metrics import summarise
+from fpsboost.evaluation.hiding import Hiding
+from fpsboost.evaluation.making import Maker
+from fpsboost.evaluation.metrics import Scores, low_percentile, mean, mean_scores
+from fpsboost.evaluation.regions import NAMES, OUTSIDES
+
+MIN_SHARE = 0.02
+"""An area that takes less of the picture is not shown: its few pixels say more about chance than about a method."""
+
+
+MAX_NAMED = 8
+"""Frames that a note names; the data have all of them."""
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """One frame that a method made.
+
+    Attributes
+    ----------
+    number : int
+        In the clip, counted from 0.
+    scores : Scores
+    seconds, cpu_seconds : float
+        That it took.
+    inside, outside : dict of str to float
+        Mean absolute error in and out of each area of `fpsboost.evaluation.regions.NAMES`, levels of 255; no number
+        where an area is empty.
+    search_radius : int or None
+        That the motion was searched in, pixels; None where the method has none.
+    metrics : dict of str to float
+        What was measured beside, by name; see `fpsboost.evaluation.further_metrics`.
+    """
+
+    number: int
+    scores: Scores
+    seconds: float
+    cpu_seconds: float
+    inside: dict[str, float]
+    outside: dict[str, float]
+    search_radius: int | None = None
+    metrics: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """What one method made of all hidden frames.
+
+    Attributes
+    ----------
+    name, options : str
+    frames : list of FrameResult
+        In order, those that do not count among them.
+    """
+
+    name: str
+    options: str
+    frames: list[FrameResult]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Everything that a report says, and nothing else.
+
+    Attributes
+    ----------
+    clip : str
+        The path as the user gave it.
+    kind : str
+        What its frames are: ``640x360, 3 channels, 8-bit``.
+    hiding : Hiding
+    hidden : list of int
+        Numbers of the hidden frames.
+    cuts : list of int
+        Those of them that lie across a scene cut, which no method can know: no mean counts them.
+    shares : dict of str to float
+        Mean share of the frame that each area takes.
+    methods : list of MethodResult
+    skipped : dict of str to str
+        Methods that could not be run, and why.
+    made_with : dict of str to str
+        Versions and machine.
+    rendered : tuple of str
+        The options that named a renderer's vectors, as words of the command line.
+    others : tuple of str
+        Those that named other tools' frames.
+    cut_options : tuple of str
+        Those that said where scenes end.
+    times : list of float
+        Where between the two shown frames each of `hidden` lies, 0 to 1.
+    repeats : list of int
+        Numbers of frames that show what the one before shows: neither shown nor a truth, unless in a still.
+    doubtful : list of int
+        Those of `hidden` at whose times nobody knows what should be seen, most often beside repeats; see
+        `fpsboost.evaluation.hiding.Hiding`. No mean counts them.
+    clip_frames : int
+        Frames from the first shown one to the last, all counted.
+    metrics : tuple of str
+        What was measured beside the scores: names of `fpsboost.evaluation.further_metrics.metrics`.
+    """
+
+    clip: str
+    kind: str
+    hiding: Hiding
+    hidden: list[int]
+    cuts: list[int]
+    shares: dict[str, float]
+    methods: list[MethodResult]
+    skipped: dict[str, str]
+    made_with: dict[str, str] = field(default_factory=dict)
+    rendered: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
+    cut_options: tuple[str, ...] = ()
+    times: list[float] = field(default_factory=list)
+    repeats: list[int] = field(default_factory=list)
+    doubtful: list[int] = field(default_factory=list)
+    clip_frames: int = 0
+    metrics: tuple[str, ...] = ()
+
+    @property
+    def areas(self) -> list[tuple[str, str]]:
+        """The areas that are worth showing, each with what lies outside: both take a share that matters."""
+        known = zip(NAMES, OUTSIDES, strict=True)
+        return [pair for pair in known if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
+
+    @property
+    def uneven(self) -> list[int]:
+        """Hidden frames that lie off their even places between the shown ones."""
+        steps = self.hiding.skip + 1
+        even = [(place % self.hiding.skip + 1) / steps for place in range(len(self.hidden))]
+        return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
+
+    def notes(self, makers: Mapping[str, Maker]) -> list[str]:
+        """Return what must be known of duplicates and times to understand the figures, as sentences.
+
+        Parameters
+        ----------
+        makers : mapping of str to Maker
+            The methods.
+        """
+        notes = []
+        if self.repeats:
+            notes.append(f"These frames show what the one before shows, and are no truths: {_some(self.repeats)}.")
+        if self.doubtful:
+            notes.append(
+                "These hidden frames do not count, since beside repeats, in stills and across pauses nobody knows what "
+                f"should be seen: {_some(self.doubtful)}."
+            )
+        uneven = [number for number in self.uneven if number not in {*self.cuts, *self.doubtful}]
+        if uneven:
+            rigid = [name for name, maker in makers.items() if not maker.any_time]
+            but = f" (even ones with {', '.join(rigid)})" if rigid else ""
+            notes.append(
+                f"These hidden frames do not divide the time between the shown ones evenly, and were made at their own "
+                f"times{but}: {_some(uneven)}."
+            )
+        return notes
+
+    def counted(self, method: MethodResult) -> list[FrameResult]:
+        """Return the frames of a method that count."""
+        left_out = {*self.cuts, *self.doubtful}
+        return [frame for frame in method.frames if frame.number not in left_out]
+
+    def means(self, method: MethodResult) -> Scores:
+        """Mean scores of a method."""
+        return mean_scores([frame.scores for frame in self.counted(method)])
+
+    def low_psnr(self, method: MethodResult) -> float:
+        """Return the 5th percentile of a method's PSNR over the frames that count, dB."""
+        return low_percentile([frame.scores.psnr for frame in self.counted(method)])
+
+    def further(self, method: MethodResult) -> dict[str, float]:
+        """Return the figures of a method in the further metrics, by name, over the frames that count."""
+        return summarise(self.metrics, [frame.metrics for frame in self.counted(method)])
+
+    def mean_seconds(self, method: MethodResult) -> tuple[float, float]:
+        """Return the seconds and CPU seconds that a method took per frame."""
+        frames = self.counted(method)
+        return mean([frame.seconds for frame in frames]), mean([frame.cpu_seconds for frame in frames])
+
+    def mean_error(self, method: MethodResult, area: str, inside: bool = True) -> float:
+        """Mean absolute error of a method in an area or outside of it, levels of 255."""
+        frames = self.counted(method)
+        return mean([(frame.inside if inside else frame.outside)[area] for frame in frames])
+
+
+def _some(numbers: Sequence[int]) -> str:
+    """List the first of many numbers, and say how many more there are."""
+    named = ", ".join(map(str, numbers[:MAX_NAMED]))
+    more = len(numbers) - MAX_NAMED
+    return f"{named} and {more} more" if more > 0 else named
