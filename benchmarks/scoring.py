@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
@@ -18,8 +17,10 @@ from rich.console import Console
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
 from fpsboost.evaluation.further_metrics import Meters, figures_of, summarise
+from fpsboost.evaluation.hiding import Hiding, Interval
+from fpsboost.evaluation.making import InterpolatorMaker
 from fpsboost.evaluation.metrics import low_percentile, means, score
-from fpsboost.frame import Image
+from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io.images.files import IMAGE_SUFFIXES
@@ -41,10 +42,8 @@ class Clip:
     Attributes
     ----------
     name : str
-    shown : list of (H, W, 3)
-        The even frames.
-    hidden : list of (H, W, 3)
-        The odd ones: one between every two that are shown.
+    intervals : list of Interval
+        Two shown frames each, and the hidden one between them.
     scored : list of int
         Which of the hidden frames count: no method can know what lies across a scene cut.
     rate : Fraction
@@ -52,10 +51,19 @@ class Clip:
     """
 
     name: str
-    shown: list[Image]
-    hidden: list[Image]
+    intervals: list[Interval]
     scored: list[int]
     rate: Fraction
+
+    @property
+    def shown(self) -> list[Image]:
+        """The even frames."""
+        return [*(each.shown0.array for each in self.intervals), self.intervals[-1].shown1.array]
+
+    @property
+    def hidden(self) -> list[Image]:
+        """The odd ones: one between every two that are shown."""
+        return [hidden.truth for each in self.intervals for hidden in each.hidden]
 
 
 class Made(NamedTuple):
@@ -113,15 +121,19 @@ def three_colours(image: Image) -> Image:
 
 def read_clip(name: str, path: str, largest: int) -> Clip:
     """Hide every second frame, at most `largest`."""
-    frames = read_frames(path, 2 * largest + 1)
-    frames = frames[: (len(frames) - 1) // 2 * 2 + 1]
-    shown, hidden = frames[::2], frames[1::2]
-    if not hidden:
-        raise InputError(f"{path} holds fewer than three frames; one between two others is needed.")
-    with open_source(path) as source:
-        rate = source.info.rate
-    cuts = CutDetector().find_cuts([CutDetector().match_score(*pair) for pair in pairwise(map(FrameCache, shown))])
-    return Clip(name, shown, hidden, [index for index, cut in enumerate(cuts) if not cut], rate)
+    hiding = Hiding(last=2 * largest + 1, duplicates="keep")
+    intervals = [_in_three_colours(each) for each in hiding.intervals(path)]
+    rate = 2 * len(intervals) / (intervals[-1].shown1.time - intervals[0].shown0.time)
+    shown = [FrameCache(intervals[0].shown0.array), *(FrameCache(each.shown1.array) for each in intervals)]
+    cuts = CutDetector().find_cuts([CutDetector().match_score(*pair) for pair in pairwise(shown)])
+    return Clip(name, intervals, [index for index, cut in enumerate(cuts) if not cut], rate)
+
+
+def _in_three_colours(interval: Interval) -> Interval:
+    """Return an interval whose frames have neither alpha nor one colour alone."""
+    shown0, shown1 = (replace(each, image=three_colours(each.array)) for each in (interval.shown0, interval.shown1))
+    hidden = tuple(each._replace(truth=three_colours(each.truth)) for each in interval.hidden)
+    return interval._replace(shown0=shown0, shown1=shown1, hidden=hidden)
 
 
 @dataclass(frozen=True)
@@ -129,12 +141,15 @@ class KeepingConfidence:
     """A synthesizer like `MultiHypothesis` that also keeps the confidence of everything it makes."""
 
     inner: MultiHypothesis
+    size: tuple[int, ...]
+    """Of the frames, (height, width); kernels are compiled on smaller images, whose confidence is not kept."""
     kept: list[NDArray[Any]] = field(default_factory=list)
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
         for fused in self.inner.fuse(frame_pair, times):
-            self.kept.append(fused.confidence)
+            if fused.confidence.shape == self.size:
+                self.kept.append(fused.confidence)
             yield fused.image
 
 
@@ -150,20 +165,15 @@ def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False
     """Make the hidden frames of a clip, with how far they can be trusted if asked and known."""
     kept: list[NDArray[Any]] = []
     if confidence and isinstance(interpolator.synthesizer, MultiHypothesis):
-        interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
-    interpolator.compile_for(clip.shown[0])
-    kept.clear()
+        interpolator = replace(
+            interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, clip.hidden[0].shape[:2], kept)
+        )
     images, spent = [], 0.0
-    sequence = make_between(interpolator, clip.shown)
-    while True:
-        begin = time.process_time()
-        image = next(sequence, None)
-        spent += time.process_time() - begin
-        if image is None:
-            break
-        images.append(image)
+    for made in InterpolatorMaker(interpolator).make(clip.intervals):
+        images.append(as_array(made.image))
+        spent += made.cpu_seconds
         if kept and len(kept) < len(images):  # nothing was fused across a cut
-            kept.append(np.zeros(image.shape[:2], np.float32))
+            kept.append(np.zeros(made.image.shape[:2], np.float32))
     return Made(images, spent * 1e3 / len(images), kept if len(kept) == len(images) else [])
 
 
