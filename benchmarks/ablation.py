@@ -64,19 +64,19 @@ class WholePixels:
 
 
 def whole_pixels(field: MotionField) -> MotionField:
-    """Return a field with every vector rounded."""
+    """Return a motion field with its vectors rounded to whole pixels."""
     return replace(field, vectors=np.rint(field.vectors))
 
 
 def plain_planes(image: Image, padding: int, v: float) -> NDArray[np.uint8]:
-    """Like `fpsboost.motion.colour.contrast_planes`, of the report's plain colours."""
+    """Return padded 8-bit planes like `fpsboost.motion.colour.contrast_planes`, from the report's colour components."""
     values = padded_planes(colour_components(image), padding, 0, 2 * LANES, level_scale(v))
     return np.rint(values.clip(0, WHITE)).astype(np.uint8)
 
 
 @dataclass(frozen=True)
 class PlainColours:
-    """The default search on the report's plain colours instead of components that see low contrast."""
+    """The default search on the report's colour components, which do not emphasize low contrast."""
 
     inner: nlm.CoarseToFine
 
@@ -88,7 +88,7 @@ class PlainColours:
 
 @dataclass(frozen=True)
 class Unfiltered:
-    """The default search on halves that are nothing but means of four pixels."""
+    """The default search on pyramid levels reduced by the mean of four pixels, without a Gaussian filter."""
 
     inner: nlm.CoarseToFine
 
@@ -100,7 +100,7 @@ class Unfiltered:
 
 @dataclass(frozen=True)
 class Looking:
-    """The default search with fewer residual searchs at what is not explained."""
+    """The default search with fewer passes of the residual search."""
 
     inner: nlm.CoarseToFine
     looks: int
@@ -135,14 +135,14 @@ class WithConstants:
 
 
 def list_moving_candidates(count: NDArray[Any], *others: Any) -> None:
-    """Like `fpsboost.kernels.candidates.list_candidates`, without no motion, unless nothing else is known."""
+    """List candidates like `fpsboost.kernels.candidates.list_candidates`, but zero motion only if there is no other."""
     list_candidates(count, *others)
     count[count > 1] -= 1  # the last one is no motion
 
 
 @dataclass(frozen=True)
 class NextPairOnly(Interpolator):
-    """An interpolator that curves its paths by the pair after alone."""
+    """An interpolator that curves its paths by the following pair of frames only."""
 
     def between(
         self,
@@ -197,7 +197,7 @@ CONSTANTS: dict[str, dict[str, Any]] = {
 
 
 def list_variants(full: Interpolator) -> dict[str, Interpolator]:
-    """List what is measured; edit at will."""
+    """Return the variants to measure by name; edit the list at will."""
     search: Any = full.estimator
     fusing: Any = full.synthesizer
     return {
@@ -223,12 +223,12 @@ def list_variants(full: Interpolator) -> dict[str, Interpolator]:
 
 
 def options_of(part: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass by name."""
+    """Return the values of a dataclass's fields by name."""
     return {each.name: getattr(part, each.name) for each in fields(part)}
 
 
 def changed(part: Any, variants: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Yield an estimator or synthesizer with each variant's options, where it has them and they differ."""
+    """Return a part with each variant's options, by variant; leave out variants that do not apply or change nothing."""
     known = options_of(part)
     return {
         name: replace(part, **options)
@@ -238,7 +238,7 @@ def changed(part: Any, variants: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 
 def measure(paths: Sequence[str], variants: dict[str, Interpolator], largest: int) -> dict[str, dict[str, Figures]]:
-    """Return scores of every variant on every clip, by variant and by clip."""
+    """Score every variant on every clip; return the scores by variant, then by clip."""
     figures: dict[str, dict[str, Figures]] = {name: {} for name in variants}
     for clip_name, path in find_clips(paths).items():
         clip = read_clip(clip_name, path, largest)
@@ -250,7 +250,7 @@ def measure(paths: Sequence[str], variants: dict[str, Interpolator], largest: in
 
 
 def ablation_table(title: str, rows: dict[str, Figures]) -> Table:
-    """Return every variant's means, and how far they lie from those of the whole method."""
+    """Return a table of every variant's mean scores and their differences from the whole method."""
     table = Table("variant", "PSNR, dB", "SSIM", "MAE", "CPU, ms", "PSNR +", "SSIM +", "MAE +", title=title)
     whole = rows[WHOLE]
     for name, row in rows.items():

@@ -97,7 +97,7 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
 
 
 def _payload(packet: Any) -> bytes:
-    """Return a packet without the header that AAC has in transport streams only."""
+    """Return the data of a packet; of AAC, without the ADTS header that transport streams store."""
     data = bytes(packet)
     if packet.stream.codec_context.name != "aac" or data[0] != 0xFF or data[1] & 0xF0 != 0xF0:
         return data
@@ -105,7 +105,7 @@ def _payload(packet: Any) -> bytes:
 
 
 def _packets(file: av.container.InputContainer) -> Iterator[Any]:
-    """Yield all packets of pictures, sound and subtitles, past damage and past samples behind the file's end."""
+    """Yield all packets of video, audio and subtitles; continue past damage and samples beyond the end of the file."""
     for stream in file.streams:
         if stream.type not in ("video", "audio", "subtitle"):
             stream.discard = av.stream.Discard.all
@@ -154,7 +154,7 @@ def _note(video: Video, frame: Any, base: Fraction, keeps: bool, in_rgb: bool) -
 
 
 def _planes(frame: Any) -> list[np.ndarray]:
-    """Three planes as they are stored, without the reader's idea of how to enlarge colours."""
+    """Return up to three planes as stored, in levels of 8 bits, with chroma not upsampled."""
     bits = frame.format.components[0].bits
     kind = np.uint8 if bits == 8 else np.uint16
     planes = []
@@ -184,7 +184,7 @@ class Colours:
 
 
 def compare_colours(before: Video, after: Video) -> Colours | None:
-    """Compare frames shown at one time, counted from each file's first; None where there are none."""
+    """Compare frames shown at the same time since each file's first frame; return None if there are none."""
     if not before.shown or not after.shown or before.shown[0][0].shape != after.shown[0][0].shape:
         return None
     steps = np.diff([float(time) for time in after.times[: len(after.shown)]])

@@ -19,7 +19,7 @@ REMOVED = tuple(percent / 100 for percent in range(0, 100, 10))
 
 
 def judge_confidence(clip: Clip, made: Made) -> Figures:
-    """Rank correlation, area between the sparsification curves, and both curves; means over a clip.
+    """Return rank correlation, area between the sparsification curves, and both curves, as means over a clip.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def judge_confidence(clip: Clip, made: Made) -> Figures:
 
 
 def rank_correlation(error: NDArray[Any], doubt: NDArray[Any]) -> float:
-    """Return Spearman's rank correlation over the means of blocks; NaN where either is the same everywhere."""
+    """Return Spearman's rank correlation of the means of blocks; NaN if either image is constant."""
     first, second = block_means(error).ravel(), block_means(doubt).ravel()
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         return float("nan")
@@ -52,7 +52,7 @@ def rank_correlation(error: NDArray[Any], doubt: NDArray[Any]) -> float:
 
 
 def block_means(values: NDArray[Any]) -> NDArray[Any]:
-    """Return means of whole blocks; what remains at the right and at the bottom is left out."""
+    """Return the means of whole blocks; incomplete blocks at the right and at the bottom are left out."""
     rows, columns = (length // BLOCK for length in values.shape)
     blocks = values[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK)
     means: NDArray[Any] = blocks.mean(axis=(1, 3))
@@ -60,7 +60,7 @@ def block_means(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def sparsification(error: NDArray[Any], doubt: NDArray[Any]) -> NDArray[Any]:
-    """Mean error without the most doubtful pixels, for every share of `REMOVED`, over the mean error of all."""
+    """Return the mean error without the most doubtful pixels, for each share of `REMOVED`, relative to that of all."""
     ordered = error.ravel()[np.argsort(doubt, axis=None, kind="stable")].astype(np.float64)
     sums = np.cumsum(ordered)
     kept = np.maximum(np.rint(ordered.size * (1 - np.array(REMOVED))).astype(int), 1)

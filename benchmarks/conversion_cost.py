@@ -25,7 +25,7 @@ READY = "ready"
 
 
 class Starting(SilentObserver):
-    """Waits for a line before the first frame is made."""
+    """Observer that waits for a line on standard input before the first frame is made."""
 
     size = (0, 0)
     begin = 0.0
@@ -35,7 +35,7 @@ class Starting(SilentObserver):
         self.size = info.width, info.height
 
     def ready(self) -> None:
-        """Say so, wait, and start the clock."""
+        """Print `READY`, wait for a line, and start the clock."""
         print(READY, flush=True)
         if not sys.stdin.readline():
             raise SystemExit("Nobody is left to say when to begin.")
@@ -43,7 +43,7 @@ class Starting(SilentObserver):
 
 
 def main() -> None:
-    """Convert, and print what it took."""
+    """Convert a clip, and print the time and the memory that it took."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clip")
     parser.add_argument("output")

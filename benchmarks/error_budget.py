@@ -94,7 +94,7 @@ ORACLES = {
 
 @dataclass(frozen=True)
 class KeepingTransition:
-    """A synthesizer that also keeps what it is given."""
+    """A synthesizer that also keeps the frame pairs that it is given."""
 
     inner: MultiHypothesis
     kept: list[FramePair] = field(default_factory=list)
@@ -106,7 +106,7 @@ class KeepingTransition:
 
 
 class Case(NamedTuple):
-    """A hidden frame, what was made in its place, and from what."""
+    """A hidden frame, the frame made in its place, and the frame pair that it was made from."""
 
     truth: Image
     made: Image
@@ -114,7 +114,7 @@ class Case(NamedTuple):
 
 
 def make_cases(method: Interpolator, clip: Clip, largest: int) -> list[Case]:
-    """Make the hidden frames that count; those without a pair on either side only where there are no others."""
+    """Make the hidden frames that are scored; those without a pair before or after only if there are no others."""
     synthesizer: Any = method.synthesizer
     keeping = KeepingTransition(synthesizer)
     watched = replace(method, synthesizer=keeping)
@@ -143,13 +143,13 @@ def psnr(error: NDArray[Any]) -> float:
 
 
 def motion_of_truth(case: Case) -> list[tuple[MotionField, MotionField]]:
-    """Motion from the hidden frame to each of the shown ones, and back."""
+    """Estimate the motion from the hidden frame to each of the shown ones, and back."""
     truth, frame_pair = FrameCache(case.truth), case.frame_pair
     return [Dis("medium").estimate(truth, other) for other in (frame_pair.image0, frame_pair.image1)]
 
 
 def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
-    """Return where it is difficult, by the hidden frame; each (H, W) bool, and they overlap."""
+    """Return masks of the difficult areas and of the rest by name, (H, W) bool; difficult areas may overlap."""
     height, width = case.truth.shape[:2]
     y, x = np.arange(height), np.arange(width)
     hidden = np.zeros((height, width), bool)
@@ -171,7 +171,7 @@ def find_areas(case: Case, reach: float) -> dict[str, NDArray[Any]]:
 
 
 def find_edges(motion: NDArray[Any]) -> NDArray[Any]:
-    """Return where motion changes within a few pixels, and what is near, (H, W) bool."""
+    """Return a mask of motion boundaries and the pixels near them, (H, W) bool."""
     window = np.ones((EDGE_WINDOW, EDGE_WINDOW), np.uint8)
     change = (cv2.dilate(motion, window) - cv2.erode(motion, window)).max(axis=2)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * NEAR + 1, 2 * NEAR + 1))
@@ -179,7 +179,7 @@ def find_edges(motion: NDArray[Any]) -> NDArray[Any]:
 
 
 def find_alike(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return where patches are flat, and where others near are like them, each (H, W) bool; on half the size."""
+    """Return masks of flat patches and of others that repeat nearby, (H, W) bool each; compare patches at half size."""
     height, width = image.shape[:2]
     half = cv2.resize(image, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA).astype(np.float32)
     rows, columns = half.shape[:2]
@@ -204,7 +204,7 @@ def find_alike(image: Image) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def with_best_time(case: Case, fusing: MultiHypothesis, error: NDArray[Any]) -> NDArray[Any]:
-    """Return the squared error if every block may choose among the method's frame and straight paths at `TIMES`."""
+    """Return the squared error if each block takes the best of the method's frame and straight paths at `TIMES`."""
     straight = replace(case.frame_pair, before=None, after=None)
     errors = [error, *(squared_error(case.truth, image) for image in fusing.synthesize(straight, TIMES))]
     height, width = error.shape
@@ -217,7 +217,7 @@ def with_best_time(case: Case, fusing: MultiHypothesis, error: NDArray[Any]) -> 
 
 
 def choose_by_truth(case: Case, fusing: MultiHypothesis) -> dict[str, NDArray[Any]]:
-    """Return the squared error if the truth chooses among the method's candidates, by oracle."""
+    """Return the squared error of each oracle, which chooses candidates by the hidden frame itself."""
     frame_pair, truth = case.frame_pair, case.truth
     size = truth.shape[0], truth.shape[1]
     count, motions, weights = fusing._candidates(fusing._collect_votes(frame_pair), size, MIDDLE)
@@ -239,9 +239,9 @@ def choose_by_truth(case: Case, fusing: MultiHypothesis) -> dict[str, NDArray[An
 
 
 def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]) -> NDArray[Any]:
-    """Motions from frame to frame that lead through points of the hidden frame around each node, before those listed.
+    """Add motions estimated from the hidden frame around each node, before the node's own candidates.
 
-    Their accelerations and gradients are those of the node's choice, so that it is motion alone that they add.
+    Their accelerations and gradients are those of the node's choice, so that they differ from it in motion only.
     """
     (to_first, _), (to_second, _) = motion_of_truth(case)
     flow = to_second.flow - to_first.flow
@@ -258,7 +258,7 @@ def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]
 
 
 def budget(case: Case, fusing: MultiHypothesis, reach: float) -> Figures:
-    """Return figures of one hidden frame: PSNR, shares of squared error and area, and dB that oracles gain."""
+    """Return a hidden frame's PSNR, the share of squared error and pixels of each area, and the gain of each oracle."""
     error = squared_error(case.truth, case.made)
     whole = psnr(error)
     figures = {"psnr": whole}
@@ -270,7 +270,7 @@ def budget(case: Case, fusing: MultiHypothesis, reach: float) -> Figures:
 
 
 def measure(paths: Sequence[str], method: Interpolator, largest: int) -> dict[str, Figures]:
-    """Return means over the hidden frames of every clip."""
+    """Return the mean figures over the hidden frames of each clip."""
     fusing, search = method.synthesizer, method.estimator
     if not isinstance(fusing, MultiHypothesis) or not isinstance(search, CoarseToFine):
         raise TypeError("Only a method that searches coarse to fine and fuses has such a budget.")
@@ -285,7 +285,7 @@ def measure(paths: Sequence[str], method: Interpolator, largest: int) -> dict[st
 
 
 def budget_table(figures: dict[str, Figures]) -> Table:
-    """Return a table with a row a clip, then the mean, and the mean share of the area."""
+    """Return a table with a row for each clip, for the means, and for the mean share of pixels of each area."""
     table = Table("clip", "PSNR", *AREAS.values(), *ORACLES.values(), box=None, padding=(0, 1, 0, 0))
     for name, row in {**figures, "mean": means(list(figures.values()))}.items():
         shares = [f"{row[f'{area}_error']:.0%}" for area in AREAS]

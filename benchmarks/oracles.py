@@ -27,7 +27,7 @@ SHIFTS = (0.0, -0.5, 0.5, -1.0, 1.0)
 
 @njit(**FINITE_JIT)
 def sum_around(values, radius, sums):
-    """Sum over the patch around each pixel of a window, cut off at its border."""
+    """Sum values over the patch around each pixel of a window, cut off at the window's border."""
     for y in range(WINDOW):
         for x in range(WINDOW):
             total = np.float32(0)
@@ -39,7 +39,7 @@ def sum_around(values, radius, sums):
 
 @njit(**FINITE_JIT)
 def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks, images):
-    """Sample a window along one candidate: both frames mixed, and each alone, as the kernel does.
+    """Sample a window along a candidate like `fpsboost.kernels.multi_hypothesis`: both frames mixed, and each alone.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
 
 @njit(**FINITE_JIT)
 def measure_window(image, truth, top, left, error):
-    """Squared error of each pixel of a window, summed over the planes; 0 beyond the frame."""
+    """Measure the squared error of each pixel of a window, summed over the planes; 0 outside of the frame."""
     channels, height, width = truth.shape
     error[:] = 0
     for j in range(max(-top, 0), min(height - top, WINDOW)):
@@ -194,7 +194,7 @@ def best_of(
 
 
 def shifted(motions: NDArray[Any], choice: NDArray[Any], t: float, *, paths: bool) -> NDArray[Any]:
-    """Yield the chosen candidate of each node, and the same with its motion or its position at t shifted by `SHIFTS`.
+    """Return each node's chosen candidate with its motion, or its position at time t, shifted by `SHIFTS` in x and y.
 
     Parameters
     ----------

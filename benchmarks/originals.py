@@ -32,7 +32,7 @@ CONTAINERS = (".mp4", ".mkv")
 
 @dataclass
 class Row:
-    """What became of one file."""
+    """Result of converting one file."""
 
     name: str
     source: str = ""
@@ -89,7 +89,7 @@ def judge(path: Path, folder: Path, options: list[str]) -> Row:
 
 
 def find_faults(row: Row, before: Video, after: Video) -> list[str]:
-    """Return what did not come through without a remark."""
+    """Return the properties that did not come through, except a length whose difference a remark explains."""
     faults = []
     interval = after.duration / max(len(after.times), 1)
     is_said = any("its header promises" in remark for remark in row.remarks)  # the header is where its end comes from
@@ -107,7 +107,7 @@ def find_faults(row: Row, before: Video, after: Video) -> list[str]:
 
 
 def table(rows: list[Row]) -> Table:
-    """Return a table with a row a file."""
+    """Return a table with a row for each file."""
     result = Table(box=None, pad_edge=False, header_style="dim")
     for name in ("file", "in", "out", "length, s", "sound", "colour", "PSNR", "turned", "verdict"):
         result.add_column(name, overflow="fold")

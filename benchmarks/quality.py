@@ -107,7 +107,7 @@ def _seconds_of_children() -> float:
 
 
 def count_leads(scores: Mapping[str, Scores], measure: str) -> dict[str, int]:
-    """On how many clips each method is the best by a measure."""
+    """Count on how many clips each method is the best by a measure."""
     best = min if measure == "mae" else max
     counts: dict[str, int] = {}
     for rows in scores.values():
@@ -119,14 +119,14 @@ def count_leads(scores: Mapping[str, Scores], measure: str) -> dict[str, int]:
 
 
 def mean_scores(scores: Mapping[str, Scores]) -> Scores:
-    """Return means over the clips that every method could do."""
+    """Return each method's mean scores over the clips that every method could do."""
     names = {name: None for rows in scores.values() for name in rows}
     complete = [rows for rows in scores.values() if len(rows) == len(names)]
     return {name: means([rows[name] for rows in complete]) for name in names} if complete else {}
 
 
 def write_crops(folder: Path, clip: Clip, made: Mapping[str, Made]) -> None:
-    """Write pictures of where the first method errs most: truth and everything that was made, side by side."""
+    """Write crops of where the first method errs most: the truth and every method's frame, side by side."""
     first = next(iter(made.values()))
     errors = {index: absolute_error(clip.hidden[index], first.images[index]) for index in clip.scored}
     for index in sorted(errors, key=lambda index: -float(errors[index].mean()))[:WORST]:
@@ -151,7 +151,7 @@ def _labelled(name: str, image: Image) -> NDArray[Any]:
 
 
 def score_table(title: str, scores: Scores, metrics: Sequence[str]) -> Table:
-    """PSNR, SSIM, MAE, CPU time and further metrics by method."""
+    """Return a table of PSNR, SSIM, MAE, CPU time and further metrics by method."""
     further = [figure.title for figure in figures_of(metrics)]
     table = Table("method", "PSNR, dB", "SSIM", "MAE", "CPU, ms", *further, title=title)
     for name, row in scores.items():
@@ -160,7 +160,7 @@ def score_table(title: str, scores: Scores, metrics: Sequence[str]) -> Table:
 
 
 def confidence_table(title: str, rows: Scores) -> Table:
-    """Rank correlation, area, and the curve above that of the oracle."""
+    """Return a table of rank correlation, AUSE and sparsification curve by method, above the curve of the oracle."""
     percents = [f"{share * 100:.0f}" for share in REMOVED[1:]]
     table = Table("error left without", "rank corr.", "AUSE", *(f"{each} %" for each in percents), title=title)
     for name, row in rows.items():
@@ -171,7 +171,7 @@ def confidence_table(title: str, rows: Scores) -> Table:
 
 
 def parse_peers(texts: list[str]) -> dict[str, str]:
-    """Parse commands by name from NAME=COMMAND."""
+    """Parse texts of the form NAME=COMMAND into commands by name."""
     peers = dict(text.partition("=")[::2] for text in texts)
     for name, command in peers.items():
         if "{in}" not in command or "{out}" not in command:
@@ -209,7 +209,7 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
 
 
 def summarise(figures: dict[str, Any], console: Console) -> None:
-    """Add the means over the clips and who leads, and print them."""
+    """Add the means over the clips and the number of clips that each method leads, and print both."""
     scores, trust = figures["clips"], figures["confidence"]
     figures["mean"] = mean_scores(scores)
     if figures["mean"]:
@@ -252,7 +252,7 @@ def main() -> None:
 
 
 def _without_nan(value: Any) -> Any:
-    """JSON has no NaN."""
+    """Replace numbers that are not finite by None, because JSON has none."""
     if isinstance(value, dict):
         return {key: _without_nan(each) for key, each in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value

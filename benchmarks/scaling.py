@@ -18,13 +18,13 @@ from fpsboost.io.prefetch import available_cores
 
 
 def worker_counts() -> list[int]:
-    """Return powers of two up to the number of cores."""
+    """Return the powers of two up to the number of available cores."""
     return [2**power for power in range(available_cores().bit_length())]
 
 
 @contextmanager
 def pinned(count: int) -> Iterator[None]:
-    """Give processes started meanwhile the first so many cores, before a library of theirs counts them."""
+    """Pin processes started in the block to the first `count` cores, before their libraries count the cores."""
     cores = os.sched_getaffinity(0)
     os.sched_setaffinity(0, sorted(cores)[:count])
     try:
@@ -81,15 +81,15 @@ def _figures(process: Popen[str]) -> dict[str, Any]:
 
 
 def _stop(process: Popen[str]) -> NoReturn:
-    """Stop with a failed process; its own message is on standard error."""
+    """Raise the error of a failed conversion; its own message is on standard error."""
     raise OptionError(f"A conversion ended with code {process.returncode}.")
 
 
 def serial_share(faster: float, workers: int) -> float:
-    """Return the serial share of work by Amdahl's law: 1 / faster = share + (1 - share) / workers."""
+    """Return the share of work that is serial by Amdahl's law: 1 / faster = share + (1 - share) / workers."""
     return max(0.0, (1 / faster - 1 / workers) / (1 - 1 / workers))
 
 
 def times_faster(serial: float, workers: int) -> float:
-    """Return how much faster so many workers are than one, by the same law."""
+    """Return the speed-up of several workers over one by Amdahl's law; the inverse of `serial_share`."""
     return 1 / (serial + (1 - serial) / workers)

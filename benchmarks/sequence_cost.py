@@ -19,13 +19,13 @@ from fpsboost.ycbcr import Coding, YCbCrImage
 
 
 def as_video(image: Image) -> YCbCrImage:
-    """Return a frame as video has it: 4:2:0, 8 bits, BT.709."""
+    """Convert a frame to planes as video stores them: 4:2:0, 8 bits, limited range, BT.709."""
     coding = Coding(8, BT709, full_range=False, chroma_location="left", pixel_format="yuv420p")
     return in_planes(from_bgr(image, coding.pixel_format, BT709, full_range=False), coding)
 
 
 def main() -> None:
-    """Make the frames, forget them, and print what they cost."""
+    """Make the in-between frames, discard them, and print the time that they took."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clip")
     parser.add_argument("--method", default="nlm")

@@ -109,7 +109,7 @@ def textured_pair(height: int, width: int, shift: int = 7) -> tuple[NDArray[Any]
 
 
 def sequence(options: Options, height: int, width: int) -> list[Image]:
-    """Return frames of one size: those of the clip, or a turning and growing texture with detail at every scale."""
+    """Return frames of one size: those of the clip, or a texture with detail at every scale that rotates and grows."""
     if options.clip:
         frames = read_frames(options.clip, FRAMES)
         return [cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA) for frame in frames]
@@ -118,7 +118,7 @@ def sequence(options: Options, height: int, width: int) -> list[Image]:
 
 
 def turned(image: Image, degrees: float, scale: float = 1.0) -> Image:
-    """Return an image turned and enlarged around its middle."""
+    """Rotate and scale an image around its centre."""
     height, width = image.shape[:2]
     turn = cv2.getRotationMatrix2D((width / 2, height / 2), degrees, scale)
     return cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REFLECT)
@@ -135,14 +135,14 @@ def draw_video(path: Path, height: int, width: int, count: int, pixel_format: st
 
 
 def timed(run: Callable[[], object]) -> tuple[float, float]:
-    """Wall and CPU seconds of one call."""
+    """Return the wall and CPU seconds of one call."""
     wall, cpu = time.perf_counter(), time.process_time()
     run()
     return time.perf_counter() - wall, time.process_time() - cpu
 
 
 def exhaustive(console: Console, options: Options) -> Figures:
-    """Measure the report's search: the fused kernel against full-image passes of OpenCV, both directions each."""
+    """Measure the report's exhaustive search in both directions: the fused kernel against full-image OpenCV passes."""
     height, width, radius, patch_radius = 360, 640, 16, 5
     pair = [colour_components(frame) for frame in textured_pair(height, width)]
     evaluations = height * width * (2 * radius + 1) ** 2
@@ -172,7 +172,7 @@ def exhaustive(console: Console, options: Options) -> Figures:
 
 
 def by_method(console: Console, options: Options) -> Figures:
-    """Measure every method: milliseconds per in-between frame, frames in memory."""
+    """Measure the wall and CPU milliseconds of each method per in-between frame, with frames in memory."""
     table = Table("method", "size", "wall, ms", "CPU, ms", "in-between frames/s", title="One in-between frame a pair")
     figures: Figures = {}
     for name, interpolator in methods.items():
@@ -190,7 +190,7 @@ def by_method(console: Console, options: Options) -> Figures:
 
 
 def memory(console: Console, options: Options) -> Figures:
-    """Peak memory of a whole conversion of 30 and of 300 frames."""
+    """Measure the peak memory of whole conversions of 30 and of 300 frames."""
     table = Table("size", "frames", "peak memory, MB", title="Conversion of a folder of images")
     figures: Figures = {}
     for height, width in ((360, 640), (720, 1280)):
@@ -211,7 +211,7 @@ def memory(console: Console, options: Options) -> Figures:
 
 
 def peak_of(arguments: list[str]) -> float:
-    """Peak resident memory of one run of the command line, MB, measured by a process of its own."""
+    """Return the peak resident memory, MB, of one run of the command line, measured by a separate process."""
     code = (
         "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True);"
         "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
@@ -222,7 +222,7 @@ def peak_of(arguments: list[str]) -> float:
 
 
 def start(console: Console, options: Options) -> Figures:
-    """Time to a first two-frame conversion, with kernels to compile and with kernels cached."""
+    """Measure the time of a conversion of two small frames, with kernels to compile and with kernels cached."""
     table = Table("method", "kernels", "seconds", title="Start to end of a conversion of three small frames")
     figures: Figures = {}
     for method in ("nlm", "nlm-exhaustive"):
@@ -281,7 +281,7 @@ def stages(console: Console, options: Options) -> Figures:
 
 
 def stage_cells(row: Figures, share: float, fastest: float) -> list[str]:
-    """Return one stage's row of the table."""
+    """Return the cells of a stage's row in the table, without its name."""
     cells = [f"{row['calls']:.0f}" if row["calls"] else "", f"{row['cpu_ms']:.1f}", f"{share:.1%}"]
     if not row["bytes"]:
         return cells
@@ -290,7 +290,7 @@ def stage_cells(row: Figures, share: float, fastest: float) -> list[str]:
 
 
 def sizes(console: Console, options: Options) -> Figures:
-    """Cost against the number of pixels, the reach and the patch radius, in one thread."""
+    """Measure CPU time in one thread against the number of pixels, the reach and the patch radius."""
     full = methods["nlm"]
     search: Any = full.estimator
     table = Table("size", "reach", "patch radius", "CPU, ms", "CPU ns a pixel", title="nlm, one in-between frame")
@@ -328,7 +328,7 @@ def sizes(console: Console, options: Options) -> Figures:
 
 
 def sequence_cpu(interpolator: Interpolator, frames: Sequence[Image]) -> float:
-    """CPU seconds per in-between frame of a sequence, in one thread."""
+    """Return the CPU seconds per in-between frame of a sequence, in one thread."""
     interpolator.compile_for(frames[0])
     begin = time.process_time()
     made = sum(1 for _ in make_between(interpolator, frames))
@@ -336,9 +336,9 @@ def sequence_cpu(interpolator: Interpolator, frames: Sequence[Image]) -> float:
 
 
 def threads(console: Console, options: Options) -> Figures:
-    """Measure a whole conversion with 1, 2, 4 ... workers on as many cores, and as many conversions of one worker each.
+    """Measure a conversion with 1, 2, 4 ... workers on as many cores, and as many conversions of one worker each.
 
-    Of each the best round: what else runs on the machine can only take away.
+    The best round of each counts, because other load on the machine can only slow a round down.
     """
     if sys.platform != "linux":
         raise OptionError("threads pins conversions to cores, which only Linux lets a program do; leave it out.")
@@ -382,7 +382,7 @@ def threads(console: Console, options: Options) -> Figures:
 
 
 def conversions(console: Console, options: Options) -> Figures:
-    """Whole conversions of drawn video by size, depth and method, two workers on two cores, and FFmpeg's own filter."""
+    """Measure conversions of drawn video by size, depth and method on two cores, and FFmpeg's minterpolate."""
     if sys.platform != "linux":
         raise OptionError("conversions pins them to cores, which only Linux lets a program do; leave it out.")
     table = Table("video", "method", "frames/s", "CPU, ms a made frame", "peak, MB", title="24 to 48 frames a second")
@@ -410,13 +410,13 @@ def conversions(console: Console, options: Options) -> Figures:
 
 
 def convert_one(clip: Path, folder: str, method: str) -> Figures:
-    """Measure one conversion by two workers on two cores."""
+    """Measure one conversion with two workers on two cores."""
     (figures,) = convert_together(str(clip), folder, method, workers=2, conversions=1)
     return figures
 
 
 def minterpolate(clip: Path, folder: str, frames: int) -> Figures:
-    """Measure the same by FFmpeg's motion-compensated filter, on two cores."""
+    """Measure the same conversion by FFmpeg's minterpolate filter on two cores."""
     out = [*("-vf", "minterpolate=fps=48"), *("-c:v", "libx264", "-preset", "veryfast"), str(Path(folder, "peer.mp4"))]
     with pinned(2):
         begin = time.perf_counter()
@@ -430,7 +430,7 @@ def minterpolate(clip: Path, folder: str, frames: int) -> Figures:
 
 
 def peers(console: Console, options: Options) -> Figures:
-    """CPU time against MVTools and MVUtensils: the same frames, in memory, one thread, runs in turn."""
+    """Compare CPU time with MVTools and MVUtensils: the same frames, in memory, one thread, runs in turn."""
     others = [(options.mvtools, MVTOOLS_SETTINGS), (options.mvutensils, MVUTENSILS_SETTINGS)]
     if not any(script for script, _ in others) or not options.clip:
         raise OptionError("peers needs --clip CLIP and --mvtools 'PYTHON SCRIPT' or --mvutensils 'PYTHON SCRIPT'.")
@@ -467,7 +467,7 @@ def peers(console: Console, options: Options) -> Figures:
 
 
 def last_json(command: list[str]) -> Figures:
-    """Run a command and read the last line that it prints."""
+    """Run a command and parse the last line that it prints as JSON."""
     ended = subprocess.run(command, check=False, capture_output=True, text=True)
     if ended.returncode:
         raise OptionError(f"{shlex.join(command)} ended with code {ended.returncode}: {ended.stderr.strip()[-300:]}")

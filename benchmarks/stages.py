@@ -92,7 +92,7 @@ class Bill:
     inside: list[float] = field(default_factory=list)
 
     def timed(self, name: str, run: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function whose time is billed to a stage."""
+        """Wrap a function so that the cost of each call is added to a stage."""
 
         def billed(*arguments: Any, **options: Any) -> Any:
             self.inside.append(0.0)
@@ -111,7 +111,7 @@ class Bill:
         return billed
 
     def wrapped(self, name: str, stage: Stage, run: Callable[..., Any], width: int) -> Callable[..., Any]:
-        """Return a function whose time is billed as its stage says; `width` is that of the frames."""
+        """Wrap a stage's function likewise, by pyramid level if the stage has levels; `width` is the frames' width."""
         width_of = stage.width_of
         if width_of is None:
             return self.timed(name, run)
@@ -125,7 +125,7 @@ class Bill:
 
 
 def bytes_of(value: Any) -> int:
-    """Return bytes of all arrays in nested tuples, lists and dataclasses, and of the pixels of images."""
+    """Return the size in bytes of all arrays and image pixels in nested tuples, lists and dataclasses."""
     if isinstance(value, np.ndarray):
         return value.nbytes
     if isinstance(value, FrameCache):
@@ -139,7 +139,7 @@ def bytes_of(value: Any) -> int:
 
 @contextmanager
 def watched(bill: Bill, width: int) -> Iterator[list[str]]:
-    """Bill every call of a stage's function to its stage; gives the stages that were not found."""
+    """Wrap the functions of all stages within the block; yield the names of the stages that were not found."""
     missing = []
     with ExitStack() as patches:
         for name, stage in STAGES.items():
@@ -175,7 +175,7 @@ class Profile:
 
 
 def profile_sequence(interpolator: Interpolator, frames: Sequence[Image]) -> Profile:
-    """Make a sequence and bill its stages."""
+    """Make a sequence, and return the cost of each stage."""
     interpolator.compile_for(frames[0])
     bill, whole = Bill(), Cost()
     with watched(bill, frames[0].shape[1]) as missing:
@@ -189,7 +189,7 @@ def profile_sequence(interpolator: Interpolator, frames: Sequence[Image]) -> Pro
 
 
 def copy_bandwidth(megabytes: int = 256) -> float:
-    """Return bytes that a plain copy in one thread reads and writes in a CPU second: the best of five."""
+    """Return the bytes that a plain copy in one thread reads and writes per CPU second, the best of five runs."""
     source, target = np.ones(megabytes * 2**20, np.uint8), np.zeros(megabytes * 2**20, np.uint8)
     seconds = []
     for _ in range(5):

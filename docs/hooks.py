@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Put in what is taken from elsewhere, and check what is shown."""
+    """Insert included files and options into a page, and check the commands and names that it shows."""
     markdown = re.sub(r"<!-- include (\S+)(?: (\w+))? -->", lambda found: included(*found.groups()), markdown)
     for line in re.findall(r"^fpsboost [^\n=].*$", markdown, re.MULTILINE):
         check_command(line, page.file.src_path)
@@ -50,7 +50,7 @@ def on_page_content(content: str, page: Any, config: Any, files: Any) -> str:
 
 
 def included(path: str, part: str | None) -> str:
-    """Return a file of the repository or a part of it, with links that lead somewhere on the site."""
+    """Return a file of the repository, or a part of it, with its links adapted to the site."""
     text = (ROOT / path).read_text("utf-8")
     if part is not None:
         found = re.search(rf"<!-- {part} -->\n(.*?)<!-- /{part} -->", text, re.DOTALL)
@@ -71,7 +71,7 @@ def included(path: str, part: str | None) -> str:
 
 
 def options() -> str:
-    """Return every option of every command, as the command line itself describes it."""
+    """Return the reference of all commands and options that the command line generates."""
     text = app.generate_docs(output_format="markdown", recursive=True, heading_level=2)
     _, text = text.split("**Arguments**", 1)  # its own title and contents
     text = re.sub(r"\*\*Commands\*\*:\n\n(?:\* .*\n)+", "", text)
@@ -79,7 +79,7 @@ def options() -> str:
 
 
 def check_command(line: str, page: str) -> None:
-    """Stop unless a command that a page shows can be typed."""
+    """Raise `PluginError` unless the command line accepts a command that a page shows."""
     tokens = shlex.split(re.split(r"\s#\s|\s{2,}", line)[0])[1:]
     if tokens == ["--help"]:
         return
@@ -90,7 +90,7 @@ def check_command(line: str, page: str) -> None:
 
 
 def check_names(markdown: str) -> None:
-    """Stop unless a page describes all public names, and nothing besides."""
+    """Raise `PluginError` unless a page describes all public names and no others."""
     described = set(re.findall(r"^::: fpsboost\.(\w+)$", markdown, re.MULTILINE))
     public = set(fpsboost.__all__) - {"__version__"}
     if described != public:

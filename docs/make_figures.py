@@ -51,7 +51,7 @@ class Panel(NamedTuple):
 
 
 def main() -> None:
-    """Draw all of them."""
+    """Draw all figures, and print the size of each file."""
     FIGURES.mkdir(exist_ok=True)
     for draw in (
         draw_before_and_after, draw_motion, draw_similarity, draw_choice, draw_residual_search, draw_candidates,
@@ -71,26 +71,26 @@ def clip() -> list[Picture]:
 
 
 def scene(name: str, *numbers: int) -> list[Picture]:
-    """Return frames of a rendered scene."""
+    """Read frames of a rendered scene."""
     frames = [cv2.imread(str(SAMPLES / "scenes" / name / f"{number:04d}.png")) for number in numbers]
     assert all(frame is not None for frame in frames)
     return frames
 
 
 def prepared(frames: Sequence[Picture]) -> list[FrameCache]:
-    """Return frames as estimators take them."""
+    """Return frames in the caches that estimators take."""
     return [FrameCache(frame) for frame in frames]
 
 
 def middle_pair(method: Interpolator, frames: Sequence[Picture]) -> tuple[Pair, Pair, Pair]:
-    """Return of four frames the pair in the middle, with the one before and the one after."""
+    """Return the three pairs of four successive frames: before, middle and after."""
     images = prepared(frames)
     before, pair, after = (method.pair(*images[k : k + 2]) for k in range(3))
     return before, pair, after
 
 
 def made_between(frames: Sequence[Picture]) -> Picture:
-    """Return what the default method makes half-way between the second and the third of four frames."""
+    """Return the frame that the default method makes half-way between the second and the third of four frames."""
     method = methods["nlm"]
     before, pair, after = middle_pair(method, frames)
     (image,) = method.between(pair, [0.5], before, after).images
@@ -101,7 +101,7 @@ def made_between(frames: Sequence[Picture]) -> Picture:
 
 
 def draw_before_and_after() -> Path:
-    """Half-way between two frames of the clip: both laid over each other, and what is made of them."""
+    """Draw two frames of the clip overlaid, and the frame that the default method makes half-way between them."""
     shown = clip()[32:36]
     overlaid = cv2.addWeighted(shown[1], 0.5, shown[2], 0.5, 0)
     made = made_between(shown)
@@ -185,7 +185,7 @@ def draw_choice() -> Path:
 
 
 def draw_residual_search() -> Path:
-    """Draw a small fast ball, without and with the search for small things."""
+    """Draw the motion of a small fast ball, without and with the residual search."""
     frames = clip()[63:65]
     with mock.patch.object(nlm, "MIN_SIMILARITY", ()):
         without = nlm.CoarseToFine().estimate(*prepared(frames))[0].flow
@@ -256,7 +256,7 @@ def draw_confidence() -> Path:
 
 
 def draw_cut() -> Path:
-    """Draw the match score of all pairs of the sample clip, as an SVG."""
+    """Draw the match score of all successive frames of the sample clip, as an SVG."""
     detector, images = CutDetector(), prepared(clip())
     match_score = [detector.match_score(first, second) for first, second in pairwise(images)]
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "fpsboost", "font.family": "sans-serif"}):
@@ -269,7 +269,7 @@ def draw_cut() -> Path:
             axes.annotate(
                 "cut", (number, match_score[number]), (8, 0), textcoords="offset points", va="center", color="#222222"
             )
-        axes.set(ylim=(0, 1), xlabel="pair of frames", ylabel="likeness", xlim=(-1, len(match_score)))
+        axes.set(ylim=(0, 1), xlabel="pair of frames", ylabel="match score", xlim=(-1, len(match_score)))
         axes.spines[["top", "right"]].set_visible(False)
         path = FIGURES / "cut.svg"
         figure.savefig(path, metadata={"Date": None, "Creator": None})
@@ -280,17 +280,17 @@ def draw_cut() -> Path:
 
 
 def exp_of(v: float) -> Any:
-    """Return the report's similarity of pixels."""
+    """Return the report's similarity of pixels as a function of their difference."""
     return lambda apart: np.exp(-np.square(apart).sum(axis=-1) / (2 * v * v))
 
 
 def linear_of(v: float) -> Any:
-    """Return its linear form."""
+    """Return the linear form of that similarity, also as a function of the difference."""
     return lambda apart: (1 - np.abs(apart).sum(axis=-1) / (4 * v)).clip(0)
 
 
 def similarity_map(first: Picture, second: Picture, y: int, x: int, radius: int, reach: int, measure: Any) -> Picture:
-    """Mean similarity of the patch around a point and those around all places within reach in the other frame."""
+    """Return the mean similarity of the patch around a point to those at all offsets within reach in another frame."""
     patch = first[y - radius : y + radius + 1, x - radius : x + radius + 1]
     size, found = 2 * radius + 1, np.empty((2 * reach + 1,) * 2, np.float32)
     padding = radius + reach
@@ -304,7 +304,7 @@ def similarity_map(first: Picture, second: Picture, y: int, x: int, radius: int,
 def alone_everywhere(
     fuse: MultiHypothesis, frame_pair: FramePair, motion: Picture, listed: Candidates, t: float
 ) -> tuple[Picture, Picture]:
-    """Return the in-between frame of one motion, and the similarity of every pixel along it."""
+    """Return the in-between frame made with one motion everywhere, and the similarity of every pixel along it."""
     motions, weights = np.zeros_like(listed.motions), np.zeros_like(listed.weights)
     motions[..., 0, :2], weights[..., 0] = motion[:2], 1
     confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
@@ -327,7 +327,7 @@ def larger(picture: Picture, scale: int) -> Picture:
 
 
 def mark_maximum(picture: Picture, values: Picture, scale: int) -> Picture:
-    """Draw a ring around the largest value."""
+    """Draw a ring around the maximum of `values` on a picture `scale` times as large; return the picture."""
     row, column = np.unravel_index(values.argmax(), values.shape)
     centre = int(column * scale + scale // 2), int(row * scale + scale // 2)
     picture = np.ascontiguousarray(picture)
@@ -336,14 +336,14 @@ def mark_maximum(picture: Picture, values: Picture, scale: int) -> Picture:
 
 
 def add_wheel(picture: Picture, side: int = 48) -> None:
-    """Draw the legend of colours for motion in the lower right corner."""
+    """Draw the colour wheel, which is the legend of motion, into the lower right corner."""
     wheel = draw_wheel(side)
     corner, alpha = picture[-side - 6 : -6, -side - 6 : -6], wheel[..., 3:] / 255
     corner[:] = np.rint(corner * (1 - alpha) + wheel[..., :3] * alpha)
 
 
 def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
-    """Save panels in rows as a PNG of 256 colours."""
+    """Save rows of panels as a PNG with 256 colours; return its path."""
     widths = [max(row[k].picture.shape[1] for row in rows if k < len(row)) for k in range(len(rows[0]))]
     tops, height = [], GAP // 2
     for row in rows:
@@ -372,7 +372,7 @@ def save(name: str, rows: Sequence[Sequence[Panel]]) -> Path:
 
 
 def choose_colours(picture: Picture, count: int = 256) -> Picture:
-    """Choose the colours that suit a picture best, (count, 3) uint8; rare ones count more than their pixels would."""
+    """Choose a palette for a picture, (count, 3) uint8; a colour counts by the square root of its number of pixels."""
     colours, pixels = np.unique(picture.reshape(-1, 3) >> 3, axis=0, return_counts=True)
     random, share = np.random.default_rng(1), np.sqrt(pixels)
     points = colours[random.choice(len(colours), 20000, p=share / share.sum())].astype(np.float32) * 8 + 4

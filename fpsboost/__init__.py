@@ -1,6 +1,6 @@
 """Frame-rate conversion by non-local means motion.
 
-Four depths, the upper a few lines over the lower:
+Four levels of interface, each built on the one below:
 
 - `convert` ``("in.mp4", "out.mp4", factor=2)``: files in, files out;
 - `stream` ``(source, factor=2)``: from a path, a ``cv2.VideoCapture`` or arrays, to arrays as they are made;

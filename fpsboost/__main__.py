@@ -1,4 +1,4 @@
-"""Where the command line begins, as ``fpsboost`` and as ``python -m fpsboost``: it can be stopped from here on."""
+"""Entry point of the command line; it handles interruption from the first import on."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from types import FrameType
 
 
 def leave(number: int, frame: FrameType | None) -> None:
-    """Say one sentence and go: while modules are imported, nothing has been begun that would have to be put away.
+    """Print a message and exit; nothing needs cleaning up while modules are imported.
 
-    An exception could not be relied on here: where a library loads its compiled parts, it gets lost or becomes another.
+    An exception would be unreliable: loading a compiled library may swallow or replace it.
     """
     os.write(2, b"Stopped; nothing was written.\n")
     os._exit(130)

@@ -88,7 +88,7 @@ class Pair:
     @property
     def illumination(self) -> IlluminationModel | None:
         """Illumination change from the first frame to the second; None if there is none."""
-        return self._results.cached("lighting", self._estimate_illumination)
+        return self._results.cached("illumination", self._estimate_illumination)
 
     def _estimate_illumination(self) -> IlluminationModel | None:
         return estimate_illumination(self.image0, self.image1) if self._interpolator.compensate_illumination else None
@@ -96,7 +96,7 @@ class Pair:
     @property
     def compensated(self) -> tuple[FrameCache, FrameCache]:
         """The two frames, both under the illumination of the first."""
-        return self._results.cached("in_one_light", self._compensate)
+        return self._results.cached("compensated", self._compensate)
 
     def _compensate(self) -> tuple[FrameCache, FrameCache]:
         if self.illumination is None:
@@ -119,7 +119,7 @@ class Pair:
         If the illumination changes, the lower of the scores under that of either frame: dark frames look alike, but
         not under the brighter illumination.
         """
-        return self._results.cached("likeness", self._measure_match_score)
+        return self._results.cached("match_score", self._measure_match_score)
 
     def _measure_match_score(self) -> float:
         cuts = self._interpolator.cuts
@@ -180,7 +180,7 @@ class Pair:
     def release_caches(self) -> None:
         """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
         self.image0.clear()
-        self._results.clear("in_one_light")
+        self._results.clear("compensated")
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ def describe_camera(camera: Camera, size: Size, samples: int) -> dict[str, Any]:
 
 
 def load(scene: Scene, number: float, size: Size, samples: int, folder: Path) -> Any:
-    """Build a frame's scene in Mitsuba; `folder` takes the solids for as long as that lasts."""
+    """Build a frame's scene in Mitsuba; the solids are written to `folder`, which is needed only meanwhile."""
     parts = {f"light{i}": light for i, light in enumerate(scene.lights)}
     for i, actor in enumerate(scene.actors):
         actor.solid.write(folder / f"{i}.obj")
@@ -73,7 +73,7 @@ def encode(linear: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def denoise(colours: NDArray[np.float32], samples: int) -> NDArray[np.float32]:
-    """Even out differences between neighbours as small as the noise that so many samples leave."""
+    """Smooth differences between neighbours that are as small as the noise at this number of samples."""
     noise = 0.3 / math.sqrt(samples)  # measured with a second seed: about the best for all three scenes
     return cv2.bilateralFilter(colours, 5, noise, 1.2)
 

@@ -20,7 +20,7 @@ from fpsboost import convert
 from fpsboost.cli.options import in_flags
 from fpsboost.io.video.continuous_clock import ContinuousClock
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.showing_order import MAX_REORDERED, ShowingOrder
+from fpsboost.io.video.reorder_buffer import MAX_REORDERED, ReorderBuffer
 from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
 
@@ -218,10 +218,10 @@ def test_times_follow_the_order_of_showing(tmp_path, name):
 
 def in_order(fed: list[int], shown: list[int], interval: float = 40) -> list[int | None]:
     """The times that pictures get: `shown` are their own as they come out of the decoder, `fed` as they go in."""
-    order = ShowingOrder[Any](interval)
+    order = ReorderBuffer[Any](interval)
     for pts in fed:
         order.expect(pts)
-    ready = [each for pts in shown for each in order.take(SimpleNamespace(pts=pts, name=pts))] + order.rest()
+    ready = [each for pts in shown for each in order.push(SimpleNamespace(pts=pts, name=pts))] + order.flush()
     assert [picture.name for picture in ready] == shown
     return [picture.pts for picture in ready]
 
@@ -235,12 +235,12 @@ def test_exchanged_times_change_places_and_damaged_ones_stay():
 
 def test_lost_packets_hold_nothing_up():
     """Pictures wait for one that never comes no longer than pictures can be reordered."""
-    order = ShowingOrder[Any](40)
+    order = ReorderBuffer[Any](40)
     for number in range(60):
         order.expect(40 * number)
     waiting = 0
     for number in (each for each in range(60) if each != 7):
-        waiting += 1 - len(order.take(SimpleNamespace(pts=40 * number)))
+        waiting += 1 - len(order.push(SimpleNamespace(pts=40 * number)))
         assert waiting <= MAX_REORDERED
     assert waiting == 0
 
@@ -248,11 +248,11 @@ def test_lost_packets_hold_nothing_up():
 @given(st.lists(st.integers(-100, 3000) | st.none(), max_size=60), st.integers(1, 100))
 def test_no_picture_is_lost(times, interval):
     """Whatever the times: every picture comes out once, in the order of the decoder."""
-    order = ShowingOrder[Any](interval)
+    order = ReorderBuffer[Any](interval)
     for pts in reversed(times):
         order.expect(pts)
     pictures = [SimpleNamespace(pts=pts) for pts in times]
-    ready = [each for picture in pictures for each in order.take(picture)] + order.rest()
+    ready = [each for picture in pictures for each in order.push(picture)] + order.flush()
     assert all(one is other for one, other in zip(ready, pictures, strict=True))
 
 

@@ -89,7 +89,7 @@ class Chosen(NamedTuple):
     reasons: list[str]
 
 
-class Shown(NamedTuple):
+class ShownFrame(NamedTuple):
     """A frame on the page."""
 
     title: str
@@ -186,17 +186,17 @@ def make_page(
 
 def _view_frames(
     comparison: Comparison, makers: Mapping[str, Maker], input_fps: Fraction | None
-) -> tuple[list[Shown], MotionView | None]:
+) -> tuple[list[ShownFrame], MotionView | None]:
     """Yield the chosen frames, each made again when its turn comes, so that few are in memory; motion at the first."""
     names = [method.name for method in comparison.methods]
     chosen = choose_frames(comparison)
     clip = comparison.clip, comparison.hiding, [each.number for each in chosen]
     far = {name: make_some(*clip, makers[name], input_fps) for name in names if makers[name].looks_far}
-    shown: list[Shown] = []
+    shown: list[ShownFrame] = []
     motion: MotionView | None = None
     for each, picked in zip(chosen, pick(*clip, input_fps), strict=True):
         made = {name: far[name][each.number] if name in far else picked.make(makers[name]) for name in names}
-        shown.append(Shown(_title(each, names[0]), view_frame(picked, made)))
+        shown.append(ShownFrame(_title(each, names[0]), view_frame(picked, made)))
         if len(shown) == 1:
             motion = view_motion(picked, made, makers)
     return shown, motion

@@ -52,7 +52,7 @@ class DescribedSource(FrameSource, Protocol):
         ...
 
 
-class Closing:
+class ClosesOnExit:
     """Context manager that calls `close` on exit."""
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.io import Closing, FrameSource
+from fpsboost.io import ClosesOnExit, FrameSource
 from fpsboost.timing.trim import Trim
 
 TIME_TOLERANCE = Fraction(1, 1000)
@@ -108,7 +108,7 @@ def beginning(source: FrameSource) -> SourcePosition:
     return source.beginning if isinstance(source, HasBeginning) else SourcePosition(0, Fraction(0))
 
 
-class TrimmedSource(Closing):
+class TrimmedSource(ClosesOnExit):
     """Source of the frames that lie in a part of another source; the first one has time 0.
 
     Parameters

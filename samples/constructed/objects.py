@@ -32,7 +32,7 @@ from .textures import (
 
 
 def make_balls(random: Random, raster: Raster) -> Show:
-    """Throw balls in front of what stands still: each as many diameters a pair as is written here."""
+    """Throw balls of several sizes in front of a still background, at 1 to 4 diameters a pair."""
     # size, diameters a pair, colour, height
     balls = [
         (8, 4, "f2f2ec", -90),

@@ -33,14 +33,14 @@ def make_tiles(random: Random, raster: Raster) -> Show:
 
 
 def make_bricks(random: Random, raster: Raster) -> Show:
-    """Draw a pass along a brick wall that is seen at a slant."""
+    """Move past a brick wall that is seen at a slant."""
     paint = paint_cells((40, 12), 2, ["6d3b2c", "8f5440", "a86a50"], "a39a8c", differ=0.12, grain=0.06, bond=0.5)
     wall = pattern(random, (1100, 560), raster.density, paint)
     return stack(raster, [(wall, lambda time: tilt(24 + 3 * (time - 2), 4) @ shift(17 * (time - 2), 2 * (time - 2)))])
 
 
 def make_windows(random: Random, raster: Raster) -> Show:
-    """Draw a pass along a front of equal windows."""
+    """Move past a facade of equal windows that is seen at a slant."""
     paint = paint_cells((40, 20), 9, ["20303c", "3d5160", "7b8d97"], "b1a696", differ=0.12, grain=0.03)
     front = pattern(random, (900, 520), raster.density, paint)
     return stack(raster, [(front, lambda time: tilt(-12, 3) @ shift(26 * (time - 2), 4 * wave(time, 5)))])

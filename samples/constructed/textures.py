@@ -197,7 +197,7 @@ def wrap(values: Array, period: float) -> Array:
 
 
 def look_up_cells(table: Array, column: Array, row: Array) -> Array:
-    """Take each cell's own number from a table, which goes on periodically."""
+    """Look up each cell's number in a table that is repeated periodically."""
     return table[row.astype(int) % table.shape[0], column.astype(int) % table.shape[1]]
 
 

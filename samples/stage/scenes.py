@@ -33,7 +33,7 @@ class Actor:
 
 @dataclass(frozen=True)
 class Scene:
-    """All of a scene.
+    """Description of a scene.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Scene:
 
 
 def paint(make_texture: MakeTexture) -> dict[str, Any]:
-    """Make a matt material of a texture that is drawn when it is asked for: motion is known without."""
+    """Make a matt material whose texture is drawn only on request, because motion vectors do not need it."""
     return {"type": "diffuse", "reflectance": {"type": "bitmap", "bitmap": cache(make_texture)}}
 
 
@@ -87,7 +87,7 @@ def make_room(floor: MakeTexture, wall: MakeTexture, distance: float) -> list[Ac
 
 
 def make_reflective() -> Scene:
-    """Make two metals of different roughness that turn above a tiled floor; panels of light flash up in them."""
+    """Make a scene of two metals of different roughness that turn above a tiled floor and reflect bright panels."""
     floor = partial(textures.make_tiles, 3, 34, "5a2422 a8573a d8b070 e8dcc0 3f7c80 1d4358", "1c1816")
     wall = partial(textures.make_plaster, 4, "16283a 2c4a5e 4a6f80 8a9a86 9a6a4a")
     steel = {"type": "roughconductor", "material": "Al", "alpha": 0.03, "distribution": "ggx"}
@@ -111,7 +111,7 @@ def make_reflective() -> Scene:
 
 
 def make_texture() -> Scene:
-    """Make a cube with six detailed sides that turns, grows and shrinks."""
+    """Make a scene of a cube with six detailed sides that turns, grows and shrinks."""
     floor = partial(textures.make_tiles, 13, 40, "3c4a3e 6f8a66 a9b88c d9d3b0 8a7a5c", "26302a")
     wall = partial(textures.make_plaster, 14, "e0c9a6 d9a679 b9806a 8c6272 5a5478")
 
@@ -128,7 +128,7 @@ def make_texture() -> Scene:
 
 
 def make_glass() -> Scene:
-    """Make a cube of glass that turns in front of a coloured checker."""
+    """Make a scene of a glass cube that turns in front of a coloured checker."""
     floor = partial(textures.make_tiles, 23, 36, "3a3f4a 6a7588 a0aab0 d8d8d0", "22252c")
     wall = partial(textures.make_checker, 24, 44, "e63946 f4a261 e9c46a 2a9d8f 1d5c8f 6a3d8f")
     glass = {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}

@@ -14,7 +14,7 @@ import numpy as np
 
 from fpsboost.errors import InputError
 from fpsboost.frame import Image
-from fpsboost.io.images.exact import DamagedError
+from fpsboost.io.images.exact_reads import DamagedError
 from fpsboost.io.images.sizes import declared_size
 
 ANIMATION_SUFFIXES = (".gif", ".apng", ".webp")
@@ -30,7 +30,7 @@ Disposal = Literal["keep", "clear", "restore"]
 
 @dataclass(frozen=True)
 class Outline:
-    """What the headers of an animation say, all of them read and nothing decoded.
+    """Properties of an animation, read from its headers without decoding.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Outline:
     is_whole: bool
 
 
-class Shown(NamedTuple):
+class TimedImage(NamedTuple):
     """A whole picture, (H, W, 4) uint8 or uint16, and for how many seconds it is shown."""
 
     image: Image
@@ -65,7 +65,7 @@ class Shown(NamedTuple):
 
 
 class Step(NamedTuple):
-    """How a still image becomes part of the animation, as the file says beside it."""
+    """Position, delay, blending and disposal of one frame on the canvas."""
 
     height: int
     width: int
@@ -116,7 +116,7 @@ def outline_of(
     return Outline(height, width, delays.total(), duration, time_base, plays, has_alpha, is_whole)
 
 
-def composed(steps: Iterable[tuple[Step, bytes]], height: int, width: int) -> Generator[Shown, None, None]:
+def composed(steps: Iterable[tuple[Step, bytes]], height: int, width: int) -> Generator[TimedImage, None, None]:
     """Draw still images, each the content of a file, onto a canvas that is transparent at first; one picture for each.
 
     Raises
@@ -137,7 +137,7 @@ def composed(steps: Iterable[tuple[Step, bytes]], height: int, width: int) -> Ge
             raise DamagedError
         before = part.copy() if step.disposal == "restore" else 0
         part[...] = laid_over(image, part) if step.is_over else image
-        yield Shown(canvas.copy(), step.delay)
+        yield TimedImage(canvas.copy(), step.delay)
         if step.disposal != "keep":
             part[...] = before
 
@@ -159,7 +159,7 @@ def laid_over(image: Image, ground: Image) -> Image:
 
 
 def with_four_channels(image: Image) -> Image:
-    """Gray, gray and alpha, or BGR as BGRA, opaque where the image says nothing."""
+    """Convert gray, gray with alpha or BGR to BGRA; images without alpha become opaque."""
     if image.shape[2] == 4:
         return image
     white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
@@ -186,7 +186,7 @@ def changed_part(before: Image | None, image: Image, step: int) -> tuple[slice, 
 
 
 def decoded_still(data: bytes) -> Image:
-    """Decode the file of a still image, as which a frame is coded, with four channels.
+    """Decode one frame, stored as a still image file, to four channels.
 
     Raises
     ------

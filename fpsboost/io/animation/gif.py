@@ -19,8 +19,8 @@ import av.filter
 import numpy as np
 
 from fpsboost.frame import Image
-from fpsboost.io.animation.canvas import DEFAULT_DELAY, Outline, Shown, outline_of
-from fpsboost.io.images.exact import DamagedError, read_exactly, unpacked
+from fpsboost.io.animation.canvas import DEFAULT_DELAY, Outline, TimedImage, outline_of
+from fpsboost.io.images.exact_reads import DamagedError, read_exactly, unpacked
 
 CLOCK = 100  # ticks per second
 MIN_DELAY = Fraction(2, CLOCK)
@@ -94,7 +94,7 @@ def _skip_blocks(file: BinaryIO) -> None:
         file.seek(length, 1)
 
 
-def read_frames(file: BinaryIO) -> Generator[Shown, None, None]:
+def read_frames(file: BinaryIO) -> Generator[TimedImage, None, None]:
     """Decode the frames of an animation one by one.
 
     Raises
@@ -107,7 +107,7 @@ def read_frames(file: BinaryIO) -> Generator[Shown, None, None]:
             for picture in container.decode(video=0):
                 delay = picture.duration * Fraction(picture.time_base or 0)
                 image = np.ascontiguousarray(picture.to_ndarray(format="bgra"))
-                yield Shown(image, delay if delay >= MIN_DELAY else DEFAULT_DELAY)
+                yield TimedImage(image, delay if delay >= MIN_DELAY else DEFAULT_DELAY)
     except av.error.FFmpegError as error:
         raise DamagedError from error
 
@@ -176,7 +176,7 @@ class GifWriter:
 
 
 def _plain(image: Image) -> Image:
-    """BGRA with all or nothing for alpha; what nobody sees has a colour of the rest, to take no place in a palette."""
+    """Return BGRA with binary alpha; transparent pixels take a visible colour, to save palette entries."""
     if image.shape[2] == 3:
         return np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
     seen = image[..., 3] >= OPAQUE

@@ -27,7 +27,7 @@ from fpsboost.io.animation.canvas import (
     changed_part,
     outline_of,
 )
-from fpsboost.io.images.exact import DamagedError, unpacked
+from fpsboost.io.images.exact_reads import DamagedError, unpacked
 from fpsboost.io.images.png_chunks import SIGNATURE, chunk_bytes, chunks_in
 
 MAX_DELAY_PART = 65535  # a delay is a fraction of two 16-bit numbers

@@ -12,10 +12,10 @@ import numpy as np
 
 from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.io import Closing
+from fpsboost.io import ClosesOnExit
 from fpsboost.io.animation import gif, png, webp
-from fpsboost.io.animation.canvas import Outline, Shown, composed, damaged
-from fpsboost.io.images.exact import DamagedError
+from fpsboost.io.animation.canvas import Outline, TimedImage, composed, damaged
+from fpsboost.io.images.exact_reads import DamagedError
 from fpsboost.io.images.png_chunks import SIGNATURE
 from fpsboost.io.images.sizes import declared_size
 from fpsboost.io.memory_limit import MemoryLimit
@@ -50,7 +50,7 @@ def animation_format(path: Path) -> Format | None:
     return None
 
 
-class AnimationSource(Closing):
+class AnimationSource(ClosesOnExit):
     """Frames of an animation.
 
     Parameters
@@ -114,13 +114,13 @@ class AnimationSource(Closing):
 
     @property
     def remarks(self) -> list[str]:
-        """What was laid over white, and damage."""
+        """Remarks on alpha that was composited over white, and on damage."""
         return list(self._remarks)
 
     def __iter__(self) -> Iterator[Frame]:
         self._file.seek(0)
         time, count = Fraction(0), 0
-        with closing(self._shown()) as pictures:
+        with closing(self._timed_images()) as pictures:
             while True:
                 try:
                     shown = next(pictures, None)
@@ -139,14 +139,14 @@ class AnimationSource(Closing):
                 f"{self._name} is damaged or ends early; {frames} could be decoded and were converted."
             )
 
-    def _shown(self) -> Generator[Shown, None, None]:
+    def _timed_images(self) -> Generator[TimedImage, None, None]:
         if self._format == "gif":
             return gif.read_frames(self._file)
         steps = (png if self._format == "apng" else webp).read_steps(self._file)
         return composed(steps, self._outline.height, self._outline.width)
 
     def _finished(self, image: Image) -> Image:
-        """BGRA, or BGR where nothing is, or may be, seen through."""
+        """Return BGRA if there is alpha and it is kept, else BGR."""
         if self._outline.has_alpha:
             return image if self._keeps_alpha else over_white(image)
         return np.ascontiguousarray(image[..., :3])

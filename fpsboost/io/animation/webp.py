@@ -20,7 +20,7 @@ import numpy as np
 from fpsboost.errors import OutputError
 from fpsboost.frame import Image
 from fpsboost.io.animation.canvas import DEFAULT_DELAY, Disposal, Outline, Step, changed_part, outline_of
-from fpsboost.io.images.exact import DamagedError, read_exactly, unpacked
+from fpsboost.io.images.exact_reads import DamagedError, read_exactly, unpacked
 from fpsboost.io.images.files import encode_image
 from fpsboost.io.images.webp_chunks import ALPHA, ANIMATED, chunk_bytes, chunks_in
 
@@ -91,7 +91,7 @@ def _step(head: bytes) -> Step:
 
 
 def _numbers(data: bytes) -> list[int]:
-    """Whole numbers of three bytes each."""
+    """Return the 3-byte integers in `data`."""
     return [int.from_bytes(data[place : place + 3], "little") for place in range(0, len(data), 3)]
 
 

@@ -168,7 +168,7 @@ def encode_exr(
 
 
 def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None:
-    """Find what stands before the letters of the one layer that has all of them.
+    """Find the name prefix of the only layer that has all these channels.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def _attributes(data: bytes) -> tuple[dict[str, bytes], int]:
 
 
 def _kept(attributes: Mapping[str, bytes]) -> dict[str, tuple[float, ...]]:
-    """Return the attributes that made files take over; square pixels are left out, which every file has."""
+    """Return the attributes to copy to output files, without the default pixel aspect ratio of 1."""
     kept = {name: attributes[name] for name in _kept_attributes if len(attributes.get(name, b"-")) % 4 == 0}
     values = {name: struct.unpack(f"<{len(value) // 4}f", value) for name, value in kept.items()}
     return {name: value for name, value in values.items() if (name, value) != ("pixelAspectRatio", (1.0,))}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.io.images import png_chunks, tiff_tags, webp_chunks
-from fpsboost.io.images.exact import DamagedError
+from fpsboost.io.images.exact_reads import DamagedError
 from fpsboost.io.images.jpeg_segments import components_of
 
 GRAY_PNG, RGB_PNG, PALETTE_PNG, GRAY_AND_ALPHA_PNG = 0, 2, 3, 4
@@ -75,7 +75,7 @@ def holds_more_pictures(data: bytes) -> bool:
 
 
 def as_stored(data: bytes, image: NDArray[Any]) -> NDArray[Any]:
-    """Undo what OpenCV does to unusual TIFFs, so that frames made of them look like them.
+    """Undo OpenCV's changes to unusual TIFFs, so that new frames match the stored ones.
 
     It turns 8 bits whose white is 0, but not 16; gives CMYK an alpha; and multiplies 8 bits of colour by their alpha.
 

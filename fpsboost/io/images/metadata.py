@@ -18,7 +18,7 @@ import numpy as np
 
 from fpsboost.frame import Image
 from fpsboost.io.images import tiff_tags, webp_chunks
-from fpsboost.io.images.exact import DamagedError
+from fpsboost.io.images.exact_reads import DamagedError
 from fpsboost.io.images.exr import MAGIC, parse_exr_header
 from fpsboost.io.images.jpeg_segments import components_of, segments_in
 from fpsboost.io.images.png_chunks import SIGNATURE, Chunk, chunk_bytes, chunks_in
@@ -71,7 +71,7 @@ class ImageMetadata:
 
 
 def metadata_of(path: Path, data: bytes) -> ImageMetadata:
-    """Read what an image that could be read says beside its pixels; what is damaged is passed over.
+    """Read the metadata of a readable image; ignore damaged metadata.
 
     Parameters
     ----------

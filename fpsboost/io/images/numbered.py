@@ -22,7 +22,7 @@ from typing import Self
 from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image, describe
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.io import Closing
+from fpsboost.io import ClosesOnExit
 from fpsboost.io.images.files import (
     IMAGE_SUFFIXES,
     check_format,
@@ -60,7 +60,7 @@ class ImageFile:
     path: Path
 
 
-class ImageSource(Closing):
+class ImageSource(ClosesOnExit):
     """Read a folder or a pattern of images, one at a time.
 
     Parameters
@@ -358,7 +358,7 @@ class ImageSink:
             raise OutputError(f"The folder {needed} does not exist; create it first.")
 
     def _refuse_inputs(self, images: NumberedImages) -> None:
-        """Never touch what is being read, also through links and where names ignore case."""
+        """Raise `OutputError` if the output would overwrite an input, also via links or case."""
         folder = self._numbering.folder
         if not folder.is_dir():
             return
@@ -423,7 +423,7 @@ class ImageSink:
         return self
 
     def _refuse_set_aside(self) -> None:
-        """Never remove frames of before that a run was about to replace, and that it could not put back."""
+        """Raise `OutputError` if a stopped run left replaced frames that were not restored."""
         if not self._unfinished.goes_on and self._replaced.is_dir() and os.listdir(self._replaced):
             raise OutputError(
                 f"{self._replaced} holds frames that a run had set aside to replace them; let that run finish with "
@@ -475,7 +475,7 @@ class ImageSink:
         return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
 
     def _remark_on_kind(self, source: Path, data: bytes, image: Image, *, passes: bool) -> None:
-        """Say once of each kind of originals that frames are written otherwise."""
+        """Remark, once per storage kind, that frames are written differently from the originals."""
         how = stored_otherwise(data, image.shape[2])
         if not how or how in self._kinds:
             return
@@ -523,7 +523,7 @@ class ImageSink:
         shutil.rmtree(self._replaced, ignore_errors=True)
 
     def _leave(self, error: BaseException | None) -> None:
-        """Remove the hidden folder, but for images to go on with, and earlier ones that could not be moved back."""
+        """Remove the hidden folder, unless it holds resumable frames or originals not restored."""
         with suppress(OSError):
             self._replaced.rmdir()  # fails where it is not empty
         count = self._frames if self._moving.exists() else max(self._frames_there, self._frames if self._names else 0)

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
-from fpsboost.io.images.exact import DamagedError
+from fpsboost.io.images.exact_reads import DamagedError
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

@@ -63,7 +63,7 @@ def size_of(data: bytes) -> tuple[int, int] | None:
 
 
 def with_tags(data: bytes, added: Mapping[int, Tag]) -> bytes:
-    """Add tags to a little-endian TIFF file of one image; its own of these numbers give way."""
+    """Add tags to a little-endian, one-image TIFF, replacing existing tags of the same number."""
     (place,) = struct.unpack_from("<I", data, 4)
     (count,) = struct.unpack_from("<H", data, place)
     entries = [data[place + 2 + 12 * index :][:12] for index in range(count)]

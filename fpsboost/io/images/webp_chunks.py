@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterator
 from typing import BinaryIO
 
-from fpsboost.io.images.exact import DamagedError, read_exactly, unpacked
+from fpsboost.io.images.exact_reads import DamagedError, read_exactly, unpacked
 
 ANIMATED, ALPHA, PROFILE = 0x02, 0x10, 0x20
 """Flags of the chunk VP8X."""

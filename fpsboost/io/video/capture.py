@@ -13,7 +13,7 @@ import numpy as np
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image, check_pair
-from fpsboost.io import Closing
+from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.stream_info import StreamInfo
 
@@ -21,7 +21,7 @@ MAX_DENOMINATOR = 1001
 """Maximum denominator of a frame rate that OpenCV gives as a float: 29.97 becomes 30000/1001."""
 
 
-class ArraySource(Closing):
+class ArraySource(ClosesOnExit):
     """Source of the images of an iterable, at a constant frame rate.
 
     Parameters

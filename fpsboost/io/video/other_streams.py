@@ -24,13 +24,13 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import EncodedSound, remark_on
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
-from fpsboost.io.video.losses import not_held_remark
 from fpsboost.io.video.packets import read_packets
 from fpsboost.io.video.source import open_video
 from fpsboost.io.video.stream_choice import is_cover_art
 from fpsboost.io.video.subtitles import TextConverter, formats, is_text
 from fpsboost.io.video.tags import copy_labels, lost_labels, tags_for
 from fpsboost.io.video.timecode import at_rate, find_timecode, frames_later
+from fpsboost.io.video.unsupported import not_held_remark
 
 MAX_INTERLEAVING = 10
 """Maximum time by which packets of different streams in one file may be out of order, seconds."""

@@ -37,7 +37,7 @@ def read_packets(
 ) -> Iterator[av.Packet[Any]]:
     """Yield the non-empty packets of the wanted streams, past damaged places and with clock jumps removed.
 
-    If a container has no presentation times, they are set from the decoding times; `ShowingOrder` corrects them.
+    If a container has no presentation times, they are set from the decoding times; `ReorderBuffer` corrects them.
 
     Parameters
     ----------

@@ -31,14 +31,14 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame, Pixels, describe
-from fpsboost.io import Closing
+from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
-from fpsboost.io.video.losses import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.nominal_rate import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.planes import as_picture, coding_of, in_planes
 from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.unsupported import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.ycc import (
     FULL_RANGE,
     LIMITED_RANGE,
@@ -198,7 +198,7 @@ def format_name(pixel_format: str, chroma_location: str) -> str:
     return next((name for name in names if chroma_locations.get(name) == chroma_location), names[0])
 
 
-class PipeSource(Closing):
+class PipeSource(ClosesOnExit):
     """Frames of a YUV4MPEG2 stream.
 
     Parameters
@@ -282,7 +282,7 @@ class PipeSource(Closing):
             yield Frame(image, number / self._rate, 1 / self._rate, None if self._for_images else picture)
 
     def _open_decoder(self) -> av.VideoCodecContext:
-        """Return what makes pictures of samples, with the labels that a demuxer would give them."""
+        """Return a decoder that turns raw samples into pictures, with a demuxer's tags."""
         decoder = av.CodecContext.create("rawvideo", "r")
         decoder.width, decoder.height = self._header.width, self._header.height
         decoder.pix_fmt, decoder.color_range = self._header.pixel_format, self._traits.color_range

@@ -10,7 +10,7 @@ from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import color_space_of, from_bgr, is_full_range, reformatted, to_bgr
 
 
-class Alike:
+class FormatUnifier:
     """Converter of every picture to the properties of the first one, which counts the converted pictures.
 
     Parameters
@@ -29,7 +29,7 @@ class Alike:
         self.first_change: str | None = None
         """First change of size or pixel format: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
 
-    def made_alike(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
+    def unified(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
         """Scale and convert a picture; return it unchanged if it already matches the first one.
 
         Parameters

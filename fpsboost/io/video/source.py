@@ -22,19 +22,13 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
-from fpsboost.io import Closing
+from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.stream_info import StreamInfo, VideoFile
 from fpsboost.io.video.damage import Damage, counted
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.fields import frames_of_fields
 from fpsboost.io.video.frame_times import in_rising_order
-from fpsboost.io.video.losses import (
-    interlaced_remark,
-    lost_alpha_remark,
-    lost_companions_remark,
-    lost_shape_remark,
-)
 from fpsboost.io.video.nominal_rate import (
     as_fraction,
     assumed_rate_remark,
@@ -45,11 +39,17 @@ from fpsboost.io.video.nominal_rate import (
 from fpsboost.io.video.orientation import is_on_its_side, turned_upright
 from fpsboost.io.video.packets import read_packets
 from fpsboost.io.video.planes import coding_of, in_planes
-from fpsboost.io.video.showing_order import ShowingOrder
-from fpsboost.io.video.size_change import Alike
+from fpsboost.io.video.reorder_buffer import ReorderBuffer
+from fpsboost.io.video.size_change import FormatUnifier
 from fpsboost.io.video.stream_choice import choose_video, left_out_remarks
 from fpsboost.io.video.survey import survey
 from fpsboost.io.video.traits import VideoTraits, read_traits
+from fpsboost.io.video.unsupported import (
+    interlaced_remark,
+    lost_alpha_remark,
+    lost_companions_remark,
+    lost_shape_remark,
+)
 from fpsboost.io.video.ycc import has_alpha, to_bgr, to_bgra
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
@@ -59,7 +59,7 @@ STEPS_BACK = (0, 1, 10)
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
-class VideoSource(Closing):
+class VideoSource(ClosesOnExit):
     """Frames of one of a video file's streams.
 
     Parameters
@@ -127,7 +127,7 @@ class VideoSource(Closing):
         self._remarks = left_out_remarks(self._container, self._stream, self._name)
         if not rate_is_known:
             self._remarks.append(assumed_rate_remark(self._name))
-        self._alike: Alike | None = None
+        self._unifier: FormatUnifier | None = None
         self._furthest = self._last_packet = Fraction(0)
         self._ahead: list[av.VideoFrame] = []
         self.start = clocks.start
@@ -174,11 +174,11 @@ class VideoSource(Closing):
 
     @property
     def stopped_by(self) -> str | None:
-        """The sentence about the first change of size, with which a reading ends that is to stop there."""
-        if self._alike is None or self._alike.first_change is None:
+        """Sentence about the first change of size, at which reading stops if so configured."""
+        if self._unifier is None or self._unifier.first_change is None:
             return None
         return (
-            f"{self._name} changes {self._alike.first_change}; convert it with `size_change='scale'` to make all "
+            f"{self._name} changes {self._unifier.first_change}; convert it with `size_change='scale'` to make all "
             "frames like the first, or cut it there and convert the parts one by one."
         )
 
@@ -293,7 +293,7 @@ class VideoSource(Closing):
         """Yield the pictures, all alike, with the times that the file gives them."""
         end: Fraction | None = None
         for number, decoded in enumerate(self._in_order()):
-            picture = self._made_alike(decoded, number)
+            picture = self._unified(decoded, number)
             time = self._time_of(picture, end)
             end = time + self._duration_of(picture)
             yield picture, time
@@ -316,18 +316,18 @@ class VideoSource(Closing):
         seeing = self._decoder_of_hidden_alpha()
         decoder = self._stream.codec_context if seeing is None else seeing
         lost_alpha = lost_alpha_remark(self._name)
-        order = ShowingOrder[av.VideoFrame](float(1 / self._rate / self._ticks)) if decoder.codec.reorder else None
+        buffer = ReorderBuffer[av.VideoFrame](float(1 / self._rate / self._ticks)) if decoder.codec.reorder else None
         for packet in chain(self._packets(), [None]):
             if packet is not None and seeing is None and lost_alpha not in self._remarks:
                 self._remarks += [lost_alpha] * self._has_hidden_alpha(packet)
-            if order is not None and packet is not None:
-                order.expect(packet.pts)
+            if buffer is not None and packet is not None:
+                buffer.expect(packet.pts)
             try:
                 pictures = decoder.decode(packet)
             except av.error.FFmpegError:
                 self._damage.undecodable += 1
-                if order is not None and packet is not None:
-                    order.lose(packet.pts)
+                if buffer is not None and packet is not None:
+                    buffer.drop(packet.pts)
                 continue
             for picture in pictures:
                 if picture.time_base is None:  # of the last ones, which no packet brought out
@@ -335,12 +335,12 @@ class VideoSource(Closing):
                 self._damage.corrupt += picture.is_corrupt
                 self._decoded += 1
                 self._flagged_interlaced += picture.interlaced_frame
-                yield from [picture] if order is None else order.take(picture)
-        if order is not None:
-            yield from order.rest()
+                yield from [picture] if buffer is None else buffer.push(picture)
+        if buffer is not None:
+            yield from buffer.flush()
 
     def _decoder_of_hidden_alpha(self) -> av.VideoCodecContext | None:
-        """VP8 and VP9 keep alpha beside the picture, where FFmpeg's own decoders do not look."""
+        """Return a decoder for VP8/VP9 alpha, which FFmpeg's native decoders ignore; None if not needed."""
         name = decoders_of_hidden_alpha.get(self._stream.codec_context.name)
         if name is None or not self._keeps_alpha or self._stream.metadata.get("alpha_mode") != "1":
             return None
@@ -398,10 +398,10 @@ class VideoSource(Closing):
                 return end - last.time
         return last.duration
 
-    def _made_alike(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
-        assert self._alike is not None  # there since the traits were read
+    def _unified(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
+        assert self._unifier is not None  # there since the traits were read
         try:
-            alike = self._alike.made_alike(picture, index)
+            unified = self._unifier.unified(picture, index)
         except (av.error.FFmpegError, ValueError):
             raise InputError(
                 f"{self._name} changes to {picture.format.name} at frame {index}, which cannot be converted; cut it "
@@ -409,7 +409,7 @@ class VideoSource(Closing):
             ) from None
         if self._decoding.size_change == "stop" and self.stopped_by is not None:
             raise InputError(self.stopped_by)
-        return alike
+        return unified
 
     def _read_traits(self, picture: av.VideoFrame) -> VideoTraits:
         # The header may be wrong or silent about the size; the first picture is not.
@@ -418,14 +418,14 @@ class VideoSource(Closing):
         if has_alpha(picture.format.name) and not self._keeps_alpha:
             self._remarks.append(lost_alpha_remark(self._name))
         traits = read_traits(picture, self._stream, self._reformatter, self._name)
-        self._alike = Alike(picture.width, picture.height, traits)
+        self._unifier = FormatUnifier(picture.width, picture.height, traits)
         return traits
 
     def _conclude(self, count: int) -> None:
         """Say what was wrong with the file, now that as much of it was read as is wanted."""
         self._remarks += self._interlacing_remarks()
-        if self._alike is not None:
-            self._remarks += self._alike.remarks(self._name)
+        if self._unifier is not None:
+            self._remarks += self._unifier.remarks(self._name)
         self._remarks += self._damage.remarks(self._name, count)
 
     def _compare_with_header(self, end: Fraction, count: int) -> None:

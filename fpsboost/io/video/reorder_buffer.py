@@ -23,7 +23,7 @@ class Timed(Protocol):
 P = TypeVar("P", bound=Timed)
 
 
-class ShowingOrder(Generic[P]):
+class ReorderBuffer(Generic[P]):
     """Buffer that keeps pictures in decoder output order and assigns their presentation times in increasing order.
 
     Pictures are held only while the decoder still has to output one with an earlier time.
@@ -46,26 +46,26 @@ class ShowingOrder(Generic[P]):
         if pts is not None:
             self._owed[pts] += 1
 
-    def lose(self, pts: int | None) -> None:
+    def drop(self, pts: int | None) -> None:
         """Record that the packet with this time produced no picture."""
         if pts is not None and self._owed[pts]:
             self._owed[pts] -= 1
 
-    def take(self, picture: P) -> list[P]:
+    def push(self, picture: P) -> list[P]:
         """Record a picture that the decoder has output, and return the pictures that need not be held any longer."""
-        self.lose(picture.pts)
+        self.drop(picture.pts)
         self._waiting.append(picture)
         times = [each.pts for each in self._waiting if each.pts is not None]
         if not times:
-            return self.rest()
+            return self.flush()
         self._owed = +self._owed
         if any(owed < max(times) for owed in self._owed):
             if len(self._waiting) <= MAX_REORDERED:
                 return []
             self._owed = Counter({owed: count for owed, count in self._owed.items() if owed > max(times)})
-        return self.rest()
+        return self.flush()
 
-    def rest(self) -> list[P]:
+    def flush(self) -> list[P]:
         """Return all held pictures in decoder output order, with their times in increasing order."""
         ready, self._waiting = self._waiting, []
         times = [picture.pts for picture in ready if picture.pts is not None]

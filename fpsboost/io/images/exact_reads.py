@@ -1,4 +1,4 @@
-"""Bytes of a file that may end too early."""
+"""Reading of exact byte counts from files that may be truncated."""
 
 from __future__ import annotations
 
