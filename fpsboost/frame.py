@@ -11,9 +11,21 @@ Time
     Presentation times are `fractions.Fraction` seconds, exactly as given by the container's ticks. ``t`` in [0, 1] is a
     position between two frames: 0 is ``frame0``, 1 is ``frame1``. A frame rate is a Fraction, never a float.
 Words
-    *offset* an integer candidate of motion; *search_radius* the largest one; *patch_radius* r for a patch of
-    (2r + 1) x (2r + 1) pixels; *similarity* higher is better; *warp* gathers, *splat* scatters and leaves *holes*;
-    *scene_cut* no motion connects the two frames.
+    *pair* two consecutive frames with different content, and what is computed from them; *duplicates* frames that show
+    the same as the one before, treated as one frame; *scene_cut* no motion connects the two frames of a pair, as its
+    *match_score* tells; *illumination* a change of brightness between two frames, compensated before the search.
+
+    *offset* an integer motion vector that is tried; *search_radius* the largest one; *patch_radius* r for a patch of
+    (2r + 1) x (2r + 1) pixels; *similarity* of two patches, higher is better, with a *bandwidth* for its decay;
+    *consistency* of the motion there and back, pixels, as *forward_backward_error*; *trajectory* the path of a point
+    through several frames.
+
+    *hypotheses* motions that may lead through a pixel of an in-between frame, called *candidates* where they are
+    listed for a neighbourhood; their *votes* and similarity weigh them; *confidence* how far the result can be
+    trusted, 0 to 1. *warp* gathers, *splat* scatters and leaves holes.
+
+    *schedule* decides the times of the output's frames; *window* the part of a clip that is written; *traits* the
+    colour coding, shape and orientation of video; *remarks* sentences about what was lost or guessed.
 """
 
 from __future__ import annotations
