@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -21,11 +23,19 @@ from fpsboost.io.images.exr import write_exr
 
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # the threads of FLIP would spin while they wait
+
 settings.register_profile("fpsboost", deadline=None)  # the first case may compile, and no test asserts a time
 settings.load_profile("fpsboost")
 
 Snapshot = dict[str, bytes | None]
 SaveImages = Callable[..., list[NDArray[Any]]]
+
+
+def pytest_collection_finish() -> None:
+    """Spare the thousands of tests and the modules from being walked through by every garbage collection."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

@@ -73,14 +73,23 @@ def noise(height: int, width: int, channels: int = 3, dtype: type = np.uint8, se
 
 
 def waves(x: Array, y: Array, channels: int = 3, seed: int = 0) -> Array:
-    """A smooth texture in [0, 1], defined between the pixels too: plane waves 7 to 40 pixels long."""
+    """A smooth texture in [0, 1], defined between the pixels too: plane waves 7 to 40 pixels long.
+
+    Places are a grid that may be shifted, zoomed, turned or sheared. There the phase of a wave is a part that hangs on
+    the row plus one that hangs on the column, and the sine of such sums over all places is a product of matrices.
+    """
     random = np.random.default_rng(seed)
-    values = np.zeros((*x.shape, channels))
-    for channel in range(channels):
-        for _ in range(12):
-            length, angle, phase = random.uniform(7, 40), random.uniform(0, 2 * np.pi), random.uniform(0, 2 * np.pi)
-            values[..., channel] += np.sin(2 * np.pi * (x * np.cos(angle) + y * np.sin(angle)) / length + phase)
-    return np.clip(0.5 + values / 14, 0, 1)
+    lengths, angles, phases = random.uniform(0, 1, (channels, 12, 3)).transpose(2, 0, 1)[..., np.newaxis]
+    lengths, angles, phases = 7 + 33 * lengths, 2 * np.pi * angles, 2 * np.pi * phases
+    for places in (x, y):
+        assert np.abs(places[:, :1] + places[:1] - places[0, 0] - places).max() < 1e-9
+    down, across = (
+        2 * np.pi * (places_x * np.cos(angles) + places_y * np.sin(angles)) / lengths
+        for places_x, places_y in ((x[:, 0], y[:, 0]), (x[0] - x[0, 0], y[0] - y[0, 0]))
+    )
+    down = (down + phases).swapaxes(1, 2)
+    values = np.sin(down) @ np.cos(across) + np.cos(down) @ np.sin(across)
+    return np.clip(0.5 + np.moveaxis(values, 0, -1) / 14, 0, 1)
 
 
 def affine(

@@ -20,7 +20,7 @@ LOSSLESS = {"preset": "ultrafast", "crf": "0"}
 
 def scene(index: int, height: int = 48, width: int = 64) -> NDArray[np.uint8]:
     """A smooth colourful picture that moves one pixel per frame."""
-    rows, columns = np.mgrid[0:height, 0:width]
+    rows, columns = np.ogrid[0:height, 0:width]
     waves = [128 + 80 * np.sin((columns + index) / 7 + phase) * np.cos(rows / 9 + phase) for phase in (0, 1, 2)]
     return np.rint(np.stack(waves, axis=-1)).astype(np.uint8)
 
