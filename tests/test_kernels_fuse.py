@@ -36,17 +36,19 @@ from fpsboost.kernels.multi_hypothesis import (
     sum_patches,
     window_shape,
 )
-from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
+from fpsboost.kernels.spline import MARGIN, fill_planes
 
 
 def samples(image):
-    """Planes and their coefficients."""
+    """Planes and their coefficients, which the twin finds: uncompiled, the kernel would take most of the time."""
     height, width, channels = image.shape
     planes = np.empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
-    coefficients = np.empty_like(planes)
     fill_planes(image, np.float32(1), False, planes)
-    find_coefficients(planes, np.float32(1), filter_response(2**-19), coefficients)
-    return Samples(planes, coefficients, np.float32(1))
+    beyond = 2 * SPARE  # the solver knows nothing of what lies farther out
+    coefficients = [
+        spline_coefficients(plane, MARGIN + beyond)[beyond:-beyond, beyond:-SPARE] for plane in split(image)
+    ]
+    return Samples(planes, np.array(coefficients, np.float32), np.float32(1))
 
 
 def listed(candidates):

@@ -64,9 +64,9 @@ def test_fused_search_equals_its_slow_twin_across_strips():
 
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
-@pytest.mark.parametrize(("height", "width", "radius"), [(33, 47, 6), (5, 9, 7), (400, 11, 3), (11, STRIP + 40, 3)])
+@pytest.mark.parametrize(("height", "width", "radius"), [(19, 23, 6), (5, 9, 7), (60, 11, 3), (3, STRIP + 21, 3)])
 def test_fused_search_equals_full_image_passes(window, height, width, radius):
-    """The kernel and the report's passes give one answer, over bands of rows and strips of columns too."""
+    """The kernel and the report's passes give one answer, over many rows and strips of columns too."""
     image0, image1 = colours(height, width, 5), colours(height, width, 6)
     fused = search_fused(image0, image1, radius, 2, window, 0.25)
     passes = search_by_passes(image0, image1, radius, 2, window, 0.25)
@@ -76,9 +76,9 @@ def test_fused_search_equals_full_image_passes(window, height, width, radius):
 
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
-@pytest.mark.parametrize(("height", "width"), [(12, 15), (1, 1), (250, 9), (9, STRIP + 60)])
+@pytest.mark.parametrize(("height", "width"), [(12, 15), (1, 1), (40, 9), (3, STRIP + 21)])
 def test_flat_frames_do_not_move(window, height, width):
-    """Where all offsets are equally similar, the smallest motion wins, in every band and strip."""
+    """Where all offsets are equally similar, the smallest motion wins, in every row and strip."""
     flat = np.full((height, width, 3), 0.4, np.float32)
     for field in search_fused(flat, flat, 4, 2, window, 0.25):
         assert not field.flow.any()
@@ -109,7 +109,7 @@ def test_ties_go_to_the_smallest_motion_and_then_in_raster_order(axis):
 @pytest.mark.parametrize("offset", [(4, 4), (-4, 4), (4, -4), (-4, -4), (0, 4), (-4, 0), (3, -2)])
 def test_offsets_at_the_edge_of_the_search_are_found(window, offset):
     """The largest offsets are as good as any."""
-    clip = translation(20, 23, *offset, dtype=np.float32)
+    clip = translation(17, 18, *offset, dtype=np.float32)
     inner = slice(7, -7)
     field01, field10 = search_fused(clip.image0, clip.image1, 4, 2, window, 0.25)
     assert (field01.flow[inner, inner] == offset).all()

@@ -264,12 +264,10 @@ def landed(flow: Array, similarity: Array, least: float, t: float) -> tuple[Arra
     return source0, source1
 
 
-def bspline(distance: float) -> float:
-    """The cubic B-spline."""
-    x = abs(distance)
-    if x < 1:
-        return 2 / 3 - x * x + x**3 / 2
-    return max(2 - x, 0) ** 3 / 6
+def bspline(distance: Any) -> Any:
+    """The cubic B-spline, of a number or of an array."""
+    x = np.abs(distance)
+    return np.where(x < 1, 2 / 3 - x * x + x**3 / 2, np.maximum(2 - x, 0) ** 3 / 6)
 
 
 def spline_coefficients(plane: Array, beyond: int) -> Array:
@@ -280,7 +278,7 @@ def spline_coefficients(plane: Array, beyond: int) -> Array:
     padded = np.pad(plane.astype(float), beyond, "edge")
     for axis in (0, 1):
         size = padded.shape[axis]
-        equations = np.array([[bspline(i - j) for j in range(size)] for i in range(size)])
+        equations = bspline(np.subtract.outer(np.arange(size), np.arange(size)))
         padded = np.moveaxis(np.linalg.solve(equations, np.moveaxis(padded, axis, 0)), 0, axis)
     return padded
 
@@ -463,7 +461,7 @@ def fused(
                 mixed.append(both)
                 distance += apart
             equal = np.exp(-scale * distance)
-            alike = np.array([[_mean_around(equal, y, x) for x in range(16)] for y in range(16)])
+            alike = _means_around(equal)
             weight = prior * np.exp(-sharpness * (1 - alike))
             totals = [
                 total + _of_samples(weight, step) * both for total, both, step in zip(totals, mixed, steps, strict=True)
@@ -484,11 +482,11 @@ def fused(
     return means, (similarities / all_weights[0]) ** 8
 
 
-def _mean_around(squares: Array, y: int, x: int) -> float:
-    """The mean of the squares up to two away, of which the farthest count three quarters along each axis."""
-    counts = [np.select([np.abs(np.arange(16) - at) <= n for n in (1, 2)], [1, 0.75], 0) for at in (y, x)]
-    weights = np.outer(*counts)
-    return float((weights * squares).sum() / weights.sum())
+def _means_around(squares: Array) -> Array:
+    """The means of the squares up to two away, of which the farthest count three quarters along each axis."""
+    away = np.abs(np.subtract.outer(np.arange(16), np.arange(16)))
+    counts = np.select([away <= 1, away == 2], [1, 0.75], 0)
+    return (counts @ squares @ counts.T) / (counts @ np.ones((16, 16)) @ counts.T)
 
 
 def _of_samples(squares: Array, step: tuple[int, int]) -> Array:
@@ -503,10 +501,9 @@ def _of_samples(squares: Array, step: tuple[int, int]) -> Array:
 
 def _add_within(plane: Array, values: Array, corner: tuple[int, int]) -> None:
     """Add the part of a window that lies within a plane."""
-    for y, x in np.ndindex(*values.shape):
-        v, u = corner[0] + y, corner[1] + x
-        if 0 <= v < plane.shape[0] and 0 <= u < plane.shape[1]:
-            plane[v, u] += values[y, x]
+    rows, columns = (at + np.arange(side) for at, side in zip(corner, values.shape, strict=True))
+    within = [(places >= 0) & (places < side) for places, side in zip((rows, columns), plane.shape, strict=True)]
+    plane[np.ix_(rows[within[0]], columns[within[1]])] += values[np.ix_(*within)]
 
 
 def fading(place: int) -> float:
@@ -540,7 +537,7 @@ def _along(
 def spline_window(coefficients: Array, beyond: int, y: float, x: float, size: tuple[int, int] = (32, 32)) -> Array:
     """The spline at places a sample apart, the first at (y, x): the sum over all coefficients."""
     down, across = (
-        np.array([[bspline(start + k + beyond - i) for i in range(length)] for k in range(side)])
+        bspline(np.subtract.outer(start + beyond + np.arange(side), np.arange(length)))
         for start, length, side in zip((y, x), coefficients.shape, size, strict=True)
     )
     return down @ coefficients @ across.T
