@@ -6,13 +6,13 @@ import itertools
 import os
 import re
 import threading
-import time
 import weakref
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
+from queue import Empty, Full, Queue
 from typing import Any
 
 import av
@@ -27,6 +27,7 @@ from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
+from fpsboost.io import prefetch
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
@@ -464,29 +465,63 @@ def test_ctrl_c_in_the_loop_comes_through():
     ("method", "limit"), [(replace(BLEND, duplicates=None), 12), (BLEND, 20)], ids=["keep", "interpolate"]
 )
 @pytest.mark.parametrize("threads", [1, 3])
-def test_memory_does_not_grow(slow_side, holds, method, limit, threads):
-    """Of 200 frames a dozen are alive at any time, one more for each thread, and in a slow fade a held picture's."""
+def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, threads):
+    """Of 60 frames a dozen are alive at any time, one more for each thread, and in a slow fade a held picture's.
+
+    Now and then one side waits for the other: the source until the sink has nothing left to write, or the sink until
+    the source has no room left to read ahead.
+    """
     alive: set[int] = set()
     most = 0
+    waited, read = threading.Event(), threading.Event()
+    readers: list[threading.Thread] = []
+
+    class Watched(Queue):
+        def put(self, *arguments: Any, **options: Any) -> None:
+            try:
+                super().put(*arguments, **options)
+            except Full:
+                if slow_side == "sink" and threading.current_thread() in readers:
+                    waited.set()
+                raise
+
+        def get(self, *arguments: Any, **options: Any) -> Any:
+            try:
+                return super().get(*arguments, **options)
+            except Empty:
+                if slow_side == "source" and threading.current_thread().name == "fpsboost-write":
+                    waited.set()
+                raise
 
     def frames() -> Iterator[Frame]:
         nonlocal most
-        for index in range(200):
+        readers.append(threading.current_thread())
+        for index in range(60):
             image = np.full((*SIZE, 3), index, np.uint8)
             alive.add(index)
             weakref.finalize(image, alive.discard, index)
             most = max(most, len(alive))
-            time.sleep(0.001 if slow_side == "source" else 0)
+            if slow_side == "source" and index % 8 == 7:
+                waited.clear()
+                assert waited.wait(60)
             yield Frame(image, Fraction(index, 25), Fraction(1, 25))
             del image
+        read.set()
+        waited.set()
 
     class ForgetfulSink(FakeSink):
-        def write(self, frame: Frame) -> None:
-            time.sleep(0.001 if slow_side == "sink" else 0)
+        count = 0
 
+        def write(self, frame: Frame) -> None:
+            self.count += 1
+            if slow_side == "sink" and self.count % 8 == 1:
+                waited.clear()
+                assert read.is_set() or waited.wait(60)
+
+    monkeypatch.setattr(prefetch, "Queue", Watched)
     source, sink = FakeSource(frames()), ForgetfulSink(holds)
     summary = run_conversion(source, method, sink, ByFactor(Fraction(2)), threads=threads)
-    assert summary.frames_in == 200
+    assert summary.frames_in == 60
     assert most <= limit + threads
     assert not alive
 

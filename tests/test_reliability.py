@@ -5,13 +5,11 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import random
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -43,31 +41,55 @@ def assert_one_sentence(result: Result, *words: str) -> None:
 # --------------------------------------------------------------------------------------------------------------- killed
 
 
+KILLED = """
+import os, signal, sys
+
+import fpsboost.conversion
+from fpsboost.__main__ import main
+from fpsboost.cli.progress import Reporter
+from fpsboost.io.images import numbered
+from fpsboost.io.staging import StagingDirectory
+
+
+def die(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def when_written(frames):
+    def wrote(_, summary):
+        if summary.frames_out == frames:
+            die()
+
+    Reporter.wrote = wrote
+
+
+def when_whole():
+    StagingDirectory.publish = numbered._move_all = die
+
+
+for output in ["out.mp4", "out.mkv", "new", "out_####.png"]:
+    for wait in (lambda: when_written(1), lambda: when_written(130), lambda: when_written(270), when_whole):
+        process = os.fork()  # before anything has started a thread
+        if not process:
+            wait()
+            sys.argv = ["fpsboost", "in.mp4", output, "--overwrite", "--factor", "40", *sys.argv[1:]]
+            main()
+        ended = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+        assert ended == -signal.SIGKILL, (output, ended)
+"""
+
+
 @on_unix
-@pytest.mark.parametrize("output", ["out.mp4", "out.mkv", "new", "out_####.png"])
-def test_a_killed_run_changes_nothing(tmp_path, output):
-    """SIGKILL at four moments: what stands under the final name is the old file, the whole new one, or nothing."""
-    write_clip(tmp_path / "in.mp4", times=range(40))
-    old = tmp_path / ("out_0001.png" if "#" in output else output)
-    if output != "new":
-        old.write_bytes(b"precious")
-    before = set(os.listdir(tmp_path))
-    chance = random.Random(output)
-    command = [sys.executable, "-m", "fpsboost", "in.mp4", output, "--overwrite", "--factor", "40", *CHEAP]
-    runs = [subprocess.Popen(command, cwd=tmp_path, env=environment(), stderr=subprocess.DEVNULL) for _ in range(2)]
-    for run in runs:
-        while run.poll() is None and set(os.listdir(tmp_path)) == before:
-            time.sleep(0.01)
-        time.sleep(chance.uniform(0, 0.3))
-        run.kill()
-        run.wait()
-        if run.returncode == 0:
-            pytest.skip("this machine is too fast to be killed in time")
-    if output == "new":
-        assert not old.exists()
-    else:
-        assert old.read_bytes() == b"precious"
-    assert {name for name in os.listdir(tmp_path) if not name.startswith(".")} == before
+def test_a_killed_run_changes_nothing(tmp_path, snapshot):
+    """SIGKILL at four moments, the last before the output gets its name: old files stay, and there are no new ones."""
+    write_clip(tmp_path / "in.mp4", times=range(8))
+    for name in ("out.mp4", "out.mkv", "out_0001.png"):
+        (tmp_path / name).write_bytes(b"precious")
+    before = snapshot(tmp_path)
+    command = [sys.executable, "-c", KILLED, *CHEAP, "--duplicates", "keep"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, timeout=100, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    assert {name: data for name, data in snapshot(tmp_path).items() if not name.startswith(".")} == before
 
 
 # ------------------------------------------------------------------------------------------------------- no more space

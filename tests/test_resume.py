@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
+import threading
 from dataclasses import fields, replace
 from fractions import Fraction
 from itertools import pairwise
@@ -571,15 +571,20 @@ def test_images_that_are_there(tmp_path, images, snapshot):
 # ----------------------------------------------------------------------------------------------- the whole of a command
 
 
-def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int, chunk: Path) -> None:
+def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
     """Let Ctrl-C come when so many frames are on their way and a chunk is finished."""
+    finished, finish = threading.Event(), VideoSink._finish_chunk
+
+    def finish_chunk(sink: VideoSink) -> None:
+        finish(sink)
+        finished.set()
 
     def wrote(_: object, summary: Summary) -> None:
-        while summary.frames_out >= frames:
-            if chunk.exists():
-                raise KeyboardInterrupt
-            time.sleep(0.01)
+        if summary.frames_out >= frames:
+            assert finished.wait(60)
+            raise KeyboardInterrupt
 
+    monkeypatch.setattr(VideoSink, "_finish_chunk", finish_chunk)
     monkeypatch.setattr("fpsboost.cli.app.Reporter.wrote", wrote)
 
 
@@ -590,7 +595,7 @@ def test_the_command_line_goes_on(fpsboost_, tmp_path, monkeypatch):
     """Ctrl-C says how much is finished; --resume says how much was there; a third time there is nothing to do."""
     write_clip(tmp_path / "in.mp4", times=range(8))
     with monkeypatch.context() as patch:
-        stop_after(patch, 260, tmp_path / ".out.mp4.unfinished" / "00000000.chunk")
+        stop_after(patch, 260)
         result = fpsboost_(*COMMAND)
     assert (result.code, result.err) == (
         130,
@@ -616,7 +621,7 @@ def test_another_input_is_refused(fpsboost_, tmp_path, monkeypatch):
     """A file that was changed meanwhile is another job, also under the same name."""
     write_clip(tmp_path / "in.mp4", times=range(8))
     with monkeypatch.context() as patch:
-        stop_after(patch, 260, tmp_path / ".out.mp4.unfinished" / "00000000.chunk")
+        stop_after(patch, 260)
         fpsboost_(*COMMAND)
     write_clip(tmp_path / "in.mp4", times=range(9))
     result = fpsboost_(*COMMAND, "--resume")
