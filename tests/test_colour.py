@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,7 @@ def doubled(source: Path, target: Path, encoding: Encoding, method: str = "blend
     convert(
         str(source),
         str(target),
-        method=keeping_duplicates(method),
+        method=replace(keeping_duplicates(method), cuts=None),
         encoding=encoding,
         decoding=DecodeOptions(input_fps=rate),
     )

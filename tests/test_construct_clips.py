@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 SAMPLES = Path(__file__).parents[1] / "samples"
-SIZE = (96, 54)
+SIZE = (48, 27)
 TABLE = (SAMPLES / "README.md").read_text(encoding="utf-8").split("## Constructed clips")[1].split("\n## ")[0]
 NAMES = [line.split("`")[1] for line in TABLE.splitlines() if line.startswith("| `")]
 
@@ -35,7 +35,7 @@ def test_a_frame_hangs_on_its_number_alone(program: ModuleType, name: str) -> No
     """Drawn after others or by itself, a frame is the same to the byte, and time does not stand still."""
     first, second = program.construct(name, SIZE, range(2))
     (alone,) = program.construct(name, SIZE, [1])
-    assert first.shape == (54, 96, 3)
+    assert first.shape == (27, 48, 3)
     assert first.dtype == np.uint8
     np.testing.assert_array_equal(alone, second)
     assert not np.array_equal(first, second)
@@ -58,7 +58,7 @@ def test_the_program_writes_what_is_asked_for(
     program: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A folder for each clip, numbered frames in it, nothing else."""
-    arguments = [str(tmp_path), "--only", "fire", "--only", "titles", "--frames", "3", "--size", "96x54"]
+    arguments = [str(tmp_path), "--only", "fire", "--only", "titles", "--frames", "3", "--size", "48x27"]
     monkeypatch.setattr(sys, "argv", ["construct_clips.py", *arguments])
     program.main()
     written = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.png"))

@@ -11,7 +11,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from video_truth import packets_of, pictures_of, spoil_packets, stream_of, write_clip
+from video_truth import packets_of, pictures_of, samples_of, spoil_packets, stream_of, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
@@ -229,7 +229,7 @@ def flashing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def flashes(path: Path) -> list[Fraction]:
     """When bright pictures begin."""
-    pictures = [(p.pts * Fraction(p.time_base), p.to_ndarray(format="gray").mean() > 100) for p in pictures_of(path)]
+    pictures = [(p.pts * Fraction(p.time_base), samples_of(p)[0].mean() > 100) for p in pictures_of(path)]
     return [time for k, (time, bright) in enumerate(pictures) if bright and (k == 0 or not pictures[k - 1][1])]
 
 

@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 import pytest
+from conftest import Command
 from numpy.typing import NDArray
 from playwright.sync_api import Page, Request, sync_playwright
 from video_truth import scene
@@ -318,23 +319,25 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=100, check=False)
 
 
-def test_command_writes_the_page_and_says_where(comparison: Comparison, tmp_path: Path) -> None:
+def test_command_writes_the_page_and_says_where(comparison: Comparison, fpsboost_: Command, tmp_path: Path) -> None:
     """``--report`` names a new folder; the last line of the output is the page's path."""
-    result = run(tmp_path, "-m", "fpsboost", "compare", comparison.clip, "-m", "blend", "--report", "page")
-    assert result.returncode == 0, result.stderr
-    assert result.stdout.splitlines()[-1] == f"Page: {Path('page', 'index.html')}"
+    result = fpsboost_("compare", comparison.clip, "-m", "blend", "--report", "page")
+    assert result.code == 0, result.err
+    assert result.out.splitlines()[-1] == f"Page: {Path('page', 'index.html')}"
     assert (tmp_path / "page" / "index.html").is_file()
 
 
 @pytest.mark.parametrize(("report", "word"), [("taken", "exists"), ("missing/page", "no folder that exists")])
-def test_folder_that_cannot_be_is_refused_before_any_work(report: str, word: str, tmp_path: Path) -> None:
+def test_folder_that_cannot_be_is_refused_before_any_work(
+    report: str, word: str, fpsboost_: Command, tmp_path: Path
+) -> None:
     """One sentence names the folder, and the clip is not even looked for."""
     (tmp_path / "taken").mkdir()
-    result = run(tmp_path, "-m", "fpsboost", "compare", "no-such-clip", "--report", report)
-    assert result.returncode == 1
-    assert result.stderr.startswith(f"fpsboost: {report} ")
-    assert word in result.stderr
-    assert result.stderr.count("\n") == 1
+    result = fpsboost_("compare", "no-such-clip", "--report", report)
+    assert result.code == 1
+    assert result.err.startswith(f"fpsboost: {report} ")
+    assert word in result.err
+    assert result.err.count("\n") == 1
 
 
 def test_help_draws_nothing(tmp_path: Path) -> None:

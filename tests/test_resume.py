@@ -98,7 +98,7 @@ def run(
             output_of(target, source, timing, encoding=encoding, overwrite=overwrite, job=job), chunk_frames=CHUNK
         )
         with sink:
-            interpolator = interpolator or find_method("blend")
+            interpolator = interpolator or replace(find_method("blend"), cuts=None)
             return run_conversion(source, interpolator, sink, FACTOR, Stop(stop_after), skip=sink.completed_frames)
 
 
@@ -111,8 +111,9 @@ def stop(clip: Path, target: Path, after: int, **options: Any) -> str:
 
 def contents(path: Path) -> tuple[Any, ...]:
     """Everything of a video: its packets with their times, its decoded samples, and the sound."""
-    samples = [[plane.tobytes() for plane in samples_of(picture)] for picture in pictures_of(path)]
-    times = [(picture.pts, picture.duration, picture.time_base) for picture in pictures_of(path)]
+    pictures = pictures_of(path)
+    samples = [[plane.tobytes() for plane in samples_of(picture)] for picture in pictures]
+    times = [(picture.pts, picture.duration, picture.time_base) for picture in pictures]
     with_sound = VideoSource(path).file.companions == ["sound"]
     return packets_of(path, "video"), samples, times, packets_of(path, "audio") if with_sound else None
 
@@ -130,6 +131,14 @@ def clip(tmp_path_factory) -> Path:
     """A second of pictures and a longer sound; x264 is not the same twice for pictures much smaller than these."""
     folder = tmp_path_factory.mktemp("clip")
     return write_clip(folder / "in.mp4", times=range(FRAMES), sound="aac", sound_seconds=1.3, size=(96, 128))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory, clip) -> Path:
+    """What a run that nothing stops makes of the clip."""
+    target = tmp_path_factory.mktemp("whole") / "whole.mp4"
+    run(clip, target)
+    return target
 
 
 ENCODINGS = {
@@ -277,7 +286,7 @@ def test_less_than_a_chunk_leaves_nothing(tmp_path, clip):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_all_may_be_there(tmp_path, clip, monkeypatch):
+def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
     """A run that is stopped while its file is put together goes on with that alone."""
     monkeypatch.setattr("fpsboost.io.video.assembly.Assembly.finish", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as caught:
@@ -285,23 +294,20 @@ def test_all_may_be_there(tmp_path, clip, monkeypatch):
     assert caught.value.__notes__ == ["50 frames are finished, and `resume` goes on from there."]
     monkeypatch.undo()
     assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 50
-    run(clip, tmp_path / "whole.mp4")
-    assert contents(tmp_path / "out.mp4") == contents(tmp_path / "whole.mp4")
+    assert contents(tmp_path / "out.mp4") == contents(whole)
 
 
-def test_stopped_again_and_again(tmp_path, clip):
+def test_stopped_again_and_again(tmp_path, clip, whole):
     """Each run adds its chunks."""
-    run(clip, tmp_path / "whole.mp4")
     for after in (15, 25, 36, 48):
         stop(clip, tmp_path / "out.mp4", after, resume=True)
     run(clip, tmp_path / "out.mp4", resume=True)
-    assert (tmp_path / "out.mp4").read_bytes() == (tmp_path / "whole.mp4").read_bytes()
+    assert (tmp_path / "out.mp4").read_bytes() == whole.read_bytes()
 
 
 @pytest.mark.parametrize("damage", ["torn", "flipped", "empty", "missing"])
-def test_a_damaged_chunk_is_made_again(tmp_path, clip, damage):
+def test_a_damaged_chunk_is_made_again(tmp_path, clip, whole, damage):
     """What a power cut has left of a chunk counts for nothing, nor does what comes after it."""
-    run(clip, tmp_path / "whole.mp4")
     stop(clip, tmp_path / "out.mp4", 49)
     chunk = sorted(folder_of(tmp_path / "out.mp4").glob("*.chunk"))[1]
     data = bytearray(chunk.read_bytes())
@@ -311,7 +317,7 @@ def test_a_damaged_chunk_is_made_again(tmp_path, clip, damage):
     else:
         chunk.write_bytes({"torn": data[:-7], "flipped": data, "empty": b""}[damage])
     assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 10
-    assert (tmp_path / "out.mp4").read_bytes() == (tmp_path / "whole.mp4").read_bytes()
+    assert (tmp_path / "out.mp4").read_bytes() == whole.read_bytes()
 
 
 def test_nothing_to_go_on_with(tmp_path, clip):

@@ -47,19 +47,20 @@ def write_sounds(
     rate: int = RATE,
     start: Fraction = Fraction(0),
     seconds: float = 2.0,
+    pictures: int = 10,
     left_out: tuple[float, float] = (0, 0),
     languages: Sequence[str] = (),
 ) -> Path:
-    """Write 50 frames at 25 a second and tracks of sound, which are not there between the times `left_out`."""
+    """Write two seconds of pictures and tracks of sound, which are not there between the times `left_out`."""
     with av.open(str(path), "w") as output:
-        video = output.add_stream("libx264", rate=25, width=64, height=48)
+        video = output.add_stream("libx264", rate=pictures // 2, width=64, height=48)
         video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
         sounds: list[Any] = [output.add_stream(codec, rate=rate, layout=layout) for layout in layouts]
         for number, language in enumerate(languages):
             sounds[number].metadata.update({"language": language, "title": f"track {language}"})
             sounds[number].disposition = int(number == 1)
         packets: list[Any] = []
-        for index in range(50):
+        for index in range(pictures):
             picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
             picture.pts = index
             packets += video.encode(picture)
@@ -286,7 +287,7 @@ def test_damaged_sound(tmp_path):
 
 def test_a_resumed_run_makes_the_same_sound(tmp_path):
     """Stopped in the middle and gone on with, the sound is the same to the bit."""
-    clip = write_sounds(tmp_path / "in.mkv", seconds=2.5)
+    clip = write_sounds(tmp_path / "in.mkv", seconds=2.5, pictures=50)
 
     class Stops(SilentObserver):
         def wrote(self, summary: Summary) -> None:
