@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fpsboost.cli.compare import DEFAULT_METHODS
+from fpsboost.cli.options import ContestOptions
 from fpsboost.evaluation.looks import DASH_DOTTED, DASHED, MAX_LINE, NAMED, SOLID, break_name, colours_of, looks_of
 from fpsboost.evaluation.making import known_methods
 
@@ -52,7 +52,7 @@ def test_a_method_keeps_its_colour_in_every_company():
 @pytest.mark.parametrize("paper", [0, 1])
 def test_the_usual_methods_are_told_apart_with_any_colour_vision(loss, paper):
     """A distance in CIELAB of 25 between any two of those that are compared by default, and of 15 among the others."""
-    for names, least in ((DEFAULT_METHODS[0].split(","), 25), (NAMED, 15)):
+    for names, least in ((ContestOptions().methods[0].split(","), 25), (NAMED, 15)):
         for one, other in itertools.combinations(names, 2):
             distance = np.linalg.norm(seen(colours_of(one)[paper], loss) - seen(colours_of(other)[paper], loss))
             assert distance > least, (one, other)

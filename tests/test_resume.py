@@ -27,6 +27,7 @@ from fpsboost.io.images.numbered import ImageSink, ImageSource
 from fpsboost.io.staging import JobFingerprint, StagingDirectory, fingerprint_options
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
+from fpsboost.io.video.chunk_encoder import ChunkEncoder
 from fpsboost.io.video.chunks import Times, find_chunks
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -579,10 +580,10 @@ def test_images_that_are_there(tmp_path, images, snapshot):
 
 def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
     """Let Ctrl-C come when so many frames are on their way and a chunk is finished."""
-    finished, finish = threading.Event(), VideoSink._finish_chunk
+    finished, finish = threading.Event(), ChunkEncoder.finish
 
-    def finish_chunk(sink: VideoSink) -> None:
-        finish(sink)
+    def finish_chunk(encoder: ChunkEncoder) -> None:
+        finish(encoder)
         finished.set()
 
     def wrote(_: object, summary: Summary) -> None:
@@ -590,7 +591,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
             assert finished.wait(60)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(VideoSink, "_finish_chunk", finish_chunk)
+    monkeypatch.setattr(ChunkEncoder, "finish", finish_chunk)
     monkeypatch.setattr("fpsboost.cli.app.Reporter.wrote", wrote)
 
 

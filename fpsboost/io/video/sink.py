@@ -13,7 +13,7 @@ import errno
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import av
 import av.error
@@ -24,7 +24,8 @@ from fpsboost.frame import Frame, Image, describe
 from fpsboost.io.output import Output
 from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
-from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, ChunkWriter, find_chunks
+from fpsboost.io.video.chunk_encoder import ChunkEncoder
+from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, find_chunks
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import (
     EXACT_TIME_BASE_CONTAINERS,
@@ -86,10 +87,9 @@ class VideoSink:
         self._chunk_frames = chunk_frames
         self._encoder: VideoEncoder | None = None
         self._assembly: Assembly | None = None
-        self._writer: ChunkWriter | None = None
+        self._chunk_encoder: ChunkEncoder | None = None
         self._chunks: list[Chunk] = []
-        self._frames_there = self._frames_seen = self._frames_in_chunk = 0
-        self._durations: dict[int, int] = {}
+        self._frames_there = self._frames_seen = 0
         self._last_pts: int | None = None
         self._alpha_dropped = self._light_clipped = False
         self._remarks: list[str] = []
@@ -165,7 +165,9 @@ class VideoSink:
             self._last_pts = pts
             self._frames_seen += 1
             if self._frames_seen > self._frames_there:
-                self._encode(frame, pts)
+                assert self._chunk_encoder is not None
+                end = round((frame.time + frame.duration) / self._plan.timing.time_base)
+                self._chunk_encoder.write(frame, pts, max(1, end - pts))
 
     def _start(self, traits: VideoTraits) -> None:
         """Set up the encoder and write the file's header, so that errors occur before any work is done.
@@ -174,6 +176,7 @@ class VideoSink:
         """
         self._codec, self._options = self._choose_encoder(traits)
         self._encoder = VideoEncoder(self._plan, self._codec, self._options, self._container, traits)
+        self._chunk_encoder = ChunkEncoder(self._unfinished.folder, self._chunks, self._encoder, self._chunk_frames)
         self._assembly = Assembly(
             self._unfinished.staged, self._encoder.stream, self._plan, traits.display_matrix, self._fitting
         )
@@ -194,31 +197,6 @@ class VideoSink:
         known = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
         return choose_encoder(self._plan.encoding, self._container, self._name, *known)
 
-    def _encode(self, frame: Frame, pts: int) -> None:
-        assert self._encoder is not None
-        if self._writer is None:
-            extradata = bytes(self._encoder.stream.codec_context.extradata or b"")
-            self._writer = ChunkWriter(self._unfinished.folder, len(self._chunks), extradata)
-        end = round((frame.time + frame.duration) / self._plan.timing.time_base)
-        self._durations[pts] = max(1, end - pts)
-        self._keep(self._encoder.encode(frame, pts, self._durations[pts]))
-        self._frames_in_chunk += 1
-        if self._frames_in_chunk == self._chunk_frames:
-            self._finish_chunk()
-
-    def _keep(self, packets: list[av.Packet[Any]]) -> None:
-        assert self._writer is not None
-        for packet in packets:
-            self._writer.add(packet, self._durations.pop(packet.pts, 0) if packet.pts is not None else 0)
-
-    def _finish_chunk(self) -> None:
-        """Flush the encoder and finish the chunk, so that the next one does not depend on earlier frames."""
-        assert self._encoder is not None
-        assert self._writer is not None
-        self._keep(self._encoder.finish())
-        self._chunks.append(self._writer.finish(self._frames_in_chunk))
-        self._writer, self._frames_in_chunk = None, 0
-
     @property
     def _frames_finished(self) -> int:
         return sum(chunk.frames for chunk in self._chunks)
@@ -226,8 +204,8 @@ class VideoSink:
     def _finish(self) -> None:
         if self._assembly is None or self._last_pts is None:
             raise OutputError(f"{self._name} was not written because there were no frames.")
-        if self._writer is not None:
-            self._finish_chunk()
+        if self._chunk_encoder is not None:
+            self._chunk_encoder.finish()
         self._assembly.finish(self._chunks)
         self._unfinished.publish(self._path)
 
@@ -239,12 +217,10 @@ class VideoSink:
 
     def _leave(self, error: BaseException | None) -> None:
         """Close and discard everything but the finished chunks that a later run can resume from."""
-        if self._writer is not None:
-            self._writer.discard()
+        if self._chunk_encoder is not None:
+            self._chunk_encoder.discard()
         if self._assembly is not None:
             self._assembly.discard()
-        if self._encoder is not None:
-            self._encoder.close()
         self._unfinished.leave(error, self._frames_finished, self._plan.expected_frames)
 
     @contextlib.contextmanager
