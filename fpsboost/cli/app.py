@@ -154,11 +154,11 @@ def main() -> None:
 def run_command(texts: LibraryTexts) -> None:
     """Run the command line; exit with a code above 0 unless it succeeds."""
     errors = console()
-    verbose = "--verbose" in sys.argv
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]
+    quiet = bool({"--quiet", "-q"} & set(tokens))
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-        if texts.sentence() and not {"--quiet", "-q"} & set(tokens):
+        if texts.sentence() and not quiet:
             errors.print(f"Note: {shown(texts.sentence())}")
     except KeyboardInterrupt as stopped:
         left = notes_of(stopped)
@@ -168,24 +168,22 @@ def run_command(texts: LibraryTexts) -> None:
     except ReaderGoneError:  # without a message, like other filters
         sys.exit(1)
     except CompleteAlreadyError as error:  # not a failure, so that a batch can be started again
-        if not {"--quiet", "-q"} & set(tokens):
+        if not quiet:
             errors.print(sentence(str(error)))
     except CycloptsError as error:
         errors.print(f"[red]fpsboost:[/] {shown(str(error))} See fpsboost --help.")
         sys.exit(2)
-    except FpsboostError as error:
-        if verbose:
+    except (FpsboostError, OSError, MemoryError) as error:
+        if "--verbose" in tokens and not isinstance(error, MemoryError):
             say_traceback()
             for line in texts.lines():
                 errors.print(shown(line))
-        say_error(errors, error)
+        say_error(errors, FpsboostError(explain(error)) if isinstance(error, OSError | MemoryError) else error)
         sys.exit(2 if isinstance(error, OptionError) else 1)
-    except OSError as error:  # from a path that was not checked before
-        if verbose:
-            say_traceback()
-        place = error.filename or "A file"
-        errors.print(f"[red]fpsboost:[/] {shown(f'{place} cannot be used ({error.strerror}); check the place.')}")
-        sys.exit(1)
-    except MemoryError:
-        errors.print("[red]fpsboost:[/] There is not enough memory for this; scale it down, or close other programs.")
-        sys.exit(1)
+
+
+def explain(error: OSError | MemoryError) -> str:
+    """Return a sentence about an error that the library has not explained, such as one from an unchecked path."""
+    if isinstance(error, MemoryError):
+        return "There is not enough memory for this; scale it down, or close other programs."
+    return f"{error.filename or 'A file'} cannot be used ({error.strerror}); check the place."

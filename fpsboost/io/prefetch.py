@@ -54,13 +54,7 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
     def run() -> None:
         try:
             for item in items:
-                while not stopped.is_set():
-                    try:
-                        queue.put(item, timeout=POLL_INTERVAL)
-                        break
-                    except Full:
-                        continue
-                if stopped.is_set():
+                if not _put(queue, item, stopped):
                     return
         except BaseException as error:
             errors.append(error)
@@ -88,6 +82,17 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
     finally:
         stopped.set()
         thread.join()
+
+
+def _put(queue: Queue[T], item: T, stopped: Event) -> bool:
+    """Put an item into a queue when it has room; return whether that was before the flag was set."""
+    while not stopped.is_set():
+        try:
+            queue.put(item, timeout=POLL_INTERVAL)
+        except Full:
+            continue
+        return not stopped.is_set()
+    return False
 
 
 @contextmanager
