@@ -11,7 +11,6 @@ import argparse
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise, starmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,10 +22,11 @@ from rich.table import Table
 from scoring import SAMPLE, Clip, Figures, find_clips, one_thread, read_clip, wide_console
 
 from fpsboost.errors import FpsboostError
+from fpsboost.evaluation.making import InterpolatorMaker
 from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.interpolator import Interpolator
 from fpsboost.kernels.candidates import CELL
 from fpsboost.method_table import methods
 from fpsboost.motion.field import MotionField, forward_backward_error
@@ -93,15 +93,24 @@ ORACLES = {
 
 
 @dataclass(frozen=True)
-class KeepingTransition:
-    """A synthesizer that also keeps the frame pairs that it is given."""
+class KeepingFramePair:
+    """A synthesizer that also keeps the frame pair of each frame that it makes of a clip.
+
+    Attributes
+    ----------
+    inner : MultiHypothesis
+    kept : dict of int to FramePair
+        By the number of the shown frame before.
+    """
 
     inner: MultiHypothesis
-    kept: list[FramePair] = field(default_factory=list)
+    kept: dict[int, FramePair] = field(default_factory=dict)
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        self.kept.append(frame_pair)
+        position = frame_pair.image0.source_position
+        if position is not None:  # not the noise for which kernels are compiled
+            self.kept[position.number] = frame_pair
         yield from self.inner.synthesize(frame_pair, times)
 
 
@@ -116,18 +125,14 @@ class Case(NamedTuple):
 def make_cases(method: Interpolator, clip: Clip, largest: int) -> list[Case]:
     """Make the hidden frames that are scored; those without a pair before or after only if there are no others."""
     synthesizer: Any = method.synthesizer
-    keeping = KeepingTransition(synthesizer)
-    watched = replace(method, synthesizer=keeping)
+    keeping = KeepingFramePair(synthesizer)
+    maker = InterpolatorMaker(replace(method, synthesizer=keeping))
     inner, outer = [], []
-    pairs = starmap(watched.pair, pairwise(map(FrameCache, clip.shown)))
-    for index, (before, pair, after) in enumerate(with_neighbours(pairs)):
-        if index not in clip.scored:
-            continue
-        keeping.kept.clear()
-        (made,) = watched.between(pair, [MIDDLE], before, after).images
-        if keeping.kept:  # nothing is fused across a cut
-            case = Case(clip.hidden[index], made, keeping.kept[0])
-            (inner if before and after else outer).append(case)
+    for index, (interval, made) in enumerate(zip(clip.intervals, maker.make(clip.intervals), strict=True)):
+        frame_pair = keeping.kept.pop(interval.number, None)
+        if index in clip.scored and frame_pair is not None:  # nothing is fused across a cut
+            has_neighbours = 0 < index < len(clip.intervals) - 1
+            (inner if has_neighbours else outer).append(Case(interval.hidden[0].truth, made.image, frame_pair))
     return (inner or outer)[:largest]
 
 

@@ -19,8 +19,8 @@ from fpsboost.errors import InputError
 from fpsboost.evaluation.further_metrics import Meters, figures_of, summarise
 from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.making import InterpolatorMaker
-from fpsboost.evaluation.metrics import low_percentile, means, score
-from fpsboost.frame import Image, as_array
+from fpsboost.evaluation.metrics import low_percentile, mean, means, score
+from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io.images.files import IMAGE_SUFFIXES
@@ -132,24 +132,31 @@ def read_clip(name: str, path: str, largest: int) -> Clip:
 def _in_three_colours(interval: Interval) -> Interval:
     """Return an interval whose frames have neither alpha nor one colour alone."""
     shown0, shown1 = (replace(each, image=three_colours(each.array)) for each in (interval.shown0, interval.shown1))
-    hidden = tuple(each._replace(truth=three_colours(each.truth)) for each in interval.hidden)
+    # tools that double frames know no other time than the middle
+    hidden = tuple(each._replace(t=Fraction(1, 2), truth=three_colours(each.truth)) for each in interval.hidden)
     return interval._replace(shown0=shown0, shown1=shown1, hidden=hidden)
 
 
 @dataclass(frozen=True)
 class KeepingConfidence:
-    """A synthesizer like `MultiHypothesis` that also keeps the confidence of everything it makes."""
+    """A synthesizer like `MultiHypothesis` that also keeps the confidence of each frame that it makes of a clip.
+
+    Attributes
+    ----------
+    inner : MultiHypothesis
+    kept : dict of int to (H, W) float32
+        By the number of the shown frame before.
+    """
 
     inner: MultiHypothesis
-    size: tuple[int, ...]
-    """Of the frames, (height, width); kernels are compiled on smaller images, whose confidence is not kept."""
-    kept: list[NDArray[Any]] = field(default_factory=list)
+    kept: dict[int, NDArray[Any]] = field(default_factory=dict)
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        position = frame_pair.image0.source_position
         for fused in self.inner.fuse(frame_pair, times):
-            if fused.confidence.shape == self.size:
-                self.kept.append(fused.confidence)
+            if position is not None:  # not the noise for which kernels are compiled
+                self.kept[position.number] = fused.confidence
             yield fused.image
 
 
@@ -163,18 +170,16 @@ def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterato
 
 def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False) -> Made:
     """Make the hidden frames of a clip, with how far they can be trusted if asked and known."""
-    kept: list[NDArray[Any]] = []
+    kept: dict[int, NDArray[Any]] = {}
     if confidence and isinstance(interpolator.synthesizer, MultiHypothesis):
-        interpolator = replace(
-            interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, clip.hidden[0].shape[:2], kept)
-        )
-    images, spent = [], 0.0
-    for made in InterpolatorMaker(interpolator).make(clip.intervals):
-        images.append(as_array(made.image))
-        spent += made.cpu_seconds
-        if kept and len(kept) < len(images):  # nothing was fused across a cut
-            kept.append(np.zeros(made.image.shape[:2], np.float32))
-    return Made(images, spent * 1e3 / len(images), kept if len(kept) == len(images) else [])
+        interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
+    made = list(InterpolatorMaker(interpolator).make(clip.intervals))
+    unknown = np.zeros(made[0].image.shape[:2], np.float32)  # nothing is fused across a cut
+    return Made(
+        [each.image for each in made],
+        mean([each.cpu_seconds for each in made]) * 1e3,
+        [kept.get(interval.number, unknown) for interval in clip.intervals] if kept else [],
+    )
 
 
 def score_clip(clip: Clip, made: Made, metrics: Sequence[str] = ()) -> Figures:
@@ -191,10 +196,8 @@ def score_clip(clip: Clip, made: Made, metrics: Sequence[str] = ()) -> Figures:
 def measure_further(clip: Clip, made: Made, metrics: Sequence[str]) -> Figures:
     """Return figures of further metrics over the frames that count, by name."""
     meters = Meters(metrics, clip.rate)
-    for shown, truth, image in zip(clip.shown, clip.hidden, made.images, strict=False):
-        meters.shown(shown)
-        meters.made(truth, image)
-    meters.shown(clip.shown[-1])
+    for hidden, image in zip(meters.passing(iter(clip.intervals)), made.images, strict=True):
+        meters.made(hidden.truth, image)
     measured = meters.values(len(clip.hidden))
     return summarise(metrics, [measured[index] for index in clip.scored])
 
