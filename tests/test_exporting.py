@@ -18,7 +18,7 @@ from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.grid_metric import count_steps
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.metrics import Scores
-from fpsboost.evaluation.regions import NAMES, OUTSIDES
+from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 
 DESCRIPTION = (Path(__file__).parents[1] / "docs" / "comparison.md").read_text(encoding="utf-8")
@@ -34,8 +34,8 @@ def comparison():
             Scores(4.0, 42.1, 0.9, 1.5),
             seconds,
             seconds,
-            dict.fromkeys(NAMES, 2.0),
-            dict.fromkeys(NAMES, np.nan),
+            dict.fromkeys(AREAS, 2.0),
+            dict.fromkeys(AREAS, np.nan),
             None if np.isnan(seconds) else 15,
             measured,
         )
@@ -47,7 +47,7 @@ def comparison():
         MethodResult("nlm:v=0.1,patch-radius=4", "options", [frame(number, 0.5) for number in (1, 3, 5)]),
         MethodResult("other, tool", "images", [frame(number, np.nan) for number in (1, 3, 5)]),
     ]
-    shares = dict.fromkeys(NAMES, 0.3)
+    shares = dict.fromkeys(AREAS, 0.3)
     return Comparison(
         "clip",
         "8x8",
@@ -102,7 +102,7 @@ def test_the_table_has_a_row_for_each_method_and_frame(comparison, tmp_path):
     assert (rows[1]["t"], rows[1]["psnr"], rows[1]["seconds"]) == ("0.25", "42.1", "0.5")
     assert (rows[3]["seconds"], rows[3]["mae_still"]) == ("", "")
     assert (rows[1]["search_radius"], rows[3]["search_radius"]) == ("15", "")
-    assert set(rows[0]) >= {f"mae_{name}" for name in (*NAMES, *OUTSIDES)}
+    assert set(rows[0]) >= {f"mae_{name}" for name in (*AREAS, *COMPLEMENTS)}
     assert rows[0]["tof"] == "1.0"
     for name in rows[0]:
         assert f"`{name}`" in DESCRIPTION

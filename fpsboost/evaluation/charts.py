@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from fpsboost.evaluation.looks import MARKS, Look, break_name
+from fpsboost.evaluation.looks import MARKERS, Look, break_name
 
 MARKED_FRAMES = 80
 """Up to so many frames, each point of a line is marked."""
@@ -176,7 +176,7 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
                 axes.plot(
                     [dot.x],
                     [dot.y],
-                    MARKS[dot.look.mark],
+                    MARKERS[dot.look.mark],
                     markersize=9,
                     markeredgewidth=0,
                     gid=f"series-{dot.method}-dot",
@@ -221,10 +221,10 @@ def _fitted(title: str, form: Form) -> str:
 
 def _draw_line(axes: Axes, series: Series, numbers: Sequence[int], values: NDArray[Any]) -> None:
     (line,) = axes.plot(numbers, values, linewidth=1.6, linestyle=series.look.line, gid=f"series-{series.method}-line")
-    line.set(marker=MARKS[series.look.mark], markersize=5.5, markeredgewidth=0)
+    line.set(marker=MARKERS[series.look.mark], markersize=5.5, markeredgewidth=0)
     if len(numbers) > MARKED_FRAMES:
         step = len(numbers) // MARKS_OF_A_LINE
-        line.set_markevery((series.method * step // len(MARKS) % step, step))  # not all at the same frames
+        line.set_markevery((series.method * step // len(MARKERS) % step, step))  # not all at the same frames
 
 
 def _set_limits(axes: Axes, numbers: Sequence[int], shown: NDArray[Any], *, from_zero: bool, logarithmic: bool) -> None:

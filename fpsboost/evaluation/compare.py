@@ -25,7 +25,7 @@ from fpsboost.evaluation.further_metrics import Meters
 from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.making import Made, Maker
 from fpsboost.evaluation.metrics import absolute_error, score
-from fpsboost.evaluation.regions import NAMES, Regions, find_regions
+from fpsboost.evaluation.regions import AREAS, Regions, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 from fpsboost.frame import describe
 from fpsboost.frame_cache import FrameCache
@@ -238,7 +238,7 @@ def _look(
         [number for each in passed for number in each.repeats],
         doubtful,
         passed[-1].last - passed[0].first + 1,
-        dict(zip(NAMES, np.mean(shares, axis=0).tolist(), strict=True)),
+        dict(zip(AREAS, np.mean(shares, axis=0).tolist(), strict=True)),
         areas,
         sum(len(each.hidden) + 1 for each in passed) / sum((each.seconds for each in passed), Fraction(0)),
     )
@@ -326,7 +326,7 @@ def _scored(
     for index, (frame, truth) in enumerate(zip(made, meters.passing(truths), strict=True)):
         meters.made(truth.truth, frame.image)
         error = absolute_error(truth.truth, frame.image)
-        areas = dict(zip(NAMES, overview.areas.of(index), strict=True))
+        areas = dict(zip(AREAS, overview.areas.of(index), strict=True))
         yield FrameResult(
             frame.number,
             score(truth.truth, frame.image),

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fpsboost.evaluation.regions import NAMES, OUTSIDES
+from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.evaluation.results import Comparison
 from fpsboost.evaluation.verdict import judge
 from fpsboost.evaluation.writing import appearing
@@ -52,8 +52,8 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
             "metrics": comparison.further(method),
             "seconds": seconds,
             "cpu_seconds": cpu_seconds,
-            "inside": {area: comparison.mean_error(method, area) for area in NAMES},
-            "outside": {area: comparison.mean_error(method, area, inside=False) for area in NAMES},
+            "inside": {area: comparison.mean_error(method, area) for area in AREAS},
+            "outside": {area: comparison.mean_error(method, area, inside=False) for area in AREAS},
         }
     finite: dict[str, Any] = _without_nan(plain)
     return finite
@@ -93,7 +93,7 @@ def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
                 "cpu_seconds": frame.cpu_seconds,
                 "search_radius": "" if frame.search_radius is None else frame.search_radius,
                 **{f"mae_{area}": error for area, error in frame.inside.items()},
-                **{f"mae_{OUTSIDES[NAMES.index(area)]}": error for area, error in frame.outside.items()},
+                **{f"mae_{COMPLEMENTS[AREAS.index(area)]}": error for area, error in frame.outside.items()},
                 **frame.metrics,
             }
             yield {name: "" if isinstance(each, float) and math.isnan(each) else each for name, each in row.items()}

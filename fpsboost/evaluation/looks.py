@@ -19,7 +19,7 @@ import numpy as np
 
 from fpsboost.evaluation.making import known_methods
 
-MARKS = ("o", "s", "^", "D", "v", "p", "h", "*", "X")
+MARKERS = ("o", "s", "^", "D", "v", "p", "h", "*", "X")
 """Matplotlib's names; the page has the same shapes under the same numbers."""
 
 SOLID: Any = "solid"
@@ -61,7 +61,7 @@ class Look(NamedTuple):
     on_dark: str
     """Colours, ``#rrggbb``."""
     mark: int
-    """Place in `MARKS`."""
+    """Place in `MARKERS`."""
     line: Any
     """Matplotlib's line style."""
 
@@ -81,8 +81,8 @@ def looks_of(names: Sequence[str]) -> list[Look]:
         base, options, _ = name.partition(":")
         line = DASH_DOTTED if base not in known else DASHED if options else SOLID
         place = [*NAMED].index(name) if name in NAMED else _checksum(name) // COLOURS
-        free = [mark for mark in range(len(MARKS)) if mark not in taken] or list(range(len(MARKS)))
-        mark = place % len(MARKS)
+        free = [mark for mark in range(len(MARKERS)) if mark not in taken] or list(range(len(MARKERS)))
+        mark = place % len(MARKERS)
         if mark not in free:
             mark = free[place % len(free)]
         taken.append(mark)

@@ -39,8 +39,8 @@ WHEEL = 160
 ARROWS = 30
 """Arrows along the longer side of a frame."""
 
-BRIGHTEST = 64
-"""Error that is drawn brightest, levels of 255."""
+MAX_DRAWN_ERROR = 64
+"""Error at the bright end of the colours, levels of 255; larger ones are drawn alike."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ def _doubts(
             frame_pair = FramePair(*pairs[name].compensated, *pairs[name].fields)
             confidence = next(synthesizer.fuse(frame_pair, [float(picked.hidden.t)])).confidence
             error = absolute_error(picked.hidden.truth, made[name])
-            doubt, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / BRIGHTEST))
+            doubt, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / MAX_DRAWN_ERROR))
             yield Picture(name, index, encode(doubt)), Picture(name, index, encode(wrong), float(error.mean()))
 
 

@@ -36,8 +36,8 @@ FOUND = DuplicateDetector().noise
 NOISY = 3.0
 """In noisy clips it is so many times the median over the frame, most of which is found again."""
 
-NAMES, OUTSIDES = ("moving", "occluded", "uncertain"), ("still", "visible", "certain")
-"""Areas, and what lies outside of each."""
+AREAS, COMPLEMENTS = ("moving", "occluded", "uncertain"), ("still", "visible", "certain")
+"""Names of the areas, and of what lies outside of each."""
 
 
 class Regions(NamedTuple):

@@ -24,7 +24,7 @@ from fpsboost.evaluation.further_metrics import Figure, figures_of, metrics
 from fpsboost.evaluation.looks import looks_of
 from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
 from fpsboost.evaluation.picking import make_some, pick
-from fpsboost.evaluation.pictures import BRIGHTEST, FrameView, MotionView, view_frame, view_motion
+from fpsboost.evaluation.pictures import MAX_DRAWN_ERROR, FrameView, MotionView, view_frame, view_motion
 from fpsboost.evaluation.results import Comparison, MethodResult
 from fpsboost.evaluation.verdict import judge
 from fpsboost.evaluation.writing import appearing
@@ -179,7 +179,7 @@ def make_page(
         date=(date or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M"),
         is_float=comparison.kind.endswith("float"),
         looks=looks_of([method.name for method in comparison.methods]),
-        brightest=BRIGHTEST,
+        brightest=MAX_DRAWN_ERROR,
         text_of=lambda file: _text_of(environment, file),
     )
 

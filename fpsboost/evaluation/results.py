@@ -9,7 +9,7 @@ from fpsboost.evaluation.further_metrics import summarise
 from fpsboost.evaluation.hiding import Hiding
 from fpsboost.evaluation.making import Maker
 from fpsboost.evaluation.metrics import Scores, low_percentile, mean, mean_scores
-from fpsboost.evaluation.regions import NAMES, OUTSIDES
+from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 
 MIN_SHARE = 0.02
 """An area that takes less of the picture is not shown: its few pixels say more about chance than about a method."""
@@ -31,7 +31,7 @@ class FrameResult:
     seconds, cpu_seconds : float
         That it took.
     inside, outside : dict of str to float
-        Mean absolute error in and out of each area of `fpsboost.evaluation.regions.NAMES`, levels of 255; no number
+        Mean absolute error in and out of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; no number
         where an area is empty.
     search_radius : int or None
         That the motion was searched in, pixels; None where the method has none.
@@ -127,7 +127,7 @@ class Comparison:
     @property
     def areas(self) -> list[tuple[str, str]]:
         """The areas that are worth showing, each with what lies outside: both take a share that matters."""
-        known = zip(NAMES, OUTSIDES, strict=True)
+        known = zip(AREAS, COMPLEMENTS, strict=True)
         return [pair for pair in known if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
 
     @property
