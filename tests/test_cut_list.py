@@ -93,12 +93,12 @@ def test_a_time_between_two_frames_is_a_cut_between_them():
 def cuts_in(path: Path, target: Path, cuts: CutList, start: str | None) -> int:
     """How many cuts a conversion comes across."""
     part = Trim(None if start is None else parse_position(start, "--start"))
-    method, encoding = Interpolator(ZeroMotion(), Blend(), cuts=cuts), Encoding(preset="ultrafast")
+    method = Interpolator(ZeroMotion(), Blend(), cuts=cuts, compensate_illumination=False)
     return convert(
         str(path),
         str(target),
         method=method,
-        encoding=encoding,
+        encoding=Encoding(preset="ultrafast"),
         decoding=DecodeOptions(trim=part),
         run=RunOptions(overwrite=True),
     ).scene_cuts

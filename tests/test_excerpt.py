@@ -26,7 +26,7 @@ from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.position import Position, parse_position
 from fpsboost.timing.trim import Trim
 
-BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None)
+BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)
 FAST = Encoding(preset="ultrafast")
 GROUPS = {"preset": "ultrafast", "crf": "0", "g": "6", "bf": "2", "sc_threshold": "0"}
 

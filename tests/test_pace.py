@@ -32,7 +32,7 @@ from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
 
 MILLISECOND = Fraction(1, 1000)
-BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None)
+BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 FILM, NTSC = Fraction(24000, 1001), Fraction(60000, 1001)
 

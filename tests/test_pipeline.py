@@ -41,7 +41,7 @@ from fpsboost.timing.schedule import ByFactor, ByRate, Schedule, count_frames
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
 
-BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None)
+BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)
 FAST = Encoding(preset="ultrafast")
 LOSSLESS = Encoding(crf=0, preset="ultrafast")
 ORBIT = Path(__file__).parents[1] / "samples" / "orbit.mp4"
@@ -407,7 +407,9 @@ def test_an_error_of_the_interpolator_surfaces(fail_at):
     """While compiling, and at any frame; what was written before is no more than what came before."""
     error = OnPurposeError()
     sink = FakeSink()
-    interpolator = Interpolator(ZeroMotion(), FailingSynthesizer(fail_at, error), cuts=None)
+    interpolator = Interpolator(
+        ZeroMotion(), FailingSynthesizer(fail_at, error), cuts=None, compensate_illumination=False
+    )
     with pytest.raises(OnPurposeError) as caught:
         run_conversion(FakeSource(regular(20)), interpolator, sink, ByFactor(Fraction(2)))
     assert caught.value is error
@@ -423,6 +425,9 @@ def test_an_endless_source_is_stopped():
 
 
 # -------------------------------------------------------------------------------------------------- observer and memory
+
+
+LIT_BLEND = replace(BLEND, compensate_illumination=True)  # which keeps more of each frame
 
 
 class Watching:
@@ -462,7 +467,7 @@ def test_ctrl_c_in_the_loop_comes_through():
 @pytest.mark.parametrize("slow_side", ["source", "sink"])
 @pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
 @pytest.mark.parametrize(
-    ("method", "limit"), [(replace(BLEND, duplicates=None), 12), (BLEND, 20)], ids=["keep", "interpolate"]
+    ("method", "limit"), [(replace(LIT_BLEND, duplicates=None), 12), (LIT_BLEND, 20)], ids=["keep", "interpolate"]
 )
 @pytest.mark.parametrize("threads", [1, 3])
 def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, threads):
