@@ -27,7 +27,7 @@ from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.kernels.candidates import CELL
+from fpsboost.kernels.candidates import NODE_SPACING
 from fpsboost.method_table import methods
 from fpsboost.motion.field import MotionField, forward_backward_error
 from fpsboost.motion.nlm import CoarseToFine
@@ -255,8 +255,8 @@ def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]
     added = []
     for down in AROUND:
         for across in AROUND:
-            y = (np.arange(rows) * CELL + CELL // 2 + down).clip(0, flow.shape[0] - 1)
-            x = (np.arange(columns) * CELL + CELL // 2 + across).clip(0, flow.shape[1] - 1)
+            y = (np.arange(rows) * NODE_SPACING + NODE_SPACING // 2 + down).clip(0, flow.shape[0] - 1)
+            x = (np.arange(columns) * NODE_SPACING + NODE_SPACING // 2 + across).clip(0, flow.shape[1] - 1)
             added.append(np.concatenate([flow[np.ix_(y, x)], chosen[..., 2:]], axis=2))
     together: NDArray[Any] = np.ascontiguousarray(np.concatenate([np.stack(added, axis=2), motions], axis=2))
     return together

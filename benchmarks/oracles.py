@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image
-from fpsboost.kernels.candidates import CELL, MOTION
+from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.multi_hypothesis import AREA, WINDOW, fetch_window, locate_window, mix_inside, window_shape
 from fpsboost.synthesis import FramePair
@@ -49,7 +49,7 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
         Height and width of the frame.
     top, left : int
         First pixel of the window.
-    motion : (MOTION,) float32
+    motion : (VALUES_PER_MOTION,) float32
         See `fpsboost.kernels.candidates`.
     t : float32
     rows : ((WINDOW + 3) * WINDOW,) float32
@@ -107,7 +107,7 @@ def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radiu
         See `sample_candidate`.
     truth : (C, height, width) float32
     count : (rows, columns) int32
-    motions : (rows, columns, room, MOTION) float32
+    motions : (rows, columns, room, VALUES_PER_MOTION) float32
         See `fpsboost.kernels.candidates`.
     alone : bool
         Whether what either frame shows may be taken unmixed.
@@ -128,7 +128,10 @@ def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radiu
     error, score, least = np.empty(AREA, np.float32), np.empty(AREA, np.float32), np.empty(AREA, np.float32)
     for row in range(count.shape[0]):
         for column in range(count.shape[1]):
-            top, left = row * CELL - (WINDOW - CELL) // 2, column * CELL - (WINDOW - CELL) // 2
+            top, left = (
+                row * NODE_SPACING - (WINDOW - NODE_SPACING) // 2,
+                column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2,
+            )
             least[:] = INFINITE
             least_of_all = INFINITE
             for k in range(count[row, column]):
@@ -171,7 +174,7 @@ def best_of(
     truth : (H, W, C) uint8
     t : float
     count : (rows, columns) int32
-    motions : (rows, columns, room, MOTION) float32
+    motions : (rows, columns, room, VALUES_PER_MOTION) float32
         See `fpsboost.kernels.candidates.list_candidates`.
     alone : bool
         Whether what either frame shows may be taken unmixed.
@@ -198,7 +201,7 @@ def shifted(motions: NDArray[Any], choice: NDArray[Any], t: float, *, paths: boo
 
     Parameters
     ----------
-    motions : (rows, columns, room, MOTION) float32
+    motions : (rows, columns, room, VALUES_PER_MOTION) float32
     choice : (rows, columns) int32
     t : float
     paths : bool
@@ -206,10 +209,10 @@ def shifted(motions: NDArray[Any], choice: NDArray[Any], t: float, *, paths: boo
 
     Returns
     -------
-    (rows, columns, len(SHIFTS)^2, MOTION) float32
+    (rows, columns, len(SHIFTS)^2, VALUES_PER_MOTION) float32
     """
     chosen = np.take_along_axis(motions, choice[..., np.newaxis, np.newaxis], axis=2)
-    shifts = np.zeros((len(SHIFTS) ** 2, MOTION), np.float32)
+    shifts = np.zeros((len(SHIFTS) ** 2, VALUES_PER_MOTION), np.float32)
     both_axes = np.stack(np.meshgrid(SHIFTS, SHIFTS), axis=-1).reshape(-1, 2)
     if paths:  # the place at time t is that of the straight path less a t (1 - t) / 2
         shifts[:, 2:4] = both_axes / (t * (1 - t) / 2)

@@ -27,7 +27,7 @@ from fpsboost.evaluation.pictures import as_heat, draw_wheel, in_colour
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair
 from fpsboost.io.vector_folder import VectorFolder
-from fpsboost.kernels.candidates import CELL
+from fpsboost.kernels.candidates import NODE_SPACING
 from fpsboost.motion import nlm
 from fpsboost.motion.colour import colour_components, contrast_components
 from fpsboost.synthesis import FramePair
@@ -205,8 +205,8 @@ def draw_candidates() -> Path:
     frame_pair = FramePair(pair.image0, pair.image1, *pair.fields)
     ((listed, t),) = fuse._listed(frame_pair, [0.5])
     row, column, scale = 8, 15, 4
-    top, left = row * CELL - CELL // 2, column * CELL - CELL // 2
-    window, side = np.s_[top : top + 2 * CELL, left : left + 2 * CELL], 2 * CELL
+    top, left = row * NODE_SPACING - NODE_SPACING // 2, column * NODE_SPACING - NODE_SPACING // 2
+    window, side = np.s_[top : top + 2 * NODE_SPACING, left : left + 2 * NODE_SPACING], 2 * NODE_SPACING
     rows, weights = [], []
     for k in range(int(listed.listed[row, column])):
         motion, prior = listed.motions[row, column, k], listed.weights[row, column, k]

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from twins import collected, listed_by_votes
 
 from fpsboost.kernels.candidates import (
-    CELL,
-    MOTION,
-    SUMS,
+    NODE_SPACING,
+    SUMS_PER_CANDIDATE,
     UNKNOWN,
+    VALUES_PER_MOTION,
     collect_candidates,
     list_candidates,
 )
@@ -36,9 +36,9 @@ def collect(
     gradients=None,
 ):
     """Both frames' motion as the kernel collects it: count, votes and sums."""
-    nodes = -(-size[0] // CELL), -(-size[1] // CELL)
+    nodes = -(-size[0] // NODE_SPACING), -(-size[1] // NODE_SPACING)
     count = np.zeros(nodes, np.int32)
-    votes, sums = np.zeros((*nodes, capacity), np.float32), np.zeros((*nodes, capacity, SUMS), np.float32)
+    votes, sums = np.zeros((*nodes, capacity), np.float32), np.zeros((*nodes, capacity, SUMS_PER_CANDIDATE), np.float32)
     for frame, (each, sign, t) in enumerate(zip(vectors, (1, -1), times, strict=False)):
         changes = no_acceleration(each) if accelerations[frame] is None else accelerations[frame]
         trust = np.ones(each.shape[:2], np.float32) if trusts is None else trusts[frame]
@@ -87,7 +87,7 @@ def empty_lists(shape):
     st.sampled_from([2, 5, 30]),
     st.integers(0, 2**32),
 )
-@example(CELL * 13, 20, 9, 20, 5, 1)
+@example(NODE_SPACING * 13, 20, 9, 20, 5, 1)
 @example(39, 7, 1, 100, 2, 1)
 def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity, seed):
     """Both directions, also out of the frame, bent, and with too little room, give the twin's candidates in order."""
@@ -123,7 +123,9 @@ def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity
         known = count[place]
         assert known == len(expected[place])
         found = np.column_stack([votes[place][:known], sums[place][:known]])
-        np.testing.assert_allclose(found, np.reshape(expected[place], (known, 1 + SUMS)), rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(
+            found, np.reshape(expected[place], (known, 1 + SUMS_PER_CANDIDATE)), rtol=1e-4, atol=1e-4
+        )
         assert not votes[place][known:].any()
 
 
@@ -213,10 +215,13 @@ def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01, le
     """One node's candidates, lists as `collected` makes them, as the kernel lists them: count, motions, weights."""
     capacity = len(candidates) + 2
     count = np.full((1, 1), len(candidates), np.int32)
-    votes, sums = np.zeros((1, 1, capacity), np.float32), np.zeros((1, 1, capacity, SUMS), np.float32)
+    votes, sums = np.zeros((1, 1, capacity), np.float32), np.zeros((1, 1, capacity, SUMS_PER_CANDIDATE), np.float32)
     for k, (vote, *others) in enumerate(candidates):
         votes[0, 0, k], sums[0, 0, k] = vote, others
-    motions, weights = np.full((1, 1, room, MOTION), np.nan, np.float32), np.full((1, 1, room), np.nan, np.float32)
+    motions, weights = (
+        np.full((1, 1, room, VALUES_PER_MOTION), np.nan, np.float32),
+        np.full((1, 1, room), np.nan, np.float32),
+    )
     numbers = np.float32(still_votes), np.float32(spread), np.float32(least_share), np.float32(least)
     list_candidates(count, votes, sums, *numbers, motions, weights)
     return count[0, 0], motions[0, 0], weights[0, 0]

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from truth import noise, waves
 from twins import fading, finished, fused, spline_coefficients, spline_window, uncompiled
 
-from fpsboost.kernels.candidates import CELL, MOTION
+from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION
 from fpsboost.kernels.multi_hypothesis import (
     AREA,
     BLOCK,
-    HALF,
     PADDED,
     PATCH_RADIUS,
-    QUADS,
     SPARE,
+    SQUARES_PER_ROW,
+    SQUARES_PER_WINDOW,
     WINDOW,
     Room,
     Samples,
@@ -55,12 +55,12 @@ def listed(candidates):
     """Lists of ``[weight, dx, dy, ax, ay, *gradients]`` as the kernel's arrays, with room to spare."""
     room = 2 + max(len(each) for each in candidates.ravel())
     count = np.zeros(candidates.shape, np.int32)
-    motions = np.full((*candidates.shape, room, MOTION), np.nan, np.float32)
+    motions = np.full((*candidates.shape, room, VALUES_PER_MOTION), np.nan, np.float32)
     weights = np.full((*candidates.shape, room), np.nan, np.float32)
     for place in np.ndindex(candidates.shape):
         count[place] = len(candidates[place])
         for k, (weight, *motion) in enumerate(candidates[place]):
-            weights[place][k], motions[place][k] = weight, [*motion, 0, 0, 0, 0][:MOTION]
+            weights[place][k], motions[place][k] = weight, [*motion, 0, 0, 0, 0][:VALUES_PER_MOTION]
     return count, motions, weights
 
 
@@ -102,7 +102,7 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
 
 def nodes_of(size, candidates=()):
     """The same candidates for each node of a frame."""
-    nodes = np.empty([-(-length // CELL) for length in size[:2]], object)
+    nodes = np.empty([-(-length // NODE_SPACING) for length in size[:2]], object)
     for place in np.ndindex(nodes.shape):
         nodes[place] = [list(each) for each in candidates]
     return nodes
@@ -300,8 +300,8 @@ def test_motions_of_negligible_weight_are_left_out():
 @given(st.integers(0, 2**32))
 def test_the_smallest_of_a_window_is_found(seed):
     """Wherever it is."""
-    values = np.random.default_rng(seed).normal(size=QUADS).astype(np.float32)
-    assert uncompiled(smallest)(values, np.empty(QUADS, np.float32)) == values.min()
+    values = np.random.default_rng(seed).normal(size=SQUARES_PER_WINDOW).astype(np.float32)
+    assert uncompiled(smallest)(values, np.empty(SQUARES_PER_WINDOW, np.float32)) == values.min()
 
 
 def test_decay_is_the_exponential():
@@ -353,7 +353,7 @@ def test_the_blocks_of_a_window_move_as_their_middles_do(share):
 
 
 @pytest.mark.parametrize("motion", [(2.5, 1.25, 0, 0, 0, 0, 0, 0), (2.5, 1.25, 0, 0, 0.05, -0.02, 0.03, 0.1)])
-@pytest.mark.parametrize("wide", [WINDOW, HALF])
+@pytest.mark.parametrize("wide", [WINDOW, SQUARES_PER_ROW])
 def test_windows_inside_are_mixed_as_they_are_fetched(motion, wide):
     """In one go as one by one, for windows that move as a whole and for those that zoom and turn."""
     frames = [samples(noise(60, 70, 1, np.float32, seed=seed)) for seed in (1, 2)]
@@ -386,15 +386,15 @@ def test_places_inside_are_marked(start, size, inside):
 
 def test_patches_are_summed_within_their_window():
     """The mean over the part of a patch that the window has."""
-    values = np.random.default_rng(1).random((HALF, HALF)).astype(np.float32)
-    padded = np.zeros((HALF + 2 * PATCH_RADIUS) * HALF, np.float32)
-    half_way, sums = np.zeros(HALF * PADDED, np.float32), np.empty(QUADS, np.float32)
+    values = np.random.default_rng(1).random((SQUARES_PER_ROW, SQUARES_PER_ROW)).astype(np.float32)
+    padded = np.zeros((SQUARES_PER_ROW + 2 * PATCH_RADIUS) * SQUARES_PER_ROW, np.float32)
+    half_way, sums = np.zeros(SQUARES_PER_ROW * PADDED, np.float32), np.empty(SQUARES_PER_WINDOW, np.float32)
     uncompiled(sum_patches)(values.ravel(), padded, half_way, sums)
-    found = (sums * patch_shares()).reshape(HALF, HALF)
+    found = (sums * patch_shares()).reshape(SQUARES_PER_ROW, SQUARES_PER_ROW)
     ends = np.array([0.75, 1, 1, 1, 0.75])
     for y, x in [(0, 0), (0, 9), (3, 15), (8, 8), (15, 13)]:
         rows, columns = (np.arange(at - 2, at + 3) for at in (y, x))
-        down, across = ((places >= 0) & (places < HALF) for places in (rows, columns))
+        down, across = ((places >= 0) & (places < SQUARES_PER_ROW) for places in (rows, columns))
         weights = np.outer(ends[down], ends[across])
         mean = (values[np.ix_(rows[down], columns[across])] * weights).sum() / weights.sum()
         np.testing.assert_allclose(found[y, x], mean, rtol=1e-5)
@@ -402,9 +402,9 @@ def test_patches_are_summed_within_their_window():
 
 def test_windows_add_up_to_one():
     """At every square, those of the four nodes around; each is what the twin says, and greater than 0."""
-    shape = window_shape().reshape(HALF, HALF)
-    np.testing.assert_allclose(shape[5], [fading(5) * fading(place) for place in range(HALF)], rtol=1e-5)
-    apart = CELL // 2
+    shape = window_shape().reshape(SQUARES_PER_ROW, SQUARES_PER_ROW)
+    np.testing.assert_allclose(shape[5], [fading(5) * fading(place) for place in range(SQUARES_PER_ROW)], rtol=1e-5)
+    apart = NODE_SPACING // 2
     overlapping = sum(shape[y : y + apart, x : x + apart] for y in (0, apart) for x in (0, apart))
     np.testing.assert_allclose(overlapping, 1, atol=1e-6)
     assert shape.min() > 0

@@ -10,7 +10,7 @@ from numba import njit
 from twins import listed_offsets, uncompiled
 
 from fpsboost.kernels.lanes import EIGHT
-from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, NUMBERS, insert_eight
+from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight
 
 
 @njit
@@ -20,8 +20,8 @@ def insert(dx, dy, similarities, at, lists, size, capacity):
 
 
 def lists_of(offsets, similarities, at, size, capacity, call):
-    """The entries of all points after all offsets, (capacity, NUMBERS, points)."""
-    lists = np.empty((capacity, NUMBERS, size), np.float32)
+    """The entries of all points after all offsets, (capacity, VALUES_PER_ENTRY, points)."""
+    lists = np.empty((capacity, VALUES_PER_ENTRY, size), np.float32)
     lists[:] = np.float32([NOTHING, NOWHERE, NOWHERE])[:, np.newaxis]
     flat = lists.reshape(-1)
     for (dx, dy), each in zip(np.float32(offsets), similarities, strict=True):

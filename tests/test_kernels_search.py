@@ -16,7 +16,7 @@ from twins import (
 )
 
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.search import STRIP, rank_offsets
+from fpsboost.kernels.search import STRIP_WIDTH, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
 from fpsboost.kernels.tiles import PADDING, TILE
 from fpsboost.kernels.tiles import search_tiles as run_tiles
@@ -57,14 +57,14 @@ def test_fused_search_equals_its_slow_twin(window, height, width, radius):
 
 def test_fused_search_equals_its_slow_twin_across_strips():
     """Columns are searched in strips; nothing changes where one ends."""
-    image0, image1 = colours(2, STRIP + 21, 3), colours(2, STRIP + 21, 4)
+    image0, image1 = colours(2, STRIP_WIDTH + 21, 3), colours(2, STRIP_WIDTH + 21, 4)
     field01, field10 = search_fused(image0, image1, 3, 2, "box", 0.25)
     assert_fields_agree(field01, best_offset(patch_scores(image0, image1, 3, box_weights(2), 0.25, False)))
     assert_fields_agree(field10, best_offset(patch_scores(image1, image0, 3, box_weights(2), 0.25, False), -1))
 
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
-@pytest.mark.parametrize(("height", "width", "radius"), [(19, 23, 6), (5, 9, 7), (60, 11, 3), (3, STRIP + 21, 3)])
+@pytest.mark.parametrize(("height", "width", "radius"), [(19, 23, 6), (5, 9, 7), (60, 11, 3), (3, STRIP_WIDTH + 21, 3)])
 def test_fused_search_equals_full_image_passes(window, height, width, radius):
     """The kernel and the report's passes give one answer, over many rows and strips of columns too."""
     image0, image1 = colours(height, width, 5), colours(height, width, 6)
@@ -76,7 +76,7 @@ def test_fused_search_equals_full_image_passes(window, height, width, radius):
 
 
 @pytest.mark.parametrize("window", ["box", "gaussian"])
-@pytest.mark.parametrize(("height", "width"), [(12, 15), (1, 1), (40, 9), (3, STRIP + 21)])
+@pytest.mark.parametrize(("height", "width"), [(12, 15), (1, 1), (40, 9), (3, STRIP_WIDTH + 21)])
 def test_flat_frames_do_not_move(window, height, width):
     """Where all offsets are equally similar, the smallest motion wins, in every row and strip."""
     flat = np.full((height, width, 3), 0.4, np.float32)

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from twins import uncompiled
 
-from fpsboost.kernels.window_products import PRODUCTS, SIDE, window_products
+from fpsboost.kernels.window_products import PRODUCT_COUNT, WINDOW_SIDE, window_products
 
 
 @njit
@@ -22,8 +22,8 @@ def test_products_are_summed_alike_compiled_and_not():
         frames = random.integers(0, largest, (2, 3, rows, stride)).astype(np.uint8)
         frames[:, :, 3:6] = frames[:, :, 3:6] // (largest - 1) * (largest - 1)
         (y0, x0), (y1, x1), tail = (3, 4), (5, 9), np.float32(1 / 5000)
-        expected = np.zeros(PRODUCTS)
-        for y, x in np.ndindex(SIDE, SIDE):
+        expected = np.zeros(PRODUCT_COUNT)
+        for y, x in np.ndindex(WINDOW_SIDE, WINDOW_SIDE):
             here, there = (
                 frame[:, y + at_y : y + at_y + 3, x + at_x : x + at_x + 3].astype(float)
                 for frame, at_y, at_x in zip(frames, (y0, y1), (x0, x1), strict=True)
@@ -35,6 +35,6 @@ def test_products_are_summed_alike_compiled_and_not():
             expected += products * (1 + tail * products[-1]) ** -4
         flat = [frame.ravel() for frame in frames]
         for call in (summed, uncompiled(summed)):
-            sums = np.empty(PRODUCTS, np.float32)
+            sums = np.empty(PRODUCT_COUNT, np.float32)
             call(flat[0], y0 * stride + x0, flat[1], y1 * stride + x1, stride, rows * stride, tail, sums)
             np.testing.assert_allclose(sums, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())

@@ -9,8 +9,8 @@ from twins import uncompiled
 
 from fpsboost.kernels.lanes import filter_sixteen
 from fpsboost.kernels.window_rows import (
-    PIXELS,
-    SQUARES,
+    PIXELS_PER_ROW,
+    SQUARES_PER_ROW,
     add_row,
     blend_rows,
     mix_eight,
@@ -64,7 +64,7 @@ def quarter(near, far):
 
 def neighbours(pixel):
     """The square of a pixel, and the one that is next to it, or itself at the ends."""
-    return pixel // 2, min(max(pixel // 2 + (1 if pixel % 2 else -1), 0), SQUARES - 1)
+    return pixel // 2, min(max(pixel // 2 + (1 if pixel % 2 else -1), 0), SQUARES_PER_ROW - 1)
 
 
 def expected_of(kernel, source, weights, before):
@@ -77,7 +77,7 @@ def expected_of(kernel, source, weights, before):
         blended: lambda k: quarter(source[40 + k], source[4 + k]),
         spread: lambda k: quarter(*(quarter(source[40 + n], source[4 + n]) for n in neighbours(k))),
     }
-    return np.array([group_singly[kernel](k) for k in range(PIXELS if kernel is spread else SQUARES)])
+    return np.array([group_singly[kernel](k) for k in range(PIXELS_PER_ROW if kernel is spread else SQUARES_PER_ROW)])
 
 
 @pytest.mark.parametrize("kernel", [filtered, summed, pooled, added, blended, spread])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from truth import as_type, noise, prepared, waves
 
-from fpsboost.analysis.overlay import STROKE, find_overlay, keep_overlay
+from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay, keep_overlay
 from fpsboost.method_table import methods
 
 KEEPING = replace(methods["nlm"], cuts=None)
@@ -342,8 +342,8 @@ def test_a_pixel_on_its_own_is_no_overlay():
     overlay = found(panning((12, 0), mask, seed=2))
     assert overlay[mask].tolist() == [False, True, True, True]
     y, x = np.argwhere(overlay).T
-    assert np.abs(y - 40.5).max() <= 0.5 + STROKE
-    assert np.abs(x - 80.5).max() <= 0.5 + STROKE
+    assert np.abs(y - 40.5).max() <= 0.5 + DILATION_RADIUS
+    assert np.abs(x - 80.5).max() <= 0.5 + DILATION_RADIUS
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

@@ -35,7 +35,7 @@ STATIC_THRESHOLD, CHANGE_THRESHOLD = 8, 25
 MIN_NEIGHBOURS = 3
 """Minimum number of overlay pixels in the 3x3 neighbourhood of a pixel of an overlay, itself included."""
 
-STROKE = 3
+DILATION_RADIUS = 3
 """Maximum distance from an overlay's pixels within which static pixels belong to it, pixels."""
 
 
@@ -66,7 +66,7 @@ def find_overlay(
     if not found.any():  # nearly always
         return found
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= MIN_NEIGHBOURS)
-    near = cv2.dilate(together.astype(np.uint8), np.ones((2 * STROKE + 1, 2 * STROKE + 1), np.uint8))
+    near = cv2.dilate(together.astype(np.uint8), np.ones((2 * DILATION_RADIUS + 1, 2 * DILATION_RADIUS + 1), np.uint8))
     overlay: NDArray[Any] = (near > 0) & (marks > 0)
     return overlay
 

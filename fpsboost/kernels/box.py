@@ -97,8 +97,8 @@ def _compiled(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, 
 def sum_box_across(column, size, width, price, partial, total):
     """Sum `size` neighbouring column sums, by way of sums of five, and subtract a penalty."""
     fives, rest = size // 5, size % 5
-    reach = (size + LANES - 1) // LANES * LANES
-    for x in range(width + reach):
+    padded_size = (size + LANES - 1) // LANES * LANES
+    for x in range(width + padded_size):
         partial[x] = column[x] + column[x + 1] + column[x + 2] + column[x + 3] + column[x + 4]
     for x in range(width):
         value = -price

@@ -14,14 +14,14 @@ from numba import njit
 
 from fpsboost.kernels.jit import JIT
 
-CELL = 16
+NODE_SPACING = 16
 """Distance between nodes, pixels; each node lies at the centre of a cell of this size."""
 
-SUMS = 10
+SUMS_PER_CANDIDATE = 10
 """Number of sums per candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and the
 gradients of dx and dy along x, then along y."""
 
-MOTION = 8
+VALUES_PER_MOTION = 8
 """Number of values per candidate: dx, dy; acceleration ax, ay; and the gradients of dx and dy along x, then along y."""
 
 
@@ -62,12 +62,12 @@ def collect_candidates(
         Candidates of each node so far; updated in place.
     votes : (rows, columns, capacity) float32
         Votes of each candidate; updated in place.
-    sums : (rows, columns, capacity, SUMS) float32
+    sums : (rows, columns, capacity, SUMS_PER_CANDIDATE) float32
         Sums over the votes of each candidate; updated in place.
     """
     rows, columns, capacity = votes.shape
-    one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1 / CELL)
-    middle = np.float32(CELL / 2)
+    one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1 / NODE_SPACING)
+    middle = np.float32(NODE_SPACING / 2)
     curve = t * (one - t) * half
     for i in range(vectors.shape[0]):
         y = np.float32(min(i * step + step // 2, height - 1)) + half  # relative to the frame corner
@@ -81,12 +81,12 @@ def collect_candidates(
             left = max(math.ceil((landing_x - middle - support) * per_cell), 0)
             right = min(math.floor((landing_x - middle + support) * per_cell), columns - 1)
             for row in range(top, bottom + 1):
-                down = one - abs(landing_y - middle - np.float32(row * CELL)) / support
+                down = one - abs(landing_y - middle - np.float32(row * NODE_SPACING)) / support
                 for column in range(left, right + 1):
-                    across = one - abs(landing_x - middle - np.float32(column * CELL)) / support
+                    across = one - abs(landing_x - middle - np.float32(column * NODE_SPACING)) / support
                     # extrapolate zoom and rotation to the node
-                    apart_x = middle + np.float32(column * CELL) - landing_x
-                    apart_y = middle + np.float32(row * CELL) - landing_y
+                    apart_x = middle + np.float32(column * NODE_SPACING) - landing_x
+                    apart_y = middle + np.float32(row * NODE_SPACING) - landing_y
                     dx = vectors[i, j, 0] + apart_x * gradients[i, j, 0, 0] + apart_y * gradients[i, j, 1, 0]
                     dy = vectors[i, j, 1] + apart_x * gradients[i, j, 0, 1] + apart_y * gradients[i, j, 1, 1]
                     dx, dy = sign * dx, sign * dy
@@ -130,7 +130,7 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
     count : (rows, columns) int32
         Candidates of each node; updated in place to the number listed, which is limited to `room`.
     votes : (rows, columns, capacity) float32
-    sums : (rows, columns, capacity, SUMS) float32
+    sums : (rows, columns, capacity, SUMS_PER_CANDIDATE) float32
         See `collect_candidates`.
     still_votes : float32
         Votes for zero motion.
@@ -140,7 +140,7 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
         Added to each candidate's share of all votes.
     least : float32
         Amount subtracted from each weight, as a share of the largest weight, so that weights fade out continuously.
-    motions : (rows, columns, room, MOTION) float32 out
+    motions : (rows, columns, room, VALUES_PER_MOTION) float32 out
     weights : (rows, columns, room) float32 out
         At least 0, with a sum of 1; 0 beyond the listed candidates.
     """

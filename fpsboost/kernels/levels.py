@@ -1,7 +1,8 @@
 """Similarity of 8-bit pixels: one minus the sum of absolute differences, truncated at 0.
 
-``max(1 - sum_c |a_c - b_c| / (4 v), 0)`` falls from 1 to 0 approximately as the report's exponential does (section 3.2,
-Eqs. 3 and 4), and takes a dozen instructions for sixteen pixels. Integers make every sum exact, whatever its order.
+``max(1 - sum_c |a_c - b_c| / (4 v), 0)`` falls from 1 to 0 approximately as the report's exponential of bandwidth v does
+(section 3.2, Eqs. 3 and 4), and takes a dozen instructions for sixteen pixels. Integers make every sum exact, whatever
+its order.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ WHITE = 255
 """Largest level."""
 
 TRUNCATION = 4
-"""Sum of absolute differences, in units of the bandwidth v, at which the similarity reaches 0."""
+"""Sum of absolute differences, in units of the bandwidth, at which the similarity reaches 0."""
 
 _BYTE, _BYTES = ir.IntType(8), ir.VectorType(ir.IntType(8), SIXTEEN)
 _WORDS = ir.VectorType(ir.IntType(16), SIXTEEN)
 
 
-def level_scale(v: float) -> float:
+def level_scale(bandwidth: float) -> float:
     """Return the levels of a component that ranges over 1: 255, or fewer if the truncation would exceed 255."""
-    return WHITE * min(1.0, 1 / (TRUNCATION * v))
+    return WHITE * min(1.0, 1 / (TRUNCATION * bandwidth))
 
 
-def truncation(v: float) -> int:
+def truncation(bandwidth: float) -> int:
     """Return the sum of absolute differences over all components, in levels, at which the similarity reaches 0."""
-    return max(1, round(TRUNCATION * v * level_scale(v)))
+    return max(1, round(TRUNCATION * bandwidth * level_scale(bandwidth)))
 
 
 def compare_sixteen(first, place0, second, place1, plane, most, sums, before, after):

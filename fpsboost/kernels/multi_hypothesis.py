@@ -16,15 +16,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fpsboost.kernels.candidates import CELL, MOTION
+from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION
 from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.lanes import EIGHT, filter_eight, filter_sixteen
+from fpsboost.kernels.levels import SIXTEEN
 from fpsboost.kernels.spline import MARGIN, spline_weights
 from fpsboost.kernels.tiles import Index
 from fpsboost.kernels.window_rows import (
     END_WEIGHT,
-    SQUARES,
+    SQUARES_PER_ROW,
     add_row,
     blend_rows,
     mix_eight,
@@ -58,17 +59,13 @@ class Room(NamedTuple):
     """(16,) float32, horizontal and vertical weights in frame 0, then in frame 1."""
 
 
-WINDOW = 2 * CELL
+WINDOW = 2 * NODE_SPACING
 """Side of a window, pixels."""
 
 AREA = WINDOW * WINDOW
 """Pixels of a window: an operation that is the same for all of them is one loop."""
 
-HALF = WINDOW // 2
-"""Number of weights across a window: one for two pixels, as for subsampled chroma. Weights are means over patches,
-which vary slowly."""
-
-QUADS = HALF * HALF
+SQUARES_PER_WINDOW = SQUARES_PER_ROW * SQUARES_PER_ROW
 """Number of squares of two by two pixels in a window; each square has one weight."""
 
 BLOCK = EIGHT
@@ -85,7 +82,7 @@ motions, where the blocks would be torn apart.
 PATCH_RADIUS = 2
 """Radius of the patches that are compared at time t, squares; patches are truncated at the border of their window."""
 
-PADDED = HALF + 2 * PATCH_RADIUS
+PADDED = SQUARES_PER_ROW + 2 * PATCH_RADIUS
 """Squares in a row of a window with zero padding on both sides, for sums over patches."""
 
 SPARE = LANES
@@ -118,7 +115,7 @@ def locate_window(top, left, motion, t, height, width, marks):
     ----------
     top, left : int
         First pixel of the window.
-    motion : (MOTION,) float32
+    motion : (VALUES_PER_MOTION,) float32
     t : float32
     height, width : int
         Size of the frames.
@@ -165,10 +162,10 @@ def fetch_rigid(planes, coefficients, unit, begin, stride, y, x, wide, tall, row
     w0, w1, w2, w3 = spline_weights(fraction_x)
     for j in range(tall + 3):
         place, to = begin + (top - 1 + j) * stride + left - 1, j * wide
-        for i in range(0, wide, SQUARES):
+        for i in range(0, wide, SIXTEEN):
             filter_sixteen(coefficients, place + i, 1, w0, w1, w2, w3, rows, to + i)
     w0, w1, w2, w3 = spline_weights(fraction_y)
-    for i in range(0, tall * wide, SQUARES):
+    for i in range(0, tall * wide, SIXTEEN):
         filter_sixteen(rows, i, wide, w0, w1, w2, w3, out, i)
 
 
@@ -209,7 +206,7 @@ def fetch_window(planes, coefficients, unit, begin, stride, end, y, x, share, mo
         Position, at least 1, and at least a window and 2 pixels from the ends.
     share : float32
         Share of the motion from time t to this frame; negative against its direction.
-    motion : (MOTION,) float32
+    motion : (VALUES_PER_MOTION,) float32
     wide, tall : int
         Columns and rows of the window.
     rows : ((tall + 3) * wide,) float32
@@ -278,7 +275,7 @@ def mix_fetched(
         row0, column0 = set_taps(y0, x0, 0, room.taps)
         row1, column1 = set_taps(y1, x1, 1, room.taps)
         place0, place1 = begin + row0 * stride + column0, begin + row1 * stride + column1
-        for i in range(0, wide, SQUARES):
+        for i in range(0, wide, SIXTEEN):
             mix_sixteen(spline0, place0 + i, spline1, place1 + i, stride, tall, room.taps, t, wide, mixed, distance, i)
     else:
         for down in range(0, tall, BLOCK):
@@ -321,13 +318,13 @@ def mix_inside(t, marks, across, down, first, second, mixed):
 def pool_chroma(values, down, pooled):
     """Add the mean of its one or two chroma samples to each square of a window."""
     if down == 2:
-        for i in range(Index(QUADS)):
+        for i in range(Index(SQUARES_PER_WINDOW)):
             pooled[i] += values[i]
     else:
-        for j in range(HALF):
-            begin, to = Index(2 * j * HALF), Index(j * HALF)
-            for i in range(Index(HALF)):
-                pooled[to + i] += np.float32(0.5) * (values[begin + i] + values[begin + Index(HALF) + i])
+        for j in range(SQUARES_PER_ROW):
+            begin, to = Index(2 * j * SQUARES_PER_ROW), Index(j * SQUARES_PER_ROW)
+            for i in range(Index(SQUARES_PER_ROW)):
+                pooled[to + i] += np.float32(0.5) * (values[begin + i] + values[begin + Index(SQUARES_PER_ROW) + i])
 
 
 @njit(**FINITE_JIT)
@@ -336,12 +333,12 @@ def sum_patches(values, padded, half_way, sums):
 
     `padded` and `half_way` have zeros around the window.
     """
-    for i in range(Index(QUADS)):
-        padded[Index(PATCH_RADIUS * HALF) + i] = values[i]
-    for j in range(HALF):
-        sum_five(padded, j * HALF, HALF, half_way, j * PADDED + PATCH_RADIUS)
-    for j in range(HALF):
-        sum_five(half_way, j * PADDED, 1, sums, j * HALF)
+    for i in range(Index(SQUARES_PER_WINDOW)):
+        padded[Index(PATCH_RADIUS * SQUARES_PER_ROW) + i] = values[i]
+    for j in range(SQUARES_PER_ROW):
+        sum_five(padded, j * SQUARES_PER_ROW, SQUARES_PER_ROW, half_way, j * PADDED + PATCH_RADIUS)
+    for j in range(SQUARES_PER_ROW):
+        sum_five(half_way, j * PADDED, 1, sums, j * SQUARES_PER_ROW)
 
 
 @njit(**FINITE_JIT)
@@ -354,13 +351,13 @@ def spread_squares(squares, across, down, spread):
     """
     for j in range(WINDOW // down):
         row = j * down // 2
-        near, far = row * HALF, min(max(row + 2 * (j % 2) - 1, 0), HALF - 1) * HALF
+        near, far = row * SQUARES_PER_ROW, min(max(row + 2 * (j % 2) - 1, 0), SQUARES_PER_ROW - 1) * SQUARES_PER_ROW
         if across == 1:
             spread_rows(squares, near, far, spread, j * WINDOW)
         elif down == 1:
-            blend_rows(squares, near, far, spread, j * HALF)
+            blend_rows(squares, near, far, spread, j * SQUARES_PER_ROW)
         else:
-            blend_rows(squares, near, near, spread, j * HALF)
+            blend_rows(squares, near, near, spread, j * SQUARES_PER_ROW)
 
 
 @njit(**FINITE_JIT)
@@ -386,7 +383,7 @@ def add_window(weight, wide, values, first_y, last_y, first_x, last_x, left, ban
             for i in range(first_x, last_x):
                 flat[there + i] += weight[here + i] * values[here + i]
         else:
-            for i in range(0, wide, SQUARES):
+            for i in range(0, wide, SIXTEEN):
                 add_row(weight, here + i, values, here + i, flat, there + i)
 
 
@@ -396,7 +393,7 @@ def smallest(values, room):
 
     A compiler does not reorder comparisons, and a sequential minimum would be limited by their latency.
     """
-    size = QUADS // 2
+    size = SQUARES_PER_WINDOW // 2
     for i in range(size):
         room[i] = min(values[i], values[i + size])
     while size > LANES:
@@ -447,7 +444,7 @@ def finish_rows(band, first, last, top, white, half, lowest, highest, straight_a
 def finish_confidence(weights, similarities, first, last, top, confidence):
     """Write rows of the confidence that no further window contributes to: mean similarity to the eighth power.
 
-    The mean is weighted. The power corresponds to a v of about a third: a few levels of difference hardly change the
+    The mean is weighted. The power corresponds to a bandwidth of about a third: a few levels of difference hardly change the
     weights, but are visible.
     """
     for j in range(first, last):
@@ -488,7 +485,7 @@ def blend_hypotheses(
         Rows of pixels per row of chroma, 1 or 2.
     t : float32
     count : (rows, columns) int32
-    motions : (rows, columns, room, MOTION) float32
+    motions : (rows, columns, room, VALUES_PER_MOTION) float32
     weights : (rows, columns, room) float32
         See `fpsboost.kernels.candidates`.
     scale : float32
@@ -500,7 +497,7 @@ def blend_hypotheses(
     negligible : float32
         Remaining candidates are also skipped once the votes of the next one are below this share of the least
         accumulated weight of any pixel.
-    shape, inverse : (QUADS,) float32
+    shape, inverse : (SQUARES_PER_WINDOW,) float32
         As returned by `window_shape` and `patch_shares`.
     white, half, lowest, highest, straight_alpha
         As for `finish_rows`.
@@ -521,11 +518,11 @@ def blend_hypotheses(
     rows = np.empty((WINDOW + 3) * WINDOW, np.float32)
     room = Room(rows, np.empty(AREA, np.float32), np.empty(AREA, np.float32), np.empty(16, np.float32))
     distance, mixed = np.empty(AREA, np.float32), np.empty((channels, AREA), np.float32)
-    apart, half_way = np.empty(QUADS, np.float32), np.zeros(HALF * PADDED, np.float32)
-    padded = np.zeros((HALF + 2 * PATCH_RADIUS) * HALF, np.float32)
-    similarity, weight = np.empty(QUADS, np.float32), np.empty(QUADS, np.float32)
-    total, node_weights = np.empty((channels, AREA), np.float32), np.empty(QUADS, np.float32)
-    node_similarities, most_similar = np.empty(QUADS, np.float32), np.empty(QUADS, np.float32)
+    apart, half_way = np.empty(SQUARES_PER_WINDOW, np.float32), np.zeros(SQUARES_PER_ROW * PADDED, np.float32)
+    padded = np.zeros((SQUARES_PER_ROW + 2 * PATCH_RADIUS) * SQUARES_PER_ROW, np.float32)
+    similarity, weight = np.empty(SQUARES_PER_WINDOW, np.float32), np.empty(SQUARES_PER_WINDOW, np.float32)
+    total, node_weights = np.empty((channels, AREA), np.float32), np.empty(SQUARES_PER_WINDOW, np.float32)
+    node_similarities, most_similar = np.empty(SQUARES_PER_WINDOW, np.float32), np.empty(SQUARES_PER_WINDOW, np.float32)
     of_pixels, of_node = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
     marks = np.empty((4, WINDOW), np.float32)
     # work arrays for chroma
@@ -536,17 +533,17 @@ def blend_hypotheses(
     # not constants, for which all kernels below would be compiled again
     pixels, samples = marks.shape[1], marks.shape[1] // 2
     tall, has_alpha, cell = pixels // down, straight_alpha, pixels // 2
-    chroma_area, by_row = tall * HALF, one / np.float32(down)
+    chroma_area, by_row = tall * SQUARES_PER_ROW, one / np.float32(down)
     chroma_band = np.zeros((differences + 1, tall, chroma_width), np.float32)
     chroma_distance = np.empty(chroma_area, np.float32)
     chroma_mixed = np.empty((differences, chroma_area), np.float32)
     chroma_total = np.empty((differences, chroma_area), np.float32)
-    chroma_motion = np.empty(MOTION, np.float32)
+    chroma_motion = np.empty(VALUES_PER_MOTION, np.float32)
     for row in range(rows_of_nodes):
-        top = row * CELL - (WINDOW - CELL) // 2
+        top = row * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
         begin_y, end_y = max(-top, 0), min(height - top, WINDOW)
         for column in range(columns_of_nodes):
-            left = column * CELL - (WINDOW - CELL) // 2
+            left = column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
             begin_x, end_x = max(-left, 0), min(width - left, WINDOW)
             total[:] = 0
             node_weights[:] = MIN_WEIGHT_SUM
@@ -569,8 +566,8 @@ def blend_hypotheses(
                         pixels, pixels, within, marks, room, distance, mixed[c],
                     )  # fmt: skip
                 apart[:] = 0
-                for j in range(HALF):
-                    pool_row(distance, 2 * j * WINDOW, WINDOW, np.float32(0.25), apart, j * HALF)
+                for j in range(SQUARES_PER_ROW):
+                    pool_row(distance, 2 * j * WINDOW, WINDOW, np.float32(0.25), apart, j * SQUARES_PER_ROW)
                 if differences:
                     # in units of chroma samples; the chroma siting has no influence on displacements
                     y0, y1 = (y0 - margin) * by_row + margin, (y1 - margin) * by_row + margin
@@ -587,10 +584,10 @@ def blend_hypotheses(
                     )  # fmt: skip
                 if differences:
                     pool_chroma(chroma_distance, down, apart)
-                for i in range(QUADS):
+                for i in range(SQUARES_PER_WINDOW):
                     apart[i] = decay(apart[i] * scale)
                 sum_patches(apart, padded, half_way, similarity)
-                for i in range(QUADS):
+                for i in range(SQUARES_PER_WINDOW):
                     alike = similarity[i] * inverse[i]
                     w = prior * decay(sharpness * (one - alike))
                     weight[i] = w
@@ -610,7 +607,7 @@ def blend_hypotheses(
                     for i in range(chroma_area):
                         target[i] = fma(of_pixels[i], source[i], target[i])
             # the more similar of neighbouring windows has more weight, but not so much that its border is visible
-            for i in range(QUADS):
+            for i in range(SQUARES_PER_WINDOW):
                 weight[i] = shape[i] / math.sqrt(node_weights[i])
             spread_squares(weight, 1, 1, of_pixels)
             for c in range(channels):
@@ -629,7 +626,7 @@ def blend_hypotheses(
                     source = chroma_total[c] if c < differences else of_node
                     add_window(of_pixels, samples, source, first_y, last_y, first_x, last_x, left // 2, chroma_band[c])
         # the windows of the next row of nodes overlap the lower half
-        ready = CELL if row < rows_of_nodes - 1 else end_y
+        ready = NODE_SPACING if row < rows_of_nodes - 1 else end_y
         if told:
             finish_confidence(band[channels], band[channels + 1], begin_y, ready, top, confidence)
         finish_rows(band, begin_y, ready, top, white, half, lowest, highest, has_alpha, image)
@@ -641,16 +638,25 @@ def blend_hypotheses(
 
 
 def window_shape() -> np.ndarray:
-    """Return the weight of each square of a window, (QUADS,) float32: from 0 at its border to 1 at its centre.
+    """Return the weight of each square of a window: from 0 at its border to 1 at its centre.
 
     The weight is smooth at both ends, and the weights of the windows that overlap at a square add up to 1.
+
+    Returns
+    -------
+    (SQUARES_PER_WINDOW,) float32
     """
-    way = 1 - np.abs(np.arange(HALF) + 0.5 - HALF / 2) / (HALF / 2)
+    way = 1 - np.abs(np.arange(SQUARES_PER_ROW) + 0.5 - SQUARES_PER_ROW / 2) / (SQUARES_PER_ROW / 2)
     smooth = way * way * (3 - 2 * way)
     return np.outer(smooth, smooth).ravel().astype(np.float32)
 
 
 def patch_shares() -> np.ndarray:
-    """Return 1 over the total weight of the squares of each patch that lie within its window, (QUADS,) float32."""
-    length = np.convolve(np.ones(HALF), [END_WEIGHT, 1, 1, 1, END_WEIGHT], mode="same")
+    """Return 1 over the total weight of the squares of each patch that lie within its window.
+
+    Returns
+    -------
+    (SQUARES_PER_WINDOW,) float32
+    """
+    length = np.convolve(np.ones(SQUARES_PER_ROW), [END_WEIGHT, 1, 1, 1, END_WEIGHT], mode="same")
     return (1 / np.outer(length, length)).ravel().astype(np.float32)

@@ -9,7 +9,7 @@ from numba.extending import intrinsic, overload
 
 from fpsboost.kernels.lanes import EIGHT, address_of, spread_value
 
-NUMBERS = 3
+VALUES_PER_ENTRY = 3
 """Number of values per entry: similarity, dx, dy."""
 
 NOTHING, NOWHERE = -2.0, 1e6
@@ -30,7 +30,7 @@ def insert_eight(dx, dy, similarities, at, lists, size, capacity):
         Similarity of the offset at every point.
     at : int
         Index of the first of the eight points; no bounds are checked.
-    lists : (capacity * NUMBERS * size,) float32
+    lists : (capacity * VALUES_PER_ENTRY * size,) float32
         Ordered by entry, value and point; empty entries last, with NOTHING and NOWHERE. Updated in place.
     size, capacity : int
         Number of points, and of entries per list.
@@ -38,7 +38,7 @@ def insert_eight(dx, dy, similarities, at, lists, size, capacity):
     for point in range(at, at + EIGHT):
         held = [similarities[point], dx, dy]
         for entry in range(capacity):
-            places = [(entry * NUMBERS + number) * size + point for number in range(NUMBERS)]
+            places = [(entry * VALUES_PER_ENTRY + number) * size + point for number in range(VALUES_PER_ENTRY)]
             before = [lists[place] for place in places]
             if similarities[point] > before[0]:
                 for place, number in zip(places, held, strict=True):
@@ -71,7 +71,7 @@ def _emit(context, builder, signature, arguments):
         return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
 
     value = builder.load(address(2, similarities, at), align=4)
-    entry = builder.mul(size, ir.Constant(size.type, NUMBERS))
+    entry = builder.mul(size, ir.Constant(size.type, VALUES_PER_ENTRY))
     last = builder.add(at, builder.mul(entry, builder.sub(capacity, ir.Constant(capacity.type, 1))))
     least = builder.load(address(4, lists, last), align=4)
     with builder.if_then(any_of(builder.fcmp_ordered(">", value, least))):
@@ -83,7 +83,7 @@ def _emit(context, builder, signature, arguments):
         with cgutils.for_range(builder, capacity):
             index = builder.load(begin)
             addresses = []
-            for number in range(NUMBERS):
+            for number in range(VALUES_PER_ENTRY):
                 shift = builder.mul(size, ir.Constant(size.type, number))
                 addresses.append(address(4, lists, builder.add(index, shift)))
             before = [builder.load(each, align=4) for each in addresses]

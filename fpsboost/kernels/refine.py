@@ -12,7 +12,7 @@ from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.prefetch import prefetch
-from fpsboost.kernels.window_products import PRODUCTS, SIDE, window_products
+from fpsboost.kernels.window_products import PRODUCT_COUNT, WINDOW_SIDE, window_products
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -22,14 +22,14 @@ def significance(explained, change):
     Two free parameters explain some of any noise, which is no evidence of motion (positive-part shrinkage of James and
     Stein 1961).
     """
-    rest = max(change - explained, np.float32(0)) * np.float32(1 / (SIDE * SIDE / 2 - 1))
+    rest = max(change - explained, np.float32(0)) * np.float32(1 / (WINDOW_SIDE * WINDOW_SIDE / 2 - 1))
     return max(explained - rest, np.float32(0)) / max(explained, np.float32(1e-20))
 
 
 @njit(inline="always", **FINITE_JIT)
 def prefetch_rows(flat, place, stride, plane):
     """Prefetch a cache line of every row of a window, in all planes."""
-    for _ in range(SIDE):
+    for _ in range(WINDOW_SIDE):
         prefetch(flat, place)
         prefetch(flat, place + plane)
         prefetch(flat, place + plane + plane)
@@ -62,23 +62,23 @@ def refine_points(planes0, planes1, padding, height, width, step, tail, damping,
     """
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
-    plane, products = plane_height * stride, np.empty(PRODUCTS, np.float32)
+    plane, products = plane_height * stride, np.empty(PRODUCT_COUNT, np.float32)
     for row in range(flow.shape[0]):
         for point in range(flow.shape[1]):
-            y0 = min(row * step + step // 2, height - 1) - SIDE // 2 + padding
-            x0 = min(point * step + step // 2, width - 1) - SIDE // 2 + padding
+            y0 = min(row * step + step // 2, height - 1) - WINDOW_SIDE // 2 + padding
+            x0 = min(point * step + step // 2, width - 1) - WINDOW_SIDE // 2 + padding
             dx, dy = np.rint(flow[row, point, 0]), np.rint(flow[row, point, 1])
             if dx == np.rint(known[row, point, 0]) and dy == np.rint(known[row, point, 1]):
                 flow[row, point, 0], flow[row, point, 1] = known[row, point, 0], known[row, point, 1]
                 continue
             for _ in range(steps):
                 # limited to the padding, beyond which the repeated edges do not change
-                y1 = min(max(y0 + int(dy), 1), plane_height - SIDE - 1)
-                x1 = min(max(x0 + int(dx), 1), stride - 2 * SIDE)
+                y1 = min(max(y0 + int(dy), 1), plane_height - WINDOW_SIDE - 1)
+                x1 = min(max(x0 + int(dx), 1), stride - 2 * WINDOW_SIDE)
                 start0, start1 = (y0 - 1) * stride + x0 - 1, (y1 - 1) * stride + x1 - 1
                 # the point after the next one usually has a similar motion
-                prefetch_rows(flat0, start0 + 2 * step + SIDE, stride, plane)
-                prefetch_rows(flat1, start1 + 2 * step + SIDE, stride, plane)
+                prefetch_rows(flat0, start0 + 2 * step + WINDOW_SIDE, stride, plane)
+                prefetch_rows(flat1, start1 + 2 * step + WINDOW_SIDE, stride, plane)
                 window_products(flat0, start0, flat1, start1, stride, plane, tail, products)
                 xx, xy, yy = products[0] + damping, products[1], products[2] + damping
                 xt, yt, tt = products[3], products[4], products[5]

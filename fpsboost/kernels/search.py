@@ -20,7 +20,7 @@ from fpsboost.kernels.box import slide_box, sum_box_across
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.similarity import similarity
 
-STRIP = 640
+STRIP_WIDTH = 640
 """Columns per pass: wide enough for a small overhead of the patch margins, narrow enough for the caches."""
 
 QUADRUPLES_PER_PASS = 2
@@ -138,7 +138,7 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         winners01, winners10 : int32, shaped like best, 0 at the start; rank of the best motion
     """
     size = 2 * patch_radius + 1
-    reach = (size + LANES - 1) // LANES * LANES
+    padded_size = (size + LANES - 1) // LANES * LANES
     box = taps is None
     dtype: Any = np.int32 if box else np.float32
     ring_rows = size if box else 2 * size
@@ -150,24 +150,24 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
         search_radius = len(ranks) // 2
         shift = search_radius + 4
         # whole lanes keep every row aligned; cleared in every pass, so no longer than necessary
-        room = (min(STRIP, width) + margin + 3 * LANES - 1) // LANES * LANES
+        room = (min(STRIP_WIDTH, width) + margin + 3 * LANES - 1) // LANES * LANES
         last_four = search_radius // 4
         rings = np.empty((4 * QUADRUPLES_PER_PASS, ring_rows, room), dtype)
-        column_room = room + reach + LANES
+        column_room = room + padded_size + LANES
         columns = np.empty((4 * QUADRUPLES_PER_PASS, column_room), dtype)
         flat_rings, flat_columns = rings.reshape(rings.size), columns.reshape(columns.size)
         flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
         stride0, stride1 = planes0.shape[2], planes1.shape[2]
         plane0, plane1 = planes0.shape[1] * stride0, planes1.shape[1] * stride1
-        partial = np.empty(room + reach, dtype)
+        partial = np.empty(room + padded_size, dtype)
         # positions before the first and after the last pixel are not candidates, but are read for the quadruple
         totals = np.full((4, room + 2 * LANES), -1, dtype)
         for dy in range(-search_radius, search_radius + 1):
             top, bottom = max(0, -dy), min(height, height - dy)
             if top >= bottom:
                 continue
-            for left in range(0, width, STRIP):
-                pixels = min(STRIP, width - left)
+            for left in range(0, width, STRIP_WIDTH):
+                pixels = min(STRIP_WIDTH, width - left)
                 whole = (pixels + LANES - 1) // LANES * LANES
                 spread = (pixels + margin + LANES - 1) // LANES * LANES
                 for group in range(-last_four - 1, last_four + 1, QUADRUPLES_PER_PASS):

@@ -34,9 +34,9 @@ MAX_SQUARED_DISTANCE = np.float32(FRACTION_BITS + 1)
 """Sum of squared differences at and above which the similarity is 0."""
 
 
-def colour_scale(v: float) -> float:
+def colour_scale(bandwidth: float) -> float:
     """Return the factor on colours in [0, 1] after which the similarity is ``2^-(sum of squared differences)``."""
-    return math.sqrt(math.log2(math.e) / 2) / v
+    return math.sqrt(math.log2(math.e) / 2) / bandwidth
 
 
 @njit(inline="always", **FINITE_JIT)

@@ -16,7 +16,7 @@ from numba import njit
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.lanes import EIGHT
 from fpsboost.kernels.levels import SIXTEEN, compare_sixteen
-from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, NUMBERS, insert_eight
+from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight
 
 TILE = 32
 """Side of a tile, pixels."""
@@ -82,7 +82,7 @@ def write_lists(lists, size, first_down, first_across, down, across, per_tile, c
             row, column, point = first_down + p, first_across + q, p * per_tile + q
             listed = 0
             for entry in range(best.shape[2]):
-                place = entry * NUMBERS * size + point
+                place = entry * VALUES_PER_ENTRY * size + point
                 if lists[place] > np.float32(NOTHING):
                     best[row, column, entry] = lists[place]
                     flows[row, column, entry, 0] = lists[place + size]
@@ -159,7 +159,7 @@ def search_tiles(
     column, totals = np.empty(lanes, np.uint16), np.empty(TILE, np.int32)
     likely, kept = np.empty((per_tile, per_tile, 2), np.int32), np.empty((per_tile, per_tile), np.float32)
     entries, points = best.shape[2], max(per_tile * per_tile, EIGHT)
-    lists, values = np.empty(entries * NUMBERS * points, np.float32), np.empty(points, np.float32)
+    lists, values = np.empty(entries * VALUES_PER_ENTRY * points, np.float32), np.empty(points, np.float32)
     for tile in range(tiles):
         top, left = tile // tiles_across * TILE, tile % tiles_across * TILE
         bottom, right = min(top + TILE, height), min(left + TILE, width)
@@ -171,7 +171,7 @@ def search_tiles(
         flows[first_down : first_down + down, first_across : first_across + across] = 0
         values[:] = np.float32(NOTHING)  # includes points beyond the frame
         for k in range(entries):
-            begin = k * NUMBERS * points
+            begin = k * VALUES_PER_ENTRY * points
             for i in range(points):
                 lists[begin + i] = np.float32(NOTHING)
                 lists[begin + points + i] = lists[begin + 2 * points + i] = np.float32(NOWHERE)

@@ -13,16 +13,16 @@ from numba.extending import intrinsic, overload
 
 from fpsboost.kernels.lanes import address_of, spread_value
 
-SIDE = 8
+WINDOW_SIDE = 8
 """Side of the window, pixels."""
 
-PRODUCTS = 6
+PRODUCT_COUNT = 6
 """Number of sums: gradients along x and y: xx, xy, yy; gradients and temporal difference: xt, yt; temporal difference:
 tt."""
 
 _READ = 16
 _BYTES, _WORDS = ir.VectorType(ir.IntType(8), _READ), ir.VectorType(ir.IntType(16), _READ)
-_INTEGERS, _FLOATS = ir.VectorType(ir.IntType(32), SIDE), ir.VectorType(ir.FloatType(), SIDE)
+_INTEGERS, _FLOATS = ir.VectorType(ir.IntType(32), WINDOW_SIDE), ir.VectorType(ir.FloatType(), WINDOW_SIDE)
 
 
 def window_products(first, start0, second, start1, stride, plane, tail, sums):
@@ -38,14 +38,14 @@ def window_products(first, start0, second, start1, stride, plane, tail, sums):
         Distances between rows and between planes.
     tail : float32
         Rate at which the weight of a pixel falls with tt.
-    sums : (PRODUCTS,) float32 out
+    sums : (PRODUCT_COUNT,) float32 out
         Gradients are sums of four one-pixel differences: over two pixels, in both frames.
     """
-    products = np.zeros((PRODUCTS, SIDE, SIDE), np.float32)
+    products = np.zeros((PRODUCT_COUNT, WINDOW_SIDE, WINDOW_SIDE), np.float32)
     for c in range(3):
         windows = []
         for frame, start in ((first, start0), (second, start1)):
-            rows = [frame[start + c * plane + j * stride :][: SIDE + 2] for j in range(SIDE + 2)]
+            rows = [frame[start + c * plane + j * stride :][: WINDOW_SIDE + 2] for j in range(WINDOW_SIDE + 2)]
             windows.append(np.array(rows).astype(np.float32))
         both, change = windows[0] + windows[1], (windows[1] - windows[0])[1:-1, 1:-1]
         along_x, along_y = both[1:-1, 2:] - both[1:-1, :-2], both[2:, 1:-1] - both[:-2, 1:-1]
@@ -66,18 +66,18 @@ def _window_products(typing, first, start0, second, start1, stride, plane, tail,
 def _emit(context, builder, signature, arguments):
     first, start0, second, start1, stride, plane, tail, sums = arguments
     fma = cgutils.get_or_insert_function(
-        builder.module, ir.FunctionType(_FLOATS, [_FLOATS] * 3), f"llvm.fma.v{SIDE}f32"
+        builder.module, ir.FunctionType(_FLOATS, [_FLOATS] * 3), f"llvm.fma.v{WINDOW_SIDE}f32"
     )
 
     def constant(number):
-        return ir.Constant(_FLOATS, [number] * SIDE)
+        return ir.Constant(_FLOATS, [number] * WINDOW_SIDE)
 
     def levels(number, array, place):
         loaded = builder.load(address_of(context, builder, signature.args[number], array, place, _BYTES), align=1)
         return builder.zext(loaded, _WORDS)
 
     def from_place(words, place):
-        places = ir.Constant(ir.VectorType(ir.IntType(32), SIDE), list(range(place, place + SIDE)))
+        places = ir.Constant(ir.VectorType(ir.IntType(32), WINDOW_SIDE), list(range(place, place + WINDOW_SIDE)))
         return builder.shuffle_vector(words, words, places)
 
     def as_floats(words):
@@ -86,7 +86,7 @@ def _emit(context, builder, signature, arguments):
     def rows(start0, start1):
         """Return sums and differences of both frames in a plane, from the row above the window to the one below."""
         taken = []
-        for _ in range(SIDE + 2):
+        for _ in range(WINDOW_SIDE + 2):
             one, other = levels(0, first, start0), levels(2, second, start1)
             taken.append((builder.add(one, other), builder.sub(other, one)))
             start0, start1 = builder.add(start0, stride), builder.add(start1, stride)
@@ -96,9 +96,9 @@ def _emit(context, builder, signature, arguments):
     for _ in range(3):
         planes.append(rows(start0, start1))
         start0, start1 = builder.add(start0, plane), builder.add(start1, plane)
-    tails, totals = spread_value(builder, tail, _FLOATS), [constant(0.0)] * PRODUCTS
-    for j in range(1, SIDE + 1):
-        products = [None] * PRODUCTS
+    tails, totals = spread_value(builder, tail, _FLOATS), [constant(0.0)] * PRODUCT_COUNT
+    for j in range(1, WINDOW_SIDE + 1):
+        products = [None] * PRODUCT_COUNT
         for taken in planes:
             (above, _), (here, change), (below, _) = taken[j - 1 : j + 2]
             x = as_floats(builder.sub(from_place(here, 2), from_place(here, 0)))

@@ -15,10 +15,11 @@ from numba.extending import intrinsic, overload
 
 from fpsboost.kernels.lanes import address_of, spread_value
 
-SQUARES = 16
-"""Squares per row."""
+SQUARES_PER_ROW = 16
+"""Number of squares across a window: one for two pixels, as for subsampled chroma. Each square has one weight: weights
+are means over patches, which vary slowly."""
 
-PIXELS = 2 * SQUARES
+PIXELS_PER_ROW = 2 * SQUARES_PER_ROW
 """Pixels per row."""
 
 END_WEIGHT = 0.75
@@ -26,7 +27,7 @@ END_WEIGHT = 0.75
 pixel."""
 
 _INDEX = ir.IntType(32)
-_SQUARES, _PIXELS = ir.VectorType(ir.FloatType(), SQUARES), ir.VectorType(ir.FloatType(), PIXELS)
+_SQUARES, _PIXELS = ir.VectorType(ir.FloatType(), SQUARES_PER_ROW), ir.VectorType(ir.FloatType(), PIXELS_PER_ROW)
 
 
 def sum_five(source, begin, step, out, target):
@@ -36,8 +37,10 @@ def sum_five(source, begin, step, out, target):
 
     No bounds are checked in this module; see `fpsboost.kernels.lanes.row_filter`.
     """
-    taps = [source[begin + n * step :][:SQUARES] for n in range(5)]
-    out[target : target + SQUARES] = (taps[1] + taps[2] + taps[3]) + np.float32(END_WEIGHT) * (taps[0] + taps[4])
+    taps = [source[begin + n * step :][:SQUARES_PER_ROW] for n in range(5)]
+    out[target : target + SQUARES_PER_ROW] = (taps[1] + taps[2] + taps[3]) + np.float32(END_WEIGHT) * (
+        taps[0] + taps[4]
+    )
 
 
 def pool_row(values, begin, below, share, sums, target):
@@ -54,8 +57,8 @@ def pool_row(values, begin, below, share, sums, target):
     target : int
         Index of the first square.
     """
-    both = values[begin : begin + PIXELS] + values[begin + below :][:PIXELS]
-    sums[target : target + SQUARES] += share * (both[::2] + both[1::2])
+    both = values[begin : begin + PIXELS_PER_ROW] + values[begin + below :][:PIXELS_PER_ROW]
+    sums[target : target + SQUARES_PER_ROW] += share * (both[::2] + both[1::2])
 
 
 def add_row(weights, begin, values, here, sums, there):
@@ -69,7 +72,9 @@ def add_row(weights, begin, values, here, sums, there):
     sums : (size,) float32
         Updated in place.
     """
-    sums[there : there + SQUARES] += weights[begin : begin + SQUARES] * values[here : here + SQUARES]
+    sums[there : there + SQUARES_PER_ROW] += (
+        weights[begin : begin + SQUARES_PER_ROW] * values[here : here + SQUARES_PER_ROW]
+    )
 
 
 def blend_rows(squares, near, far, out, target):
@@ -84,14 +89,14 @@ def blend_rows(squares, near, far, out, target):
     target : int
         Index of the first of the sixteen values.
     """
-    out[target : target + SQUARES] = _between(squares[near:][:SQUARES], squares[far:][:SQUARES])
+    out[target : target + SQUARES_PER_ROW] = _between(squares[near:][:SQUARES_PER_ROW], squares[far:][:SQUARES_PER_ROW])
 
 
 def spread_rows(squares, near, far, out, target):
     """Write the values of 32 pixels interpolated between sixteen squares, horizontally by a quarter as well."""
-    values = _between(squares[near:][:SQUARES], squares[far:][:SQUARES])
-    out[target : target + PIXELS : 2] = _between(values, np.append(values[:1], values[:-1]))
-    out[target + 1 : target + PIXELS : 2] = _between(values, np.append(values[1:], values[-1:]))
+    values = _between(squares[near:][:SQUARES_PER_ROW], squares[far:][:SQUARES_PER_ROW])
+    out[target : target + PIXELS_PER_ROW : 2] = _between(values, np.append(values[:1], values[:-1]))
+    out[target + 1 : target + PIXELS_PER_ROW : 2] = _between(values, np.append(values[1:], values[-1:]))
 
 
 def _between(near, far):
@@ -140,7 +145,7 @@ def _sum_five(typing, source, begin, step, out, target):
             taps.append(rows.load(0, begin))
             begin = builder.add(begin, step)
         near, far = builder.fadd(builder.fadd(taps[1], taps[2]), taps[3]), builder.fadd(taps[0], taps[4])
-        rows.store(rows.fma(far, ir.Constant(_SQUARES, [END_WEIGHT] * SQUARES), near), 3, target)
+        rows.store(rows.fma(far, ir.Constant(_SQUARES, [END_WEIGHT] * SQUARES_PER_ROW), near), 3, target)
         return context.get_dummy_value()
 
     return types.void(source, types.int64, types.int64, out, types.int64), emit
@@ -152,7 +157,9 @@ def _pool_row(typing, values, begin, below, share, sums, target):
         rows, (_, begin, below, share, _, target) = _Rows(context, builder, signature, arguments), arguments
         upper, lower = rows.load(0, begin, _PIXELS), rows.load(0, builder.add(begin, below), _PIXELS)
         both = builder.fadd(upper, lower)
-        pooled = builder.fadd(rows.chosen(both, range(0, PIXELS, 2)), rows.chosen(both, range(1, PIXELS, 2)))
+        pooled = builder.fadd(
+            rows.chosen(both, range(0, PIXELS_PER_ROW, 2)), rows.chosen(both, range(1, PIXELS_PER_ROW, 2))
+        )
         rows.store(rows.fma(spread_value(builder, share, _SQUARES), pooled, rows.load(4, target)), 4, target)
         return context.get_dummy_value()
 
@@ -183,10 +190,14 @@ def _blend_rows(typing, squares, near, far, out, target):
 def _spread_rows(typing, squares, near, far, out, target):
     def emit(context, builder, signature, arguments):
         rows, (_, near, far, _, target) = _Rows(context, builder, signature, arguments), arguments
-        values, last = rows.between(rows.load(0, near), rows.load(0, far)), SQUARES - 1
-        left = rows.between(values, rows.chosen(values, [max(place - 1, 0) for place in range(SQUARES)]))
-        right = rows.between(values, rows.chosen(values, [min(place + 1, last) for place in range(SQUARES)]))
-        rows.store(rows.chosen(left, [place // 2 + place % 2 * SQUARES for place in range(PIXELS)], right), 3, target)
+        values, last = rows.between(rows.load(0, near), rows.load(0, far)), SQUARES_PER_ROW - 1
+        left = rows.between(values, rows.chosen(values, [max(place - 1, 0) for place in range(SQUARES_PER_ROW)]))
+        right = rows.between(values, rows.chosen(values, [min(place + 1, last) for place in range(SQUARES_PER_ROW)]))
+        rows.store(
+            rows.chosen(left, [place // 2 + place % 2 * SQUARES_PER_ROW for place in range(PIXELS_PER_ROW)], right),
+            3,
+            target,
+        )
         return context.get_dummy_value()
 
     return types.void(squares, types.int64, types.int64, out, types.int64), emit

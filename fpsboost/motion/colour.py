@@ -120,7 +120,7 @@ def _luma_and_chroma(image: Pixels) -> tuple[NDArray[Any], NDArray[Any]]:
     return converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
 
 
-def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int = 9) -> NDArray[Any]:
+def contrast_planes(image: Pixels, padding: int, bandwidth: float, high_pass_size: int = 9) -> NDArray[Any]:
     """Return the `contrast_components` in bytes for the kernels, computed in a single pass.
 
     Parameters
@@ -128,7 +128,7 @@ def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int =
     image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     padding : int
         Pixels on every side; the right side is padded by a few vectors more.
-    v : float
+    bandwidth : float
         Bandwidth of the similarity.
     high_pass_size : int
         As in `contrast_components`.
@@ -139,7 +139,7 @@ def contrast_planes(image: Pixels, padding: int, v: float, high_pass_size: int =
         Scaled by `fpsboost.kernels.levels.level_scale`, with repeated edges; contiguous.
     """
     height, width = image.shape[:2]
-    scale = np.float32(level_scale(v))
+    scale = np.float32(level_scale(bandwidth))
     luma = np.empty((height, width), np.float32)
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
     if isinstance(image, YCbCrImage):

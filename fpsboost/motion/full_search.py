@@ -41,7 +41,7 @@ def search_fused(
     search_radius: int,
     patch_radius: int,
     window: Window,
-    v: float,
+    bandwidth: float,
     penalty: float = 0.0,
 ) -> tuple[MotionField, MotionField]:
     """Search every offset with one fused kernel for both directions.
@@ -49,8 +49,10 @@ def search_fused(
     Parameters
     ----------
     colours0, colours1 : (H, W, 3) float32
-    search_radius, patch_radius, window, v
+    search_radius, patch_radius, window
         As in `ExhaustiveSearch`.
+    bandwidth : float
+        Bandwidth of the similarity, `ExhaustiveSearch.v`.
     penalty : float
         Cost of a pixel of motion, in x and in y, in units of similarity; 0 in the report.
 
@@ -62,7 +64,7 @@ def search_fused(
     height, width = colours0.shape[:2]
     taps = None if window == "box" else window_taps(window, patch_radius)
     margin = search_radius + 4
-    scale = colour_scale(v)
+    scale = colour_scale(bandwidth)
     planes0 = padded_planes(colours0, patch_radius, 0, LANES, scale)
     planes1 = padded_planes(colours1, patch_radius, margin, margin + LANES, scale)
     score_type = np.int32 if taps is None else np.float32
@@ -86,7 +88,7 @@ def search_fused(
 
 
 def search_by_passes(
-    colours0: Components, colours1: Components, search_radius: int, patch_radius: int, window: Window, v: float
+    colours0: Components, colours1: Components, search_radius: int, patch_radius: int, window: Window, bandwidth: float
 ) -> tuple[MotionField, MotionField]:
     """Search every offset as the report states it: full-image passes per offset, one direction after the other.
 
@@ -97,19 +99,19 @@ def search_by_passes(
     )
     taps = np.array(window_taps(window, patch_radius))
     return (
-        _passes_one_way(padded0, padded1, search_radius, patch_radius, taps, v),
-        _passes_one_way(padded1, padded0, search_radius, patch_radius, taps, v),
+        _passes_one_way(padded0, padded1, search_radius, patch_radius, taps, bandwidth),
+        _passes_one_way(padded1, padded0, search_radius, patch_radius, taps, bandwidth),
     )
 
 
 def _passes_one_way(
-    a: Components, b: Components, search_radius: int, patch_radius: int, taps: NDArray[Any], v: float
+    a: Components, b: Components, search_radius: int, patch_radius: int, taps: NDArray[Any], bandwidth: float
 ) -> MotionField:
     height, width = a.shape[0] - 2 * patch_radius, a.shape[1] - 2 * patch_radius
     flow, best = np.zeros((height, width, 2), np.float32), np.full((height, width), -1, np.float32)
     inner = slice(patch_radius, -patch_radius)
     box = np.ptp(taps) == 0
-    exponent = np.full((1, 3), -1 / (2 * v * v), np.float32)
+    exponent = np.full((1, 3), -1 / (2 * bandwidth * bandwidth), np.float32)
     for dx, dy in rank_offsets(search_radius)[1].astype(int).tolist():
         y0, y1, x0, x1 = max(0, -dy), min(height, height - dy), max(0, -dx), min(width, width - dx)
         if y0 >= y1 or x0 >= x1:

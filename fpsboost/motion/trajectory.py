@@ -18,10 +18,10 @@ from fpsboost.motion.field import MotionField, point_places
 CONSISTENT = 1.5
 """Maximum forward-backward error of a valid vector, pixels."""
 
-ONE_SIDED = 0.8
+ONE_SIDED_WEIGHT = 0.8
 """Weight of the acceleration if it is estimated from one neighbouring pair only."""
 
-TWO_SIDED = 1.5
+TWO_SIDED_WEIGHT = 1.5
 """Weight of the acceleration if it is estimated from both neighbouring pairs. A Catmull-Rom spline has 1, which is
 exact for slowly changing motion; the ideal interpolation of motion that may change from pair to pair, a sinc, has 4 if
 truncated after two frames on each side."""

@@ -16,13 +16,19 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, Pixels, as_array, has_alpha
-from fpsboost.kernels.candidates import CELL, MOTION, SUMS, collect_candidates, list_candidates
+from fpsboost.kernels.candidates import (
+    NODE_SPACING,
+    SUMS_PER_CANDIDATE,
+    VALUES_PER_MOTION,
+    collect_candidates,
+    list_candidates,
+)
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.multi_hypothesis import SPARE, Samples, blend_hypotheses, patch_shares, window_shape
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
-from fpsboost.motion.trajectory import ONE_SIDED, TWO_SIDED, accelerations_at_points
+from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accelerations_at_points
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
 from fpsboost.ycbcr import YCbCrImage
@@ -71,7 +77,7 @@ class Candidates(NamedTuple):
     listed: NDArray[Any]
     """Number of candidates, (rows, columns) int32."""
     motions: NDArray[Any]
-    """Motion of each candidate, (rows, columns, room, MOTION) float32."""
+    """Motion of each candidate, (rows, columns, room, VALUES_PER_MOTION) float32."""
     weights: NDArray[Any]
     """Prior weight of each candidate, (rows, columns, room) float32."""
 
@@ -118,8 +124,10 @@ class MultiHypothesis:
     def __post_init__(self) -> None:
         if self.step < 1:
             raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
-        if not self.support >= CELL:
-            raise OptionError(f"support must be at least {CELL} pixels, or motions are lost, not {self.support}.")
+        if not self.support >= NODE_SPACING:
+            raise OptionError(
+                f"support must be at least {NODE_SPACING} pixels, or motions are lost, not {self.support}."
+            )
         if not self.tolerance >= 0:
             raise OptionError(f"tolerance must be at least 0 pixels, not {self.tolerance}.")
         if self.most < 1:
@@ -183,11 +191,11 @@ class MultiHypothesis:
     def _candidates(self, votes_of_both: tuple[Votes, Votes], size: tuple[int, int], t: float) -> Candidates:
         """Return the candidates around each node at time t."""
         height, width = size
-        nodes = -(-height // CELL), -(-width // CELL)
+        nodes = -(-height // NODE_SPACING), -(-width // NODE_SPACING)
         count = np.zeros(nodes, np.int32)
         votes, sums = (
             np.zeros((*nodes, CANDIDATE_CAPACITY), np.float32),
-            np.zeros((*nodes, CANDIDATE_CAPACITY, SUMS), np.float32),
+            np.zeros((*nodes, CANDIDATE_CAPACITY, SUMS_PER_CANDIDATE), np.float32),
         )
         for each, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
             collect_candidates(
@@ -204,7 +212,7 @@ class MultiHypothesis:
                 sums,
             )
         room = self.most + 1  # including zero motion
-        motions, weights = np.zeros((*nodes, room, MOTION), np.float32), np.empty((*nodes, room), np.float32)
+        motions, weights = np.zeros((*nodes, room, VALUES_PER_MOTION), np.float32), np.empty((*nodes, room), np.float32)
         list_candidates(
             count,
             votes,
@@ -222,7 +230,7 @@ class MultiHypothesis:
         """Return the votes of the points of each frame: motion to the other frame, its gradients and acceleration."""
         field01, field10 = frame_pair.field01, frame_pair.field10
         before, after = frame_pair.before, frame_pair.after
-        share = np.float32(TWO_SIDED if before and after else ONE_SIDED)
+        share = np.float32(TWO_SIDED_WEIGHT if before and after else ONE_SIDED_WEIGHT)
         away0 = (before.field10, before.field01) if before else None
         away1 = (after.field01, after.field10) if after else None
         changes0 = accelerations_at_points((field01, field10), away0, before.ratio if before else 1, self.step)
