@@ -134,10 +134,11 @@ class WithConstants:
         yield from images
 
 
-def list_moving_candidates(count: NDArray[Any], *others: Any) -> None:
+def list_moving_candidates(*arguments: Any) -> None:
     """List candidates like `fpsboost.kernels.candidates.list_candidates`, but zero motion only if there is no other."""
-    list_candidates(count, *others)
-    count[count > 1] -= 1  # the last one is no motion
+    list_candidates(*arguments)
+    listed = arguments[-1].listed
+    listed[listed > 1] -= 1  # the last one is no motion
 
 
 @dataclass(frozen=True)

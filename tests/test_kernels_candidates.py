@@ -13,6 +13,9 @@ from fpsboost.kernels.candidates import (
     SUMS_PER_CANDIDATE,
     UNKNOWN,
     VALUES_PER_MOTION,
+    Candidates,
+    CollectedVotes,
+    Votes,
     collect_candidates,
     list_candidates,
 )
@@ -43,19 +46,19 @@ def collect(
         changes = no_acceleration(each) if accelerations[frame] is None else accelerations[frame]
         trust = np.ones(each.shape[:2], np.float32) if trusts is None else trusts[frame]
         collect_candidates(
-            each,
-            np.zeros((*each.shape, 2), np.float32) if gradients is None else gradients[frame],
-            changes,
-            trust,
+            Votes(
+                each,
+                np.zeros((*each.shape, 2), np.float32) if gradients is None else gradients[frame],
+                changes,
+                trust,
+            ),
             np.float32(sign),
             np.float32(t),
             step,
             np.float32(support),
             np.float32(tolerance),
             *size,
-            count,
-            votes,
-            sums,
+            CollectedVotes(count, votes, sums),
         )
     return count, votes, sums
 
@@ -223,8 +226,9 @@ def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01, le
         np.full((1, 1, room), np.nan, np.float32),
     )
     numbers = np.float32(still_votes), np.float32(spread), np.float32(least_share), np.float32(least)
-    list_candidates(count, votes, sums, *numbers, motions, weights)
-    return count[0, 0], motions[0, 0], weights[0, 0]
+    listed = np.full((1, 1), -1, np.int32)
+    list_candidates(CollectedVotes(count, votes, sums), *numbers, Candidates(listed, motions, weights))
+    return listed[0, 0], motions[0, 0], weights[0, 0]
 
 
 def candidate(vote, dx, dy, known=0.0, ax=0.0, ay=0.0, variance=0.0, gradient=(0.0, 0.0, 0.0, 0.0)):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from truth import noise, waves
 from twins import fading, finished, fused, spline_coefficients, spline_window, uncompiled
 
-from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION
+from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION, Candidates
 from fpsboost.kernels.multi_hypothesis import (
     AREA,
     BLOCK,
@@ -21,17 +21,24 @@ from fpsboost.kernels.multi_hypothesis import (
     SQUARES_PER_ROW,
     SQUARES_PER_WINDOW,
     WINDOW,
+    Blended,
+    Plane,
     Room,
+    SampledImage,
     Samples,
+    ValueRange,
+    Weighting,
+    WindowPlace,
     blend_hypotheses,
     decay,
     fetch_rigid,
     fetch_window,
     finish_confidence,
     finish_rows,
+    make_layer,
     mark_inside,
-    mix_fetched,
     patch_shares,
+    sample_layer,
     smallest,
     sum_patches,
     window_shape,
@@ -61,7 +68,7 @@ def listed(candidates):
         count[place] = len(candidates[place])
         for k, (weight, *motion) in enumerate(candidates[place]):
             weights[place][k], motions[place][k] = weight, [*motion, 0, 0, 0, 0][:VALUES_PER_MOTION]
-    return count, motions, weights
+    return Candidates(count, motions, weights)
 
 
 def split(image):
@@ -74,28 +81,19 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
     image = np.full(image0.shape, np.nan, np.float32)
     confidence = np.full(image0.shape[:2], np.nan, np.float32)
     numbers = [np.float32(each) for each in (scale, sharpness, enough, negligible)]
+    bounds = (np.float32(each) for each in (1, 0, -1e30, 1e30))
     nothing = Samples(np.empty((0, 1, 1), np.float32), np.empty((0, 1, 1), np.float32), np.float32(1))
     chroma0, chroma1 = (nothing, nothing) if chroma is None else (samples(each) for each in chroma)
     made = np.full((0, 0, 0) if chroma is None else chroma[0].shape, np.nan, np.float32)
     blend_hypotheses(
-        samples(image0),
-        samples(image1),
-        chroma0,
-        chroma1,
+        SampledImage(samples(image0), chroma0),
+        SampledImage(samples(image1), chroma1),
         1 if chroma is None else -(-len(image0) // len(chroma[0])),
         np.float32(t),
-        *listed(candidates),
-        *numbers,
-        window_shape(),
-        patch_shares(),
-        np.float32(1),
-        np.float32(0),
-        np.float32(-1e30),
-        np.float32(1e30),
-        False,
-        image.transpose(2, 0, 1),
-        made.transpose(2, 0, 1),
-        confidence,
+        listed(candidates),
+        Weighting(*numbers, window_shape(), patch_shares()),
+        ValueRange(*bounds, False),
+        Blended(image.transpose(2, 0, 1), made.transpose(2, 0, 1), confidence),
     )
     return (image, confidence) if chroma is None else (image, made, confidence)
 
@@ -318,11 +316,11 @@ def test_windows_are_sampled_as_the_spline_says(place):
     """At fractions of a pixel as the twin does, at whole ones as a copy."""
     image = noise(34, 38, 1, np.float32)
     planes, coefficients, unit = samples(image)
-    stride = planes.shape[2]
+    _, end, stride = planes.shape
     out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
     y, x = np.float32(place[0] + MARGIN), np.float32(place[1] + MARGIN)
-    flat = planes.ravel(), coefficients.ravel()
-    uncompiled(fetch_rigid)(*flat, unit, 0, stride, y, x, WINDOW, WINDOW, rows, out)
+    plane = Plane(planes.ravel(), coefficients.ravel(), unit, 0, end, stride)
+    uncompiled(fetch_rigid)(plane, y, x, WINDOW, WINDOW, rows, out)
     expected = spline_window(spline_coefficients(image[..., 0], 40), 40, *place)
     np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=1e-5)
     if all(value == int(value) for value in place):
@@ -344,11 +342,11 @@ def test_the_blocks_of_a_window_move_as_their_middles_do(share):
     ):
         planes, coefficients, unit = samples(ramp[..., np.newaxis].astype(np.float32))
         _, end, stride = coefficients.shape
-        flat = planes.ravel(), coefficients.ravel()
+        plane = Plane(planes.ravel(), coefficients.ravel(), unit, 0, end, stride)
         out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
         place = np.float32(9.5 + MARGIN), np.float32(12.25 + MARGIN)
         window = np.float32(share), motion, WINDOW, WINDOW
-        uncompiled(fetch_window)(*flat, unit, 0, stride, end, *place, *window, rows, out)
+        uncompiled(fetch_window)(plane, *place, *window, rows, out)
         np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=2e-3)
 
 
@@ -357,20 +355,17 @@ def test_the_blocks_of_a_window_move_as_their_middles_do(share):
 def test_windows_inside_are_mixed_as_they_are_fetched(motion, wide):
     """In one go as one by one, for windows that move as a whole and for those that zoom and turn."""
     frames = [samples(noise(60, 70, 1, np.float32, seed=seed)) for seed in (1, 2)]
-    _, end, stride = frames[0].planes.shape
-    flat = [part.ravel() for frame in frames for part in frame[:2]]
     motion, t = np.float32(motion), np.float32(0.25)
     places = np.float32([9.5 + MARGIN, 12.25 + MARGIN, 10.75 + MARGIN, 14.75 + MARGIN])
     found = []
     for within in (True, False):
-        room = Room(*(np.empty((WINDOW + 3) * WINDOW, np.float32) for _ in range(3)), np.empty(16, np.float32))
-        distance, mixed = np.ones(wide * wide, np.float32), np.empty(wide * wide, np.float32)
         everywhere = np.ones((4, WINDOW), np.float32)
-        uncompiled(mix_fetched)(
-            *flat, np.float32(1), 0, stride, end, *places, t, motion, wide, wide, within, everywhere, room, distance,
-            mixed,
-        )  # fmt: skip
-        found.append(np.stack([distance, mixed]))
+        room = Room(
+            *(np.empty((WINDOW + 3) * WINDOW, np.float32) for _ in range(3)), np.empty(16, np.float32), everywhere
+        )
+        layer = uncompiled(make_layer)(*frames, 1, 1, wide, 0, 0)
+        uncompiled(sample_layer)(layer, WindowPlace(*places, t, within), motion, room)
+        found.append(np.stack([layer.distance, layer.mixed[0]]))
     np.testing.assert_allclose(found[0], found[1], atol=1e-5)
 
 
@@ -424,7 +419,7 @@ def test_finished_rows_equal_their_slow_twin(dtype, white, channels):
     image = np.full((24, 13, channels), 77, dtype)
     half = 0 if dtype == np.float32 else 0.5
     bounds = (np.float32(value) for value in (white, half, lowest, highest))
-    finish_rows(band, first, last, top, *bounds, straight_alpha, image.transpose(2, 0, 1))
+    finish_rows(band, first, last, top, ValueRange(*bounds, straight_alpha), image.transpose(2, 0, 1))
     found = image[top + first : top + last].astype(float).transpose(2, 0, 1)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=half + 1e-5)
     assert (np.delete(image, range(top + first, top + last), axis=0) == 77).all()

@@ -8,9 +8,11 @@ acceleration of its votes, so that objects that cross each other keep separate t
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import JIT
 
@@ -29,22 +31,51 @@ UNKNOWN = np.float32(0.1)
 """Share of a candidate's votes that count as votes for zero acceleration."""
 
 
+class Votes(NamedTuple):
+    """Votes of the points of a frame, the first half a step from its corner, the last within it."""
+
+    vectors: NDArray[Any]
+    """Motion to the other frame, (points down, points across, 2) float32."""
+    gradients: NDArray[Any]
+    """Gradients of the motion, pixels per pixel: of dx and dy along x, then along y; (points down, points across, 2, 2)
+    float32."""
+    accelerations: NDArray[Any]
+    """1 if the acceleration is known, else 0, and the acceleration, pixels per interval squared, or 0; (points down,
+    points across, 3) float32."""
+    trust: NDArray[Any]
+    """Weight of each vote, 0 to 1, (points down, points across) float32."""
+
+
+class CollectedVotes(NamedTuple):
+    """Votes for the candidates of each node."""
+
+    listed: NDArray[Any]
+    """Candidates of each node so far, (rows, columns) int32."""
+    votes: NDArray[Any]
+    """Votes of each candidate, (rows, columns, capacity) float32."""
+    sums: NDArray[Any]
+    """Sums over the votes of each candidate, (rows, columns, capacity, SUMS_PER_CANDIDATE) float32."""
+
+
+class Candidates(NamedTuple):
+    """Candidate motions around each node."""
+
+    listed: NDArray[Any]
+    """Number of candidates, (rows, columns) int32."""
+    motions: NDArray[Any]
+    """Motion of each candidate, (rows, columns, room, VALUES_PER_MOTION) float32."""
+    weights: NDArray[Any]
+    """Weight of each candidate, (rows, columns, room) float32: at least 0, with a sum of 1; 0 beyond the listed
+    candidates."""
+
+
 @njit(cache=True, **JIT)
-def collect_candidates(
-    vectors, gradients, accelerations, trust, sign, t, step, support, tolerance, height, width, count, votes, sums
-):
+def collect_candidates(points, sign, t, step, support, tolerance, height, width, collected):
     """Add the motion of one frame to the candidates of the nodes.
 
     Parameters
     ----------
-    vectors : (points down, points across, 2) float32
-        Motion at points `step` pixels apart, the first at step / 2, the last within the frame.
-    gradients : (points down, points across, 2, 2) float32
-        Gradients of the motion, pixels per pixel: of dx and dy along x, then along y.
-    accelerations : (points down, points across, 3) float32
-        1 if the acceleration is known, else 0, and the acceleration, pixels per interval squared, or 0.
-    trust : (points down, points across) float32
-        Weight of the vote of each point, 0 to 1.
+    points : Votes
     sign : float32
         1 for frame 0, -1 for frame 1: candidates are always motions from frame 0 to frame 1.
     t : float32
@@ -58,13 +89,11 @@ def collect_candidates(
         Motions that differ by less than this along x and y are merged, pixels.
     height, width : int
         Size of the frame.
-    count : (rows, columns) int32
-        Candidates of each node so far; updated in place.
-    votes : (rows, columns, capacity) float32
-        Votes of each candidate; updated in place.
-    sums : (rows, columns, capacity, SUMS_PER_CANDIDATE) float32
-        Sums over the votes of each candidate; updated in place.
+    collected : CollectedVotes
+        Updated in place.
     """
+    vectors, gradients, accelerations, trust = points
+    count, votes, sums = collected
     rows, columns, capacity = votes.shape
     one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1 / NODE_SPACING)
     middle = np.float32(NODE_SPACING / 2)
@@ -122,16 +151,12 @@ def collect_candidates(
 
 
 @njit(cache=True, **JIT)
-def list_candidates(count, votes, sums, still_votes, spread, least_share, least, motions, weights):
+def list_candidates(collected, still_votes, spread, least_share, least, candidates):
     """Write the candidates of each node in order of decreasing votes, followed by zero motion.
 
     Parameters
     ----------
-    count : (rows, columns) int32
-        Candidates of each node; updated in place to the number listed, which is limited to `room`.
-    votes : (rows, columns, capacity) float32
-    sums : (rows, columns, capacity, SUMS_PER_CANDIDATE) float32
-        See `collect_candidates`.
+    collected : CollectedVotes
     still_votes : float32
         Votes for zero motion.
     spread : float32
@@ -140,10 +165,11 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
         Added to each candidate's share of all votes.
     least : float32
         Amount subtracted from each weight, as a share of the largest weight, so that weights fade out continuously.
-    motions : (rows, columns, room, VALUES_PER_MOTION) float32 out
-    weights : (rows, columns, room) float32 out
-        At least 0, with a sum of 1; 0 beyond the listed candidates.
+    candidates : Candidates out
+        Their number is limited to `room`.
     """
+    count, votes, sums = collected
+    listed_count, motions, weights = candidates
     rows, columns, capacity = votes.shape
     room, waiting = weights.shape[2], np.empty(capacity, np.float32)
     for row, column in np.ndindex(rows, columns):
@@ -177,7 +203,7 @@ def list_candidates(count, votes, sums, still_votes, spread, least_share, least,
             node_weights[place] = vote / all_votes + least_share
         motions[row, column, listed] = 0
         node_weights[listed] = still_votes / all_votes + least_share
-        count[row, column] = listed + 1
+        listed_count[row, column] = listed + 1
         best, total = np.float32(0), np.float32(0)
         for place in range(listed + 1):
             best = max(best, node_weights[place])

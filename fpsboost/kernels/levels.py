@@ -1,8 +1,8 @@
 """Similarity of 8-bit pixels: one minus the sum of absolute differences, truncated at 0.
 
-``max(1 - sum_c |a_c - b_c| / (4 v), 0)`` falls from 1 to 0 approximately as the report's exponential of bandwidth v does
-(section 3.2, Eqs. 3 and 4), and takes a dozen instructions for sixteen pixels. Integers make every sum exact, whatever
-its order.
+``max(1 - sum_c |a_c - b_c| / (4 v), 0)`` falls from 1 to 0 approximately as the report's exponential does (section 3.2,
+Eqs. 3 and 4; v is the bandwidth), and takes a dozen instructions for sixteen pixels. Integers make every sum exact,
+whatever its order.
 """
 
 from __future__ import annotations

@@ -46,6 +46,45 @@ class Samples(NamedTuple):
     unit: np.float32
 
 
+class SampledImage(NamedTuple):
+    """Image in the form that `blend_hypotheses` reads, with at least SPARE columns beyond the right margin."""
+
+    full: Samples
+    """Planes at full resolution."""
+    chroma: Samples
+    """Planes that have one sample for two columns of pixels; empty without chroma subsampling."""
+
+
+class Plane(NamedTuple):
+    """Plane of an image, in flat arrays that hold all its planes."""
+
+    values: NDArray[Any]
+    """(size,) uint8, uint16 or float32."""
+    coefficients: NDArray[Any]
+    """Spline coefficients of the values times `unit`, (size,) float32."""
+    unit: np.float32
+    begin: int
+    """Index of the first element of the plane, in both arrays."""
+    rows: int
+    stride: int
+    """Distance between rows."""
+
+
+class WindowPlace(NamedTuple):
+    """Position of a window in both frames at time t."""
+
+    y0: np.float32
+    """Row of the first pixel in frame 0, in plane coordinates."""
+    x0: np.float32
+    y1: np.float32
+    """Row of the first pixel in frame 1."""
+    x1: np.float32
+    t: np.float32
+    """Time, 0 to 1: the share of frame 1."""
+    within: bool
+    """Whether the whole window lies inside of both frames."""
+
+
 class Room(NamedTuple):
     """Work arrays for sampling a window."""
 
@@ -57,6 +96,121 @@ class Room(NamedTuple):
     """Window of frame 1, (AREA,) float32."""
     taps: NDArray[Any]
     """(16,) float32, horizontal and vertical weights in frame 0, then in frame 1."""
+    marks: NDArray[Any]
+    """(4, WINDOW) float32, written for windows that are partly outside: 1 for each column inside of frame 0, else 0,
+    each row, and the same for frame 1."""
+
+
+class Weighting(NamedTuple):
+    """How the candidates of a node are weighted."""
+
+    scale: np.float32
+    """Factor on squared colour differences."""
+    sharpness: np.float32
+    """Rate at which a candidate's weight decays as its similarity falls."""
+    enough: np.float32
+    """Similarity at which, once every pixel of a window has it, the candidates with fewer votes are skipped."""
+    negligible: np.float32
+    """Remaining candidates are also skipped once the votes of the next one are below this share of the least
+    accumulated weight of any pixel."""
+    window_shape: NDArray[Any]
+    """(SQUARES_PER_WINDOW,) float32; see `window_shape`."""
+    patch_shares: NDArray[Any]
+    """(SQUARES_PER_WINDOW,) float32; see `patch_shares`."""
+
+
+class ValueRange(NamedTuple):
+    """Values of an image."""
+
+    white: np.float32
+    """Factor on the blended values."""
+    rounding_offset: np.float32
+    """Added before truncation."""
+    lowest: np.float32
+    highest: np.float32
+    straight_alpha: bool
+    """Whether to divide all other planes by the last one."""
+
+
+class Blended(NamedTuple):
+    """Generated frame."""
+
+    image: NDArray[Any]
+    """Planes at full resolution, (C, height, width)."""
+    chroma: NDArray[Any]
+    """Planes of subsampled chroma, (0 or 2, rows, columns)."""
+    confidence: NDArray[Any]
+    """(height, width) float32; has no columns if the confidence is not requested."""
+
+
+class Layer(NamedTuple):
+    """Planes of one resolution: samples of both frames, work arrays for one window, and sums over windows."""
+
+    plane0: Plane
+    """First plane of frame 0."""
+    plane1: Plane
+    """First plane of frame 1."""
+    across: int
+    """Columns of pixels per sample."""
+    down: int
+    """Rows of pixels per sample."""
+    wide: int
+    """Columns of samples in a window."""
+    tall: int
+    """Rows of samples in a window."""
+    distance: NDArray[Any]
+    """Squared differences of a candidate, summed over the planes, (tall * wide,) float32."""
+    mixed: NDArray[Any]
+    """Samples of a candidate, blended by time, (C, tall * wide) float32."""
+    total: NDArray[Any]
+    """Weighted sums of the samples over the candidates of a node, (C, tall * wide) float32."""
+    band: NDArray[Any]
+    """Sums over the windows of a row of nodes, (C + 1 or C + 2, tall, width) float32: weighted values of each plane,
+    weights, and, for the confidence, weighted similarities."""
+
+
+class Window(NamedTuple):
+    """Window of a node."""
+
+    top: int
+    """First row, may be outside of the frame."""
+    left: int
+    """First column."""
+    height: int
+    """Rows of the frame."""
+    width: int
+    """Columns of the frame."""
+
+
+class NodeSums(NamedTuple):
+    """Sums over the candidates of a node, each (SQUARES_PER_WINDOW,) float32."""
+
+    weights: NDArray[Any]
+    similarities: NDArray[Any]
+    """Weighted sum."""
+    most_similar: NDArray[Any]
+    """Largest similarity of any candidate."""
+
+
+class Work(NamedTuple):
+    """Work arrays for a node; those without a shape are (SQUARES_PER_WINDOW,) float32."""
+
+    room: Room
+    squared: NDArray[Any]
+    """Squared difference of each square along a candidate."""
+    padded: NDArray[Any]
+    half_way: NDArray[Any]
+    """Both for `sum_patches`."""
+    similarity: NDArray[Any]
+    """Sum of the similarities in the patch around each square."""
+    weight: NDArray[Any]
+    """Weight of a candidate, or of the window."""
+    spread: NDArray[Any]
+    """Weight of each sample of a window, (AREA,) float32."""
+    values: NDArray[Any]
+    """Sums of each sample of a window, (AREA,) float32."""
+    chroma_motion: NDArray[Any]
+    """(VALUES_PER_MOTION,) float32."""
 
 
 WINDOW = 2 * NODE_SPACING
@@ -109,7 +263,9 @@ def decay(x):
 
 @njit(**FINITE_JIT)
 def locate_window(top, left, motion, t, height, width, marks):
-    """Return the position of a window in both frames at time t.
+    """Return the position of a window in both frames at time t, a `WindowPlace`.
+
+    Positions are limited to the margin, beyond which the repeated edges do not change.
 
     Parameters
     ----------
@@ -120,16 +276,7 @@ def locate_window(top, left, motion, t, height, width, marks):
     height, width : int
         Size of the frames.
     marks : (4, WINDOW) float32 out
-        Written if the window is partly outside: 1 for each column inside of frame 0, else 0, each row, and the same
-        for frame 1.
-
-    Returns
-    -------
-    y0, x0, y1, x1 : float32
-        Position of the first pixel in plane coordinates, limited to the margin, beyond which the repeated edges do not
-        change.
-    within : bool
-        Whether the whole window lies inside of both frames.
+        See `Room`.
     """
     curve = t * (np.float32(1) - t) * np.float32(0.5)
     x0 = np.float32(left) + curve * motion[2] - t * motion[0]
@@ -145,19 +292,27 @@ def locate_window(top, left, motion, t, height, width, marks):
     highest_x, highest_y = np.float32(width + 2), np.float32(height + 2)
     x0, x1 = min(max(x0, lowest), highest_x) + margin, min(max(x1, lowest), highest_x) + margin
     y0, y1 = min(max(y0, lowest), highest_y) + margin, min(max(y1, lowest), highest_y) + margin
-    return y0, x0, y1, x1, within
+    return WindowPlace(y0, x0, y1, x1, t, within)
+
+
+@njit(inline="always", **FINITE_JIT)
+def first_plane(samples):
+    """Return the first plane of an image's samples."""
+    _, rows, stride = samples.planes.shape
+    return Plane(samples.planes.ravel(), samples.coefficients.ravel(), samples.unit, 0, rows, stride)
 
 
 @njit(**FINITE_JIT)
-def fetch_rigid(planes, coefficients, unit, begin, stride, y, x, wide, tall, rows, out):
+def fetch_rigid(plane, y, x, wide, tall, rows, out):
     """Sample a window that moves as a whole; integer positions are copied. See `fetch_window`."""
     top, left = int(y), int(x)  # never below 1
+    values, coefficients, unit, begin, _, stride = plane
     fraction_y, fraction_x = y - np.float32(top), x - np.float32(left)
     if fraction_y == 0 and fraction_x == 0:
         for j in range(tall):
             place, to = Index(begin + (top + j) * stride + left), Index(j * wide)
             for i in range(Index(wide)):
-                out[to + i] = np.float32(planes[place + i]) * unit
+                out[to + i] = np.float32(values[place + i]) * unit
         return
     w0, w1, w2, w3 = spline_weights(fraction_x)
     for j in range(tall + 3):
@@ -170,9 +325,13 @@ def fetch_rigid(planes, coefficients, unit, begin, stride, y, x, wide, tall, row
 
 
 @njit(**FINITE_JIT)
-def locate_block(y, x, down, across, share, motion, wide, tall, end, stride):
-    """Return the position of a block of a zoomed or rotated window; a block moves as its centre does."""
-    one, last_y, last_x = np.float32(1), np.float32(end - BLOCK - 3), np.float32(stride - BLOCK - 3)
+def locate_block(y, x, share, motion, block, rows, stride):
+    """Return the position of a block of a zoomed or rotated window; a block moves as its centre does.
+
+    `block` is its first row and column in the window, and the columns and rows of the window.
+    """
+    down, across, wide, tall = block
+    one, last_y, last_x = np.float32(1), np.float32(rows - BLOCK - 3), np.float32(stride - BLOCK - 3)
     from_x, from_y = np.float32(across + (BLOCK - wide) // 2), np.float32(down + (BLOCK - tall) // 2)
     place_x = x + np.float32(across) + share * (from_x * motion[4] + from_y * motion[6])
     place_y = y + np.float32(down) + share * (from_x * motion[5] + from_y * motion[7])
@@ -187,21 +346,12 @@ def is_rigid(motion):
 
 
 @njit(**FINITE_JIT)
-def fetch_window(planes, coefficients, unit, begin, stride, end, y, x, share, motion, wide, tall, rows, out):
+def fetch_window(plane, y, x, share, motion, wide, tall, rows, out):
     """Sample a window whose motion at the centre places its first pixel at (y, x), in plane coordinates.
 
     Parameters
     ----------
-    planes : (size,) uint8, uint16 or float32
-    coefficients : (size,) float32
-        Spline coefficients of the planes times `unit`.
-    unit : float32
-    begin : int
-        Index of the first element of a plane, in both arrays.
-    stride : int
-        Distance between rows.
-    end : int
-        Rows of a plane.
+    plane : Plane
     y, x : float32
         Position, at least 1, and at least a window and 2 pixels from the ends.
     share : float32
@@ -214,11 +364,13 @@ def fetch_window(planes, coefficients, unit, begin, stride, end, y, x, share, mo
     out : (tall * wide,) float32 out
     """
     if is_rigid(motion):
-        fetch_rigid(planes, coefficients, unit, begin, stride, y, x, wide, tall, rows, out)
+        fetch_rigid(plane, y, x, wide, tall, rows, out)
         return
+    _, coefficients, _, begin, plane_rows, stride = plane
     for down in range(0, tall, BLOCK):
         for across in range(0, wide, BLOCK):
-            place_y, place_x = locate_block(y, x, down, across, share, motion, wide, tall, end, stride)
+            block = down, across, wide, tall
+            place_y, place_x = locate_block(y, x, share, motion, block, plane_rows, stride)
             top, left = int(place_y), int(place_x)
             place, to = begin + (top - 1) * stride + left - 1, down * wide + across
             w0, w1, w2, w3 = spline_weights(place_x - np.float32(left))
@@ -230,63 +382,98 @@ def fetch_window(planes, coefficients, unit, begin, stride, end, y, x, share, mo
 
 
 @njit(**FINITE_JIT)
-def set_taps(y, x, number, taps):
-    """Write the weights of a position in one of two frames; return the row and column of its first coefficient."""
+def set_taps(stride, y, x, number, taps):
+    """Write the weights of a position in one of two frames; return the index of its first coefficient."""
     top, left = int(y), int(x)
     for k, fraction in enumerate((x - np.float32(left), y - np.float32(top))):
         w0, w1, w2, w3 = spline_weights(fraction)
         at = 8 * number + 4 * k
         taps[at], taps[at + 1], taps[at + 2], taps[at + 3] = w0, w1, w2, w3
-    return top - 1, left - 1
+    return (top - 1) * stride + left - 1
 
 
 @njit(**FINITE_JIT)
-def mix_fetched(
-    planes0, spline0, planes1, spline1, unit, begin, stride, end, y0, x0, y1, x1, t, motion, wide, tall, within, marks,
-    room, distance, mixed,
-):  # fmt: skip
-    """Sample a window of both frames, blend the samples by time, and add up their squared differences.
+def mix_fetched(layer, place, motion, room):
+    """Do the same as `sample_layer` for any window, in several passes."""
+    values0, coefficients0, unit, _, rows, stride = layer.plane0
+    values1, coefficients1 = layer.plane1.values, layer.plane1.coefficients
+    wide, tall, distance, mixed, t = layer.wide, layer.tall, layer.distance, layer.mixed, place.t
+    filtered, first, second = room.rows, room.first, room.second
+    for c in range(mixed.shape[0]):
+        begin, to = c * rows * stride, mixed[c]
+        plane = Plane(values0, coefficients0, unit, begin, rows, stride)
+        fetch_window(plane, place.y0, place.x0, -t, motion, wide, tall, filtered, first)
+        plane = Plane(values1, coefficients1, unit, begin, rows, stride)
+        fetch_window(plane, place.y1, place.x1, np.float32(1) - t, motion, wide, tall, filtered, second)
+        for i in range(Index(to.size)):
+            difference = second[i] - first[i]
+            distance[i] = fma(difference, difference, distance[i])
+            to[i] = fma(t, difference, first[i])
+        if not place.within:
+            mix_inside(t, room.marks, WINDOW // wide, WINDOW // tall, first, second, to)
+
+
+@njit(**FINITE_JIT)
+def mix_rigid(layer, place, taps):
+    """Do the same as `sample_layer` for a window that moves as a whole and lies inside of both frames."""
+    coefficients0, coefficients1, stride = layer.plane0.coefficients, layer.plane1.coefficients, layer.plane0.stride
+    wide, tall, distance, mixed, t = layer.wide, layer.tall, layer.distance, layer.mixed, place.t
+    place0 = set_taps(stride, place.y0, place.x0, 0, taps)
+    place1 = set_taps(stride, place.y1, place.x1, 1, taps)
+    for c in range(mixed.shape[0]):
+        to = mixed[c]
+        for i in range(0, wide, SIXTEEN):
+            mix_sixteen(
+                coefficients0, place0 + i, coefficients1, place1 + i, stride, tall, taps, t, wide, to, distance, i
+            )
+        place0 += layer.plane0.rows * stride
+        place1 += layer.plane0.rows * stride
+
+
+@njit(**FINITE_JIT)
+def mix_blocks(layer, place, motion, taps):
+    """Do the same as `sample_layer` for a zoomed or rotated window that lies inside of both frames."""
+    coefficients0, coefficients1 = layer.plane0.coefficients, layer.plane1.coefficients
+    rows, stride, size = layer.plane0.rows, layer.plane0.stride, layer.plane0.rows * layer.plane0.stride
+    wide, tall, distance, mixed, t = layer.wide, layer.tall, layer.distance, layer.mixed, place.t
+    y0, x0, y1, x1 = place.y0, place.x0, place.y1, place.x1
+    for c in range(mixed.shape[0]):
+        to, begin = mixed[c], c * size
+        for down in range(0, tall, BLOCK):
+            for across in range(0, wide, BLOCK):
+                block = down, across, wide, tall
+                v0, u0 = locate_block(y0, x0, -t, motion, block, rows, stride)
+                v1, u1 = locate_block(y1, x1, np.float32(1) - t, motion, block, rows, stride)
+                place0 = begin + set_taps(stride, v0, u0, 0, taps)
+                place1 = begin + set_taps(stride, v1, u1, 1, taps)
+                target = down * wide + across
+                mix_eight(
+                    coefficients0, place0, coefficients1, place1, stride, BLOCK, taps, t, wide, to, distance, target
+                )
+
+
+@njit(inline="always", **FINITE_JIT)
+def sample_layer(layer, place, motion, room):
+    """Sample a window of both frames along a motion, blend the samples by time, and sum their squared differences.
 
     Parameters
     ----------
-    planes0, spline0, planes1, spline1, unit, begin, stride, end, y0, x0, y1, x1, motion, wide, tall
-        As for `fetch_window`, for both frames.
-    t : float32
-    within, marks
-        As returned by `locate_window`: samples outside of their frame have no weight unless both are outside.
+    layer : Layer
+        Its work arrays for a candidate are written.
+    place : WindowPlace
+    motion : (VALUES_PER_MOTION,) float32
     room : Room
-    distance : (tall * wide,) float32
-        Sums of squared differences; updated in place.
-    mixed : (tall * wide,) float32 out
+        Its marks are those of the place: samples outside of their frame have no weight unless both are outside.
     """
-    one, rigid = np.float32(1), is_rigid(motion)
+    rigid, y0, x0, y1, x1 = is_rigid(motion), place.y0, place.x0, place.y1, place.x1
     is_whole = (y0 == int(y0) and x0 == int(x0)) or (y1 == int(y1) and x1 == int(x1))
-    if not within or (rigid and is_whole):
-        first, second = room.first, room.second
-        fetch_window(planes0, spline0, unit, begin, stride, end, y0, x0, -t, motion, wide, tall, room.rows, first)
-        fetch_window(planes1, spline1, unit, begin, stride, end, y1, x1, one - t, motion, wide, tall, room.rows, second)
-        for i in range(Index(mixed.size)):
-            difference = second[i] - first[i]
-            distance[i] = fma(difference, difference, distance[i])
-            mixed[i] = fma(t, difference, first[i])
-        if not within:
-            mix_inside(t, marks, WINDOW // wide, WINDOW // tall, first, second, mixed)
+    layer.distance[:] = 0
+    if not place.within or (rigid and is_whole):
+        mix_fetched(layer, place, motion, room)
     elif rigid:
-        row0, column0 = set_taps(y0, x0, 0, room.taps)
-        row1, column1 = set_taps(y1, x1, 1, room.taps)
-        place0, place1 = begin + row0 * stride + column0, begin + row1 * stride + column1
-        for i in range(0, wide, SIXTEEN):
-            mix_sixteen(spline0, place0 + i, spline1, place1 + i, stride, tall, room.taps, t, wide, mixed, distance, i)
+        mix_rigid(layer, place, room.taps)
     else:
-        for down in range(0, tall, BLOCK):
-            for across in range(0, wide, BLOCK):
-                v0, u0 = locate_block(y0, x0, down, across, -t, motion, wide, tall, end, stride)
-                v1, u1 = locate_block(y1, x1, down, across, one - t, motion, wide, tall, end, stride)
-                row0, column0 = set_taps(v0, u0, 0, room.taps)
-                row1, column1 = set_taps(v1, u1, 1, room.taps)
-                place0, place1 = begin + row0 * stride + column0, begin + row1 * stride + column1
-                to = down * wide + across
-                mix_eight(spline0, place0, spline1, place1, stride, BLOCK, room.taps, t, wide, mixed, distance, to)
+        mix_blocks(layer, place, motion, room.taps)
 
 
 @njit(**FINITE_JIT)
@@ -407,7 +594,7 @@ def smallest(values, room):
 
 
 @njit(**FINITE_JIT)
-def finish_rows(band, first, last, top, white, half, lowest, highest, straight_alpha, image):
+def finish_rows(band, first, last, top, value_range, image):
     """Normalise and write rows of the frame that no further window contributes to.
 
     Parameters
@@ -416,12 +603,10 @@ def finish_rows(band, first, last, top, white, half, lowest, highest, straight_a
         Weighted sums of the planes, and sums of the weights; the weighted sums are divided in place.
     first, last, top : int
         Rows of the band to write, from `first` to before `last`, and the row of the frame at which the band begins.
-    white, half, lowest, highest : float32
-        Factor on the values, offset added before truncation, and range of the image's values.
-    straight_alpha : bool
-        Whether to divide all other planes by the last one.
+    value_range : ValueRange
     image : (C, height, width) out
     """
+    white, offset, lowest, highest, straight_alpha = value_range
     channels, _, width = image.shape
     for j in range(first, last):
         weight = band[channels, j]
@@ -436,7 +621,7 @@ def finish_rows(band, first, last, top, white, half, lowest, highest, straight_a
                 value = values[x]
                 if divides:
                     value /= max(alpha[x], np.float32(1e-6))
-                value = min(max(value * white + half, lowest), highest)
+                value = min(max(value * white + offset, lowest), highest)
                 to[x] = image.dtype.type(value)
 
 
@@ -444,8 +629,8 @@ def finish_rows(band, first, last, top, white, half, lowest, highest, straight_a
 def finish_confidence(weights, similarities, first, last, top, confidence):
     """Write rows of the confidence that no further window contributes to: mean similarity to the eighth power.
 
-    The mean is weighted. The power corresponds to a bandwidth of about a third: a few levels of difference hardly change the
-    weights, but are visible.
+    The mean is weighted. The power corresponds to a bandwidth of about a third: a few levels of difference hardly
+    change the weights, but are visible.
     """
     for j in range(first, last):
         for x in range(confidence.shape[1]):
@@ -468,173 +653,219 @@ def shift_rows_up(band, rows):
                 band[c, j, x] = 0
 
 
+@njit(inline="always", **FINITE_JIT)
+def make_work(marks):
+    """Return the work arrays for a node."""
+    rows = np.empty((WINDOW + 3) * WINDOW, np.float32)
+    return Work(
+        Room(rows, np.empty(AREA, np.float32), np.empty(AREA, np.float32), np.empty(16, np.float32), marks),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.zeros((SQUARES_PER_ROW + 2 * PATCH_RADIUS) * SQUARES_PER_ROW, np.float32),
+        np.zeros(SQUARES_PER_ROW * PADDED, np.float32),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.empty(AREA, np.float32),
+        np.empty(AREA, np.float32),
+        np.empty(VALUES_PER_MOTION, np.float32),
+    )
+
+
+@njit(inline="always", **FINITE_JIT)
+def make_layer(samples0, samples1, across, down, wide, band_planes, width):
+    """Return the layer of a frame's planes, for windows of `wide` samples and frames of `width`."""
+    channels, tall = samples0.planes.shape[0], wide * across // down
+    return Layer(
+        first_plane(samples0),
+        first_plane(samples1),
+        across,
+        down,
+        wide,
+        tall,
+        np.empty(tall * wide, np.float32),
+        np.empty((channels, tall * wide), np.float32),
+        np.empty((channels, tall * wide), np.float32),
+        np.zeros((band_planes, tall, width), np.float32),
+    )
+
+
+@njit(inline="always", **FINITE_JIT)
+def locate_chroma(place, motion, down, scaled):
+    """Return the position of a window in chroma, and write its motion in chroma samples.
+
+    The chroma siting has no influence on displacements.
+    """
+    margin, by_row, half = np.float32(MARGIN), np.float32(1) / np.float32(down), np.float32(0.5)
+    y0, y1 = (place.y0 - margin) * by_row + margin, (place.y1 - margin) * by_row + margin
+    x0, x1 = (place.x0 - margin) * half + margin, (place.x1 - margin) * half + margin
+    scaled[4], scaled[7] = motion[4], motion[7]
+    scaled[5], scaled[6] = motion[5] * by_row * 2, motion[6] * down * half
+    return WindowPlace(y0, x0, y1, x1, place.t, place.within)
+
+
+@njit(inline="always", **FINITE_JIT)
+def weigh_squares(prior, sharpness, similarity, patch_shares, weight, sums):
+    """Compute the weights of a candidate from the similarities in its patches, and add them to the sums of the node."""
+    weights, similarities, most_similar = sums
+    for i in range(SQUARES_PER_WINDOW):
+        alike = similarity[i] * patch_shares[i]
+        w = prior * decay(sharpness * (np.float32(1) - alike))
+        weight[i] = w
+        weights[i] += w
+        similarities[i] = fma(w, alike, similarities[i])
+        most_similar[i] = max(most_similar[i], alike)
+
+
+@njit(inline="always", **FINITE_JIT)
+def add_samples(mixed, weight, across, down, spread, total):
+    """Add the samples of a candidate, times their weights, to the sums of the node."""
+    spread_squares(weight, across, down, spread)
+    for c in range(Index(mixed.shape[0])):
+        for i in range(Index(spread.size // (across * down))):
+            total[c, i] = fma(spread[i], mixed[c, i], total[c, i])
+
+
+@njit(inline="always", **FINITE_JIT)
+def sum_candidates(full, chroma, window, t, motions, priors, weighting, work, sums):
+    """Sum the samples of a window over the candidates of its node.
+
+    Parameters
+    ----------
+    full, chroma : Layer
+    window : Window
+    t : float32
+    motions : (candidates, VALUES_PER_MOTION) float32
+    priors : (candidates,) float32
+        Weights of the candidates by their votes; see `fpsboost.kernels.candidates`.
+    weighting : Weighting
+    work : Work
+    sums : NodeSums
+    """
+    room, squared, padded, half_way, similarity, weight, spread, _, chroma_motion = work
+    top, left, height, width = window
+    distance, mixed, total, chroma_mixed, chroma_total = (
+        full.distance,
+        full.mixed,
+        full.total,
+        chroma.mixed,
+        chroma.total,
+    )
+    weights, similarities, most_similar = sums
+    marks, patch_shares = room.marks, weighting.patch_shares
+    total[:] = 0
+    chroma_total[:] = 0
+    weights[:] = MIN_WEIGHT_SUM
+    similarities[:] = 0
+    most_similar[:] = 0
+    least_weight, least_similar = np.float32(0), np.float32(0)
+    for k in range(priors.size):
+        prior = priors[k]
+        if prior <= 0:
+            continue
+        if prior < weighting.negligible * least_weight or least_similar >= weighting.enough:
+            break
+        motion = motions[k]
+        place = locate_window(top, left, motion, t, height, width, marks)
+        sample_layer(full, place, motion, room)
+        squared[:] = 0
+        for j in range(SQUARES_PER_ROW):
+            pool_row(distance, 2 * j * WINDOW, WINDOW, np.float32(0.25), squared, j * SQUARES_PER_ROW)
+        if chroma_mixed.shape[0]:
+            sample_layer(chroma, locate_chroma(place, motion, chroma.down, chroma_motion), chroma_motion, room)
+            pool_chroma(chroma.distance, chroma.down, squared)
+        for i in range(SQUARES_PER_WINDOW):
+            squared[i] = decay(squared[i] * weighting.scale)
+        sum_patches(squared, padded, half_way, similarity)
+        weigh_squares(prior, weighting.sharpness, similarity, patch_shares, weight, sums)
+        least_weight, least_similar = smallest(weights, squared), smallest(most_similar, squared)
+        add_samples(mixed, weight, full.across, full.down, spread, total)
+        if chroma_mixed.shape[0]:
+            add_samples(chroma_mixed, weight, chroma.across, chroma.down, spread, chroma_total)
+
+
+@njit(inline="always", **FINITE_JIT)
+def weigh_window(shape, sums, weight):
+    """Compute the weight of a node's window: larger where it is more similar than neighbouring windows.
+
+    It is not so much larger that the border of the window would be visible.
+    """
+    for i in range(SQUARES_PER_WINDOW):
+        weight[i] = shape[i] / math.sqrt(sums[i])
+
+
+@njit(inline="always", **FINITE_JIT)
+def add_node(layer, window, weight, sums, spread, values):
+    """Add the mean of a node's window to the band of a layer, and the sums of its weights and similarities."""
+    channels, across, down = layer.mixed.shape[0], layer.across, layer.down
+    if channels == 0:
+        return
+    first_y, last_y = max(-window.top, 0) // down, (min(window.height - window.top, WINDOW) + down - 1) // down
+    first_x, last_x = max(-window.left, 0) // across, (min(window.width - window.left, WINDOW) + across - 1) // across
+    left = window.left // across
+    spread_squares(weight, across, down, spread)
+    for c in range(channels):
+        add_window(spread, layer.wide, layer.total[c], first_y, last_y, first_x, last_x, left, layer.band[c])
+    spread_squares(sums.weights, across, down, values)
+    add_window(spread, layer.wide, values, first_y, last_y, first_x, last_x, left, layer.band[channels])
+    if layer.band.shape[0] > channels + 1:
+        spread_squares(sums.similarities, across, down, values)
+        add_window(spread, layer.wide, values, first_y, last_y, first_x, last_x, left, layer.band[channels + 1])
+
+
+@njit(inline="always", **FINITE_JIT)
+def finish_layer(layer, first, last, top, rows, value_range, image):
+    """Write rows of pixels of a layer that no further window contributes to, and shift its band up by `rows`."""
+    down = layer.down
+    finish_rows(layer.band, first // down, (last + down - 1) // down, top // down, value_range, image)
+    shift_rows_up(layer.band, rows // down)
+
+
 @njit(cache=True, **FINITE_JIT)
-def blend_hypotheses(
-    samples0, samples1, chroma0, chroma1, down, t, count, motions, weights, scale, sharpness, enough, negligible,
-    shape, inverse, white, half, lowest, highest, straight_alpha, image, chroma, confidence,
-):  # fmt: skip
+def blend_hypotheses(frame0, frame1, down, t, candidates, weighting, value_range, blended):
     """Write the in-between frame, one row of nodes at a time.
 
     Parameters
     ----------
-    samples0, samples1 : Samples
-        Samples of both frames, with at least SPARE columns beyond the right margin.
-    chroma0, chroma1 : Samples
-        Samples of planes that have one sample for two columns of pixels; empty without chroma subsampling.
+    frame0, frame1 : SampledImage
     down : int
         Rows of pixels per row of chroma, 1 or 2.
     t : float32
-    count : (rows, columns) int32
-    motions : (rows, columns, room, VALUES_PER_MOTION) float32
-    weights : (rows, columns, room) float32
-        See `fpsboost.kernels.candidates`.
-    scale : float32
-        Factor on squared colour differences.
-    sharpness : float32
-        Rate at which a candidate's weight decays as its similarity falls.
-    enough : float32
-        Similarity at which, once every pixel of a window has it, the candidates with fewer votes are skipped.
-    negligible : float32
-        Remaining candidates are also skipped once the votes of the next one are below this share of the least
-        accumulated weight of any pixel.
-    shape, inverse : (SQUARES_PER_WINDOW,) float32
-        As returned by `window_shape` and `patch_shares`.
-    white, half, lowest, highest, straight_alpha
-        As for `finish_rows`.
-    image : (C, height, width) out
-    chroma : (0 or 2, rows of chroma, columns of chroma) out
-    confidence : (height, width) float32 out
-        Has no columns if the confidence is not requested.
+    candidates : fpsboost.kernels.candidates.Candidates
+    weighting : Weighting
+    value_range : ValueRange
+    blended : Blended
+        Written.
     """
-    channels, end, stride = samples0.planes.shape
-    flat0, spline0, unit = samples0.planes.ravel(), samples0.coefficients.ravel(), samples0.unit
-    flat1, spline1 = samples1.planes.ravel(), samples1.coefficients.ravel()
-    _, height, width = image.shape
-    rows_of_nodes, columns_of_nodes = count.shape
-    # sums over the windows of a row of nodes: weighted values of each plane, weights and weighted similarities
-    told = 1 if confidence.shape[1] else 0
-    band = np.zeros((channels + 1 + told, WINDOW, width), np.float32)
-    one, margin = np.float32(1), np.float32(MARGIN)
-    rows = np.empty((WINDOW + 3) * WINDOW, np.float32)
-    room = Room(rows, np.empty(AREA, np.float32), np.empty(AREA, np.float32), np.empty(16, np.float32))
-    distance, mixed = np.empty(AREA, np.float32), np.empty((channels, AREA), np.float32)
-    apart, half_way = np.empty(SQUARES_PER_WINDOW, np.float32), np.zeros(SQUARES_PER_ROW * PADDED, np.float32)
-    padded = np.zeros((SQUARES_PER_ROW + 2 * PATCH_RADIUS) * SQUARES_PER_ROW, np.float32)
-    similarity, weight = np.empty(SQUARES_PER_WINDOW, np.float32), np.empty(SQUARES_PER_WINDOW, np.float32)
-    total, node_weights = np.empty((channels, AREA), np.float32), np.empty(SQUARES_PER_WINDOW, np.float32)
-    node_similarities, most_similar = np.empty(SQUARES_PER_WINDOW, np.float32), np.empty(SQUARES_PER_WINDOW, np.float32)
-    of_pixels, of_node = np.empty(AREA, np.float32), np.empty(AREA, np.float32)
+    (channels, height, width), (rows, columns) = blended.image.shape, candidates.listed.shape
     marks = np.empty((4, WINDOW), np.float32)
-    # work arrays for chroma
-    differences, end_of_chroma, stride_of_chroma = chroma0.planes.shape
-    chroma_flat0, chroma_spline0 = chroma0.planes.ravel(), chroma0.coefficients.ravel()
-    chroma_flat1, chroma_spline1 = chroma1.planes.ravel(), chroma1.coefficients.ravel()
-    chroma_width = chroma.shape[2]
-    # not constants, for which all kernels below would be compiled again
-    pixels, samples = marks.shape[1], marks.shape[1] // 2
-    tall, has_alpha, cell = pixels // down, straight_alpha, pixels // 2
-    chroma_area, by_row = tall * SQUARES_PER_ROW, one / np.float32(down)
-    chroma_band = np.zeros((differences + 1, tall, chroma_width), np.float32)
-    chroma_distance = np.empty(chroma_area, np.float32)
-    chroma_mixed = np.empty((differences, chroma_area), np.float32)
-    chroma_total = np.empty((differences, chroma_area), np.float32)
-    chroma_motion = np.empty(VALUES_PER_MOTION, np.float32)
-    for row in range(rows_of_nodes):
+    # not constants, for which all kernels above would be compiled again
+    pixels, one = marks.shape[1], marks.shape[1] // WINDOW
+    has_confidence = 1 if blended.confidence.shape[1] else 0
+    full = make_layer(frame0.full, frame1.full, one, one, pixels, channels + 1 + has_confidence, width)
+    chroma_planes, chroma_width = blended.chroma.shape[0], blended.chroma.shape[2]
+    chroma = make_layer(frame0.chroma, frame1.chroma, 2 * one, down, pixels // 2, chroma_planes + 1, chroma_width)
+    work = make_work(marks)
+    sums = NodeSums(
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+    )
+    for row in range(rows):
         top = row * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
-        begin_y, end_y = max(-top, 0), min(height - top, WINDOW)
-        for column in range(columns_of_nodes):
-            left = column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
-            begin_x, end_x = max(-left, 0), min(width - left, WINDOW)
-            total[:] = 0
-            node_weights[:] = MIN_WEIGHT_SUM
-            node_similarities[:] = 0
-            most_similar[:] = 0
-            chroma_total[:] = 0
-            least_weight, least_similar = np.float32(0), np.float32(0)
-            for k in range(count[row, column]):
-                prior = weights[row, column, k]
-                if prior <= 0:
-                    continue
-                if prior < negligible * least_weight or least_similar >= enough:
-                    break
-                motion = motions[row, column, k]
-                y0, x0, y1, x1, within = locate_window(top, left, motion, t, height, width, marks)
-                distance[:] = 0
-                for c in range(channels):
-                    mix_fetched(
-                        flat0, spline0, flat1, spline1, unit, c * end * stride, stride, end, y0, x0, y1, x1, t, motion,
-                        pixels, pixels, within, marks, room, distance, mixed[c],
-                    )  # fmt: skip
-                apart[:] = 0
-                for j in range(SQUARES_PER_ROW):
-                    pool_row(distance, 2 * j * WINDOW, WINDOW, np.float32(0.25), apart, j * SQUARES_PER_ROW)
-                if differences:
-                    # in units of chroma samples; the chroma siting has no influence on displacements
-                    y0, y1 = (y0 - margin) * by_row + margin, (y1 - margin) * by_row + margin
-                    x0, x1 = (x0 - margin) * np.float32(0.5) + margin, (x1 - margin) * np.float32(0.5) + margin
-                    chroma_motion[4], chroma_motion[7] = motion[4], motion[7]
-                    chroma_motion[5], chroma_motion[6] = motion[5] * by_row * 2, motion[6] * down * np.float32(0.5)
-                    chroma_distance[:] = 0
-                for c in range(differences):
-                    begin = c * end_of_chroma * stride_of_chroma
-                    mix_fetched(
-                        chroma_flat0, chroma_spline0, chroma_flat1, chroma_spline1, unit, begin, stride_of_chroma,
-                        end_of_chroma, y0, x0, y1, x1, t, chroma_motion, samples, tall, within, marks, room,
-                        chroma_distance, chroma_mixed[c],
-                    )  # fmt: skip
-                if differences:
-                    pool_chroma(chroma_distance, down, apart)
-                for i in range(SQUARES_PER_WINDOW):
-                    apart[i] = decay(apart[i] * scale)
-                sum_patches(apart, padded, half_way, similarity)
-                for i in range(SQUARES_PER_WINDOW):
-                    alike = similarity[i] * inverse[i]
-                    w = prior * decay(sharpness * (one - alike))
-                    weight[i] = w
-                    node_weights[i] += w
-                    node_similarities[i] = fma(w, alike, node_similarities[i])
-                    most_similar[i] = max(most_similar[i], alike)
-                least_weight, least_similar = smallest(node_weights, apart), smallest(most_similar, apart)
-                spread_squares(weight, 1, 1, of_pixels)
-                for c in range(channels):
-                    target, source = total[c], mixed[c]
-                    for i in range(AREA):
-                        target[i] = fma(of_pixels[i], source[i], target[i])
-                if differences:
-                    spread_squares(weight, 2, down, of_pixels)
-                for c in range(differences):
-                    target, source = chroma_total[c], chroma_mixed[c]
-                    for i in range(chroma_area):
-                        target[i] = fma(of_pixels[i], source[i], target[i])
-            # the more similar of neighbouring windows has more weight, but not so much that its border is visible
-            for i in range(SQUARES_PER_WINDOW):
-                weight[i] = shape[i] / math.sqrt(node_weights[i])
-            spread_squares(weight, 1, 1, of_pixels)
-            for c in range(channels):
-                add_window(of_pixels, pixels, total[c], begin_y, end_y, begin_x, end_x, left, band[c])
-            spread_squares(node_weights, 1, 1, of_node)
-            add_window(of_pixels, pixels, of_node, begin_y, end_y, begin_x, end_x, left, band[channels])
-            if told:
-                spread_squares(node_similarities, 1, 1, of_node)
-                add_window(of_pixels, pixels, of_node, begin_y, end_y, begin_x, end_x, left, band[channels + 1])
-            if differences:
-                first_y, last_y = begin_y // down, (end_y + down - 1) // down
-                first_x, last_x = begin_x // 2, (end_x + 1) // 2
-                spread_squares(weight, 2, down, of_pixels)
-                spread_squares(node_weights, 2, down, of_node)
-                for c in range(differences + 1):
-                    source = chroma_total[c] if c < differences else of_node
-                    add_window(of_pixels, samples, source, first_y, last_y, first_x, last_x, left // 2, chroma_band[c])
+        for column in range(columns):
+            window = Window(top, column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2, height, width)
+            count = candidates.listed[row, column]
+            motions, priors = candidates.motions[row, column, :count], candidates.weights[row, column, :count]
+            sum_candidates(full, chroma, window, t, motions, priors, weighting, work, sums)
+            weigh_window(weighting.window_shape, sums.weights, work.weight)
+            add_node(full, window, work.weight, sums, work.spread, work.values)
+            add_node(chroma, window, work.weight, sums, work.spread, work.values)
         # the windows of the next row of nodes overlap the lower half
-        ready = NODE_SPACING if row < rows_of_nodes - 1 else end_y
-        if told:
-            finish_confidence(band[channels], band[channels + 1], begin_y, ready, top, confidence)
-        finish_rows(band, begin_y, ready, top, white, half, lowest, highest, has_alpha, image)
-        shift_rows_up(band, cell)
-        if differences:
-            begin, ready = begin_y // down, (ready + down - 1) // down
-            finish_rows(chroma_band, begin, ready, top // down, white, half, lowest, highest, has_alpha, chroma)
-            shift_rows_up(chroma_band, cell // down)
+        first, last = max(-top, 0), NODE_SPACING if row < rows - 1 else min(height - top, WINDOW)
+        if has_confidence:
+            finish_confidence(full.band[channels], full.band[channels + 1], first, last, top, blended.confidence)
+        finish_layer(full, first, last, top, pixels // 2, value_range, blended.image)
+        if chroma_planes:
+            finish_layer(chroma, first, last, top, pixels // 2, value_range, blended.chroma)
 
 
 def window_shape() -> np.ndarray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -20,11 +20,24 @@ from fpsboost.kernels.candidates import (
     NODE_SPACING,
     SUMS_PER_CANDIDATE,
     VALUES_PER_MOTION,
+    Candidates,
+    CollectedVotes,
+    Votes,
     collect_candidates,
     list_candidates,
 )
 from fpsboost.kernels.memory import aligned_empty
-from fpsboost.kernels.multi_hypothesis import SPARE, Samples, blend_hypotheses, patch_shares, window_shape
+from fpsboost.kernels.multi_hypothesis import (
+    SPARE,
+    Blended,
+    SampledImage,
+    Samples,
+    ValueRange,
+    Weighting,
+    blend_hypotheses,
+    patch_shares,
+    window_shape,
+)
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
@@ -47,39 +60,6 @@ MIN_SHARE = np.float32(0.01)
 
 CONSISTENCY_TOLERANCE = 16
 """Forward-backward error at which the vote of a motion is halved, pixels."""
-
-
-class Votes(NamedTuple):
-    """Votes of the points of a frame; see `fpsboost.kernels.candidates.collect_candidates`."""
-
-    vectors: NDArray[Any]
-    """Motion to the other frame, (rows, columns, 2) float32."""
-    gradients: NDArray[Any]
-    """Gradients of the motion, (rows, columns, 2, 2) float32."""
-    accelerations: NDArray[Any]
-    """Whether the acceleration is known, and the acceleration, (rows, columns, 3) float32."""
-    trust: NDArray[Any]
-    """Weight of each vote, (rows, columns) float32."""
-
-
-class SampledImage(NamedTuple):
-    """Image in the form that `blend_hypotheses` reads."""
-
-    full: Samples
-    """Planes at full resolution."""
-    chroma: Samples
-    """Planes of half the width, if any."""
-
-
-class Candidates(NamedTuple):
-    """Candidate motions around each node; see `fpsboost.kernels.candidates.list_candidates`."""
-
-    listed: NDArray[Any]
-    """Number of candidates, (rows, columns) int32."""
-    motions: NDArray[Any]
-    """Motion of each candidate, (rows, columns, room, VALUES_PER_MOTION) float32."""
-    weights: NDArray[Any]
-    """Prior weight of each candidate, (rows, columns, room) float32."""
 
 
 @dataclass(frozen=True)
@@ -162,27 +142,23 @@ class MultiHypothesis:
         sampled0, sampled1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
         made, pixels, chroma = _blank(image0)
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
-        blend_hypotheses(
-            sampled0.full,
-            sampled1.full,
-            sampled0.chroma,
-            sampled1.chroma,
-            image0.subsampling[0] if isinstance(image0, YCbCrImage) else 1,
-            np.float32(t),
-            *candidates,
+        weighting = Weighting(
             np.float32(0.5 / self.width**2 * _difference_factor(image0)),
             np.float32(self.sharpness),
             np.float32(self.enough),
             np.float32(self.negligible),
             window_shape(),
             patch_shares(),
-            _white(image0),
-            rounding_offset(image0),
-            *_value_range(frame_pair),
-            straight_alpha,
-            pixels,
-            chroma,
-            confidence,
+        )
+        blend_hypotheses(
+            sampled0,
+            sampled1,
+            image0.subsampling[0] if isinstance(image0, YCbCrImage) else 1,
+            np.float32(t),
+            candidates,
+            weighting,
+            ValueRange(_white(image0), rounding_offset(image0), *_value_range(frame_pair), straight_alpha),
+            Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
             colour_unseen(as_array(made), as_array(image0), as_array(image1), t)
@@ -192,39 +168,25 @@ class MultiHypothesis:
         """Return the candidates around each node at time t."""
         height, width = size
         nodes = -(-height // NODE_SPACING), -(-width // NODE_SPACING)
-        count = np.zeros(nodes, np.int32)
-        votes, sums = (
+        collected = CollectedVotes(
+            np.zeros(nodes, np.int32),
             np.zeros((*nodes, CANDIDATE_CAPACITY), np.float32),
             np.zeros((*nodes, CANDIDATE_CAPACITY, SUMS_PER_CANDIDATE), np.float32),
         )
-        for each, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
+        support, tolerance = np.float32(self.support), np.float32(self.tolerance)
+        for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
             collect_candidates(
-                *each,
-                np.float32(sign),
-                np.float32(time),
-                self.step,
-                np.float32(self.support),
-                np.float32(self.tolerance),
-                height,
-                width,
-                count,
-                votes,
-                sums,
+                votes, np.float32(sign), np.float32(time), self.step, support, tolerance, height, width, collected
             )
         room = self.most + 1  # including zero motion
-        motions, weights = np.zeros((*nodes, room, VALUES_PER_MOTION), np.float32), np.empty((*nodes, room), np.float32)
-        list_candidates(
-            count,
-            votes,
-            sums,
-            ZERO_MOTION_PRIOR,
-            ACCELERATION_TOLERANCE,
-            MIN_SHARE,
-            np.float32(self.least),
-            motions,
-            weights,
+        candidates = Candidates(
+            np.empty(nodes, np.int32),
+            np.zeros((*nodes, room, VALUES_PER_MOTION), np.float32),
+            np.empty((*nodes, room), np.float32),
         )
-        return Candidates(count, motions, weights)
+        least = np.float32(self.least)
+        list_candidates(collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, least, candidates)
+        return candidates
 
     def _collect_votes(self, frame_pair: FramePair) -> tuple[Votes, Votes]:
         """Return the votes of the points of each frame: motion to the other frame, its gradients and acceleration."""
