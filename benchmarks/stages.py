@@ -42,7 +42,7 @@ STAGES = {
     "components, coarsest": Stage(NLM, "contrast_components"),
     "components, padded": Stage(NLM, "contrast_planes"),
     "coarse search": Stage(NLM, "search_fused"),
-    "tile search": Stage(NLM, "search_tiles", width_of=lambda planes0, planes1, most, height, width, *_: width),
+    "tile search": Stage(NLM, "search_tiles", width_of=lambda pair, *_: pair.width),
     "smoothing of offsets": Stage(NLM, "smooth_labels"),
     "choice of offsets": Stage(NLM, "choose_labels"),
     "residual search: measuring": Stage(NLM, "measure_point_similarity"),

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from truth import noise, waves
 from twins import refined
 
+from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.refine import refine_points
 
 PADDING = 40
@@ -32,7 +33,8 @@ def refine(components0, components1, step, flow, damping=DAMPING, largest=1.0, s
     out = np.array(flow, np.float32)
     limits = np.float32(TAIL), np.float32(damping), np.float32(largest), steps
     unknown = np.full_like(out, 1e6)
-    refine_points(*planes, PADDING, height, width, step, *limits, unknown if known is None else known, out)
+    pair = PlanePair(*planes, PADDING, height, width, 0)
+    refine_points(pair, step, *limits, unknown if known is None else known, out)
     return out
 
 

@@ -16,9 +16,10 @@ from twins import (
 )
 
 from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.search import STRIP_WIDTH, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
-from fpsboost.kernels.tiles import PADDING, TILE
+from fpsboost.kernels.tiles import PADDING, TILE, OffsetLists, Proposals
 from fpsboost.kernels.tiles import search_tiles as run_tiles
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_by_passes, search_fused, window_taps
@@ -196,9 +197,10 @@ def list_tiles(image0, image1, radius, patch_radius, most, step=1, capacity=1, e
     points = -(-height // step), -(-width // step)
     count, best = np.empty(points, np.int32), np.empty((*points, capacity), np.float32)
     flows = np.empty((*points, capacity, 2), np.float32)
-    limits = 1, step, 2 * radius, radius, patch_radius, every
-    likely = np.full_like(still, expected)
-    run_tiles(planes0, planes1, np.uint8(most), height, width, still, likely, *limits, count, best, flows)
+    pair = PlanePair(planes0, planes1, PADDING + patch_radius, height, width, np.uint8(most))
+    proposals = Proposals(still, np.full_like(still, expected), 1)
+    lists = OffsetLists(count, best, flows)
+    run_tiles(pair, proposals, step, 2 * radius, radius, patch_radius, every, lists)
     return count, best, flows
 
 
@@ -323,9 +325,8 @@ def test_tiles_that_lead_far_outside_read_nothing_else(motion, step):
     points = -(-height // step), -(-width // step)
     count, best = np.empty(points, np.int32), np.empty((*points, 2), np.float32)
     flows = np.empty((*points, 2, 2), np.float32)
-    limits = 0, TILE, radius, 1
-    run_tiles(
-        planes, planes, np.uint8(200), height, width, proposals, proposals, 2 * TILE, step, *limits, count, best, flows
-    )
+    pair = PlanePair(planes, planes, padding, height, width, np.uint8(200))
+    lists = OffsetLists(count, best, flows)
+    run_tiles(pair, Proposals(proposals, proposals, 2 * TILE), step, 0, TILE, radius, 1, lists)
     assert np.isfinite(best).all()
     assert (count <= 2).all()  # no motion is the other

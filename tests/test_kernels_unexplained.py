@@ -9,6 +9,7 @@ from truth import noise
 from twins import level_similarity
 
 from fpsboost.kernels.levels import SIXTEEN
+from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.residual_search import measure_point_similarity, search_residuals
 
 PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
@@ -37,12 +38,15 @@ def patch_similarity(image0, image1, here, there):
     return total / (2 * RADIUS + 1) ** 2
 
 
+def plane_pair(image0, image1):
+    """Both frames as the kernels take them."""
+    return PlanePair(planes(image0), planes(image1), PADDING, *image0.shape[:2], MOST)
+
+
 def measured(image0, image1, step, flow):
     """What the kernel measures."""
     known = np.empty(flow.shape[:2], np.float32)
-    measure_point_similarity(
-        planes(image0), planes(image1), MOST, PADDING, *image0.shape[:2], step, RADIUS, flow, known
-    )
+    measure_point_similarity(plane_pair(image0, image1), step, RADIUS, flow, known)
     return known
 
 
@@ -73,22 +77,8 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
     known, elsewhere = random.random(shape).astype(np.float32), random.random(shape).astype(np.float32)
     flow = np.full((*shape, 2), 99, np.float32)
     enough, better, limit = np.float32(0.6), np.float32(0.02), 5
-    both = planes(image0), planes(image1)
-    search_residuals(
-        *both,
-        MOST,
-        PADDING,
-        height,
-        width,
-        step,
-        limit,
-        RADIUS,
-        known * np.float32(0.1),
-        elsewhere,
-        enough,
-        better,
-        flow,
-    )
+    pair, known_here = plane_pair(image0, image1), known * np.float32(0.1)
+    search_residuals(pair, step, limit, RADIUS, known_here, elsewhere, enough, better, flow)
     for row, y in enumerate(rows):
         for column, x in enumerate(columns):
             inside = [
@@ -117,5 +107,5 @@ def test_what_is_explained_stays():
         before = flow.copy()
         shares = (np.full((5, 6), share, np.float32) for share in (known, elsewhere))
         limits = np.float32(0.6), np.float32(0.2)
-        search_residuals(planes(image0), planes(image1), MOST, PADDING, 20, 24, 4, 6, RADIUS, *shares, *limits, flow)
+        search_residuals(plane_pair(image0, image1), 4, 6, RADIUS, *shares, *limits, flow)
         np.testing.assert_array_equal(flow, before)

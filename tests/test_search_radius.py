@@ -32,8 +32,9 @@ from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.shortest import find_shortest
-from fpsboost.kernels.similarity import colour_scale
+from fpsboost.kernels.plane_pair import PlanePair
+from fpsboost.kernels.shortest import ShortestMotion, find_shortest
+from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.method_table import find_method
 from fpsboost.motion.colour import contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch
@@ -141,7 +142,8 @@ def test_shortest_motions_equal_their_slow_twin(seed, around, step):
     flow[random.random(flow.shape[:2]) < 0.5] = (3, 0)
     results = [np.empty(flow.shape[:2], np.float32) for _ in range(3)]
     tolerance = np.float32(0.2)
-    find_shortest(*planes, padding, height, width, step, radius, LANES, around, tolerance, flow, *results)
+    pair = PlanePair(*planes, padding, height, width, UNIT)
+    find_shortest(pair, step, radius, LANES, around, tolerance, flow, ShortestMotion(*results))
     for result, expected in zip(
         results, shortest_motions(*components, step, radius, around, 0.2, 0.3, flow), strict=True
     ):

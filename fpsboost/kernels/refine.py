@@ -37,14 +37,13 @@ def prefetch_rows(flat, place, stride, plane):
 
 
 @njit(cache=True, **FINITE_JIT)
-def refine_points(planes0, planes1, padding, height, width, step, tail, damping, largest, steps, known, flow):
+def refine_points(pair, step, tail, damping, largest, steps, known, flow):
     """Refine the vector of every point by least-squares steps on its window.
 
     Parameters
     ----------
-    planes0, planes1 : (3, H + 2 padding, W + 2 padding + 8 or more) uint8
-        Components in levels, with repeated edges.
-    padding, height, width : int
+    pair : PlanePair
+        In levels, with at least 8 columns more on the right.
     step : int
         Distance between points, pixels.
     tail : float32
@@ -60,6 +59,7 @@ def refine_points(planes0, planes1, padding, height, width, step, tail, damping,
     flow : (points down, points across, 2) float32
         Motion, rounded to whole pixels at first; updated in place.
     """
+    planes0, planes1, padding, height, width, _ = pair
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane, products = plane_height * stride, np.empty(PRODUCT_COUNT, np.float32)

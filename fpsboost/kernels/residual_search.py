@@ -8,86 +8,99 @@ explained either.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.levels import SIXTEEN, compare_one, compare_sixteen
 from fpsboost.kernels.tiles import Index
 
 
+class FlatPair(NamedTuple):
+    """Planes of two frames as flat arrays."""
+
+    flat0: NDArray[Any]
+    """Frame 0, (size,) uint8."""
+    flat1: NDArray[Any]
+    """Frame 1, (size,) uint8."""
+    plane: np.uint64
+    """Distance between planes."""
+    stride: int
+    """Distance between rows."""
+
+
 @njit(**FINITE_JIT)
-def compare_row(flat0, flat1, plane, alike, stride, start0, start1, radius, count, share, most, total):
+def compare_row(flat, start0, start1, radius, count, max_similarity, share, most, total):
     """Sum the similarities of the patch around one position and those around SIXTEEN positions in a row.
 
     Return False as soon as none of the first `count` sums, times `share`, can exceed `most`, else True.
     """
+    flat0, flat1, plane, stride = flat
     total[:] = 0
     for j in range(-radius, radius + 1):
         for k in range(-radius, radius + 1):
             here, there = Index(start0 + j * stride + k), Index(start1 + j * stride + k)
-            compare_one(flat0, here, flat1, there, plane, alike, total, 0, 0)
+            compare_one(flat0, here, flat1, there, plane, max_similarity, total, 0, 0)
         highest = np.int32(0)
         for i in range(Index(count)):
             highest = max(highest, np.int32(total[i]))
-        if np.float32(highest + (radius - j) * (2 * radius + 1) * np.int64(alike)) * share <= most:
+        if np.float32(highest + (radius - j) * (2 * radius + 1) * np.int64(max_similarity)) * share <= most:
             return False
     return True
 
 
 @njit(cache=True, **FINITE_JIT)
-def measure_point_similarity(planes0, planes1, alike, padding, height, width, step, radius, flow, known):
+def measure_point_similarity(pair, step, patch_radius, flow, known):
     """Measure the similarity of the small patches at both ends of every point's motion.
 
     Parameters
     ----------
-    planes0, planes1 : (3, H + 2 padding, W + 2 padding or more) uint8
-        Components in levels, with repeated edges; the padding is larger than the radius.
-    alike : uint8
-        Similarity of two equal pixels; see `fpsboost.kernels.levels`.
-    padding, height, width : int
+    pair : PlanePair
+        In levels; the padding is larger than the radius.
     step : int
         Distance between points, pixels.
-    radius : int
+    patch_radius : int
         Radius r of the small patch, at most 7 pixels.
     flow : (points down, points across, 2) float32
     known : (points down, points across) float32 out
         Similarity, 0 to 1.
     """
+    planes0, planes1, padding, height, width, max_similarity = pair
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
-    share = np.float32(1 / (np.int64(alike) * (2 * radius + 1) ** 2))
+    share = np.float32(1 / (np.int64(max_similarity) * (2 * patch_radius + 1) ** 2))
     for row in range(flow.shape[0]):
         columns = np.empty(SIXTEEN, np.uint16)
         for point in range(flow.shape[1]):
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             there_y = min(max(y + int(np.rint(flow[row, point, 1])), 0), height - 1)
             there_x = min(max(x + int(np.rint(flow[row, point, 0])), 0), width - 1)
-            start0 = Index((y - radius + padding) * stride + x - radius + padding)
-            start1 = Index((there_y - radius + padding) * stride + there_x - radius + padding)
+            start0 = Index((y - patch_radius + padding) * stride + x - patch_radius + padding)
+            start1 = Index((there_y - patch_radius + padding) * stride + there_x - patch_radius + padding)
             columns[:] = 0
-            for _ in range(2 * radius + 1):
-                compare_sixteen(flat0, start0, flat1, start1, plane, alike, columns, 0, 0)
+            for _ in range(2 * patch_radius + 1):
+                compare_sixteen(flat0, start0, flat1, start1, plane, max_similarity, columns, 0, 0)
                 start0 += Index(stride)
                 start1 += Index(stride)
             total = np.int32(0)
-            for i in range(2 * radius + 1):
+            for i in range(2 * patch_radius + 1):
                 total += columns[i]
             known[row, point] = np.float32(total) * share
 
 
 @njit(cache=True, **FINITE_JIT)
-def search_residuals(
-    planes0, planes1, alike, padding, height, width, step, limit, radius, known, elsewhere, enough, better, flow
-):  # fmt: skip
+def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, enough, better, flow):
     """Replace the motion of unexplained points by motion to unexplained positions of the other frame.
 
     Parameters
     ----------
-    planes0, planes1, alike, padding, height, width, step, radius
+    pair, step, patch_radius
         As for `measure_point_similarity`.
-    limit : int
+    max_offset : int
         Maximum offset along x and y, pixels.
     known, elsewhere : (points down, points across) float32
         Similarities by `measure_point_similarity`, for this frame and for the other one.
@@ -98,10 +111,12 @@ def search_residuals(
     flow : (points down, points across, 2) float32
         Updated in place; motion that is found is in whole pixels.
     """
+    planes0, planes1, padding, height, width, max_similarity = pair
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
     plane = Index(plane_height * stride)
-    share = np.float32(1 / (np.int64(alike) * (2 * radius + 1) ** 2))
+    share = np.float32(1 / (np.int64(max_similarity) * (2 * patch_radius + 1) ** 2))
+    flat = FlatPair(flat0, flat1, plane, stride)
     rows, columns = known.shape
     for row in range(rows):
         total = np.empty(SIXTEEN, np.uint16)
@@ -111,8 +126,8 @@ def search_residuals(
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             start0 = (y + padding) * stride + x + padding
             most = known[row, point] + better
-            top, bottom = max(y - limit, 0), min(y + limit, height - 1)
-            left, right = max(x - limit, 0), min(x + limit, width - 1)
+            top, bottom = max(y - max_offset, 0), min(y + max_offset, height - 1)
+            left, right = max(x - max_offset, 0), min(x + max_offset, width - 1)
             for other_row in range(top // step, bottom // step + 1):
                 other_point, behind = left // step, right // step + 1
                 while other_point < behind:
@@ -132,7 +147,7 @@ def search_residuals(
                         start1 = (there_y + padding) * stride + first + padding
                         count = last - first + 1
                         if not compare_row(
-                            flat0, flat1, plane, alike, stride, start0, start1, radius, count, share, most, total
+                            flat, start0, start1, patch_radius, count, max_similarity, share, most, total
                         ):
                             continue
                         for i in range(count):

@@ -6,11 +6,14 @@ Comparison with the shorter motions of the surroundings shows which length is ne
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import FINITE_JIT
-from fpsboost.kernels.similarity import UNIT, similarity
+from fpsboost.kernels.similarity import similarity
 from fpsboost.kernels.tiles import Index
 
 
@@ -39,31 +42,55 @@ def compare_patches(flat0, flat1, plane, stride, start0, start1, radius, lanes, 
     return total
 
 
+class PlaneLayout(NamedTuple):
+    """Layout of the planes of a frame in a flat array."""
+
+    plane: np.uint64
+    """Distance between planes."""
+    stride: int
+    """Distance between rows."""
+    padding: int
+    """Width of the repeated edges, pixels."""
+    height: int
+    """Rows of the frame."""
+    width: int
+    """Columns of the frame."""
+
+
+class ShortestMotion(NamedTuple):
+    """Motion that explains each point, (points down, points across) float32."""
+
+    own: NDArray[Any]
+    """Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame."""
+    best: NDArray[Any]
+    """Largest similarity of all motions compared."""
+    shortest: NDArray[Any]
+    """Larger component of the shortest motion whose similarity is sufficient, pixels."""
+
+
 @njit(inline="always", **FINITE_JIT)
-def compare_along(flat0, flat1, plane, stride, padding, height, width, y, x, dy, dx, radius, lanes, columns):
+def compare_along(flat0, flat1, layout, y, x, dy, dx, radius, columns):
     """Return the sum of the similarities of the patches at both ends of a motion; -1 if it leads out of the frame."""
+    plane, stride, padding, height, width = layout
     there_y, there_x = y + dy, x + dx
     if there_y < 0 or there_x < 0 or there_y >= height or there_x >= width:
         return np.int32(-1)
     start0 = Index((y - radius + padding) * stride + x - radius + padding)
     start1 = Index((there_y - radius + padding) * stride + there_x - radius + padding)
-    return compare_patches(flat0, flat1, plane, Index(stride), start0, start1, radius, lanes, columns)
+    return compare_patches(flat0, flat1, plane, Index(stride), start0, start1, radius, columns.size, columns)
 
 
 @njit(cache=True, **FINITE_JIT)
-def find_shortest(
-    planes0, planes1, padding, height, width, step, radius, lanes, around, tolerance, flow, own, best, shortest
-):
+def find_shortest(pair, step, patch_radius, lanes, around, tolerance, flow, found):
     """Compare each point's motion with the motions of the points around it, and with zero motion.
 
     Parameters
     ----------
-    planes0, planes1 : (3, H + 2 padding, W + 2 padding or more) float32
-        Components with repeated edges, scaled by `colour_scale`; the padding is larger than the radius.
-    padding, height, width : int
+    pair : PlanePair
+        float32, scaled by `colour_scale`; the padding is larger than the radius.
     step : int
         Distance between points, pixels.
-    radius : int
+    patch_radius : int
         Radius r of the compared patch, pixels.
     lanes : int
         Columns compared at once, at least 2r + 1.
@@ -73,32 +100,25 @@ def find_shortest(
         Amount by which the similarity of a shorter motion may be lower.
     flow : (points down, points across, 2) float32
         Motion; rounded to whole pixels for the comparison.
-    own : (points down, points across) float32 out
-        Similarity of the point's own motion, 0 to 1; negative where it leads out of the frame.
-    best : (points down, points across) float32 out
-        Largest similarity of all motions compared.
-    shortest : (points down, points across) float32 out
-        Larger component of the shortest motion whose similarity is sufficient, pixels.
+    found : ShortestMotion out
     """
+    planes0, planes1, padding, height, width, max_similarity = pair
+    own, best, shortest = found
     _, plane_height, stride = planes0.shape
     flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
-    plane = Index(plane_height * stride)
-    share = np.float32(1 / (UNIT * (2 * radius + 1) ** 2))
+    layout = PlaneLayout(Index(plane_height * stride), stride, padding, height, width)
+    share = np.float32(1 / (max_similarity * (2 * patch_radius + 1) ** 2))
     rows, points = flow.shape[:2]
     for row in range(rows):
         columns = np.empty(lanes, np.int32)
         for point in range(points):
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             dy, dx = int(np.rint(flow[row, point, 1])), int(np.rint(flow[row, point, 0]))
-            total = compare_along(
-                flat0, flat1, plane, stride, padding, height, width, y, x, dy, dx, radius, lanes, columns
-            )
+            total = compare_along(flat0, flat1, layout, y, x, dy, dx, patch_radius, columns)
             own[row, point] = np.float32(total) * share
             enough = own[row, point] - tolerance
             least = max(abs(flow[row, point, 0]), abs(flow[row, point, 1]))
-            still = compare_along(
-                flat0, flat1, plane, stride, padding, height, width, y, x, 0, 0, radius, lanes, columns
-            )
+            still = compare_along(flat0, flat1, layout, y, x, 0, 0, patch_radius, columns)
             most = max(own[row, point], np.float32(still) * share)
             if np.float32(still) * share >= enough:
                 least = np.float32(0)
@@ -110,10 +130,7 @@ def find_shortest(
                     if other_dy == last_dy and other_dx == last_dx:
                         continue  # usually equal to its neighbour
                     last_dy, last_dx = other_dy, other_dx
-                    total = compare_along(
-                        flat0, flat1, plane, stride, padding, height, width, y, x, other_dy, other_dx, radius, lanes,
-                        columns,
-                    )  # fmt: skip
+                    total = compare_along(flat0, flat1, layout, y, x, other_dy, other_dx, patch_radius, columns)
                     value = np.float32(total) * share
                     most = max(most, value)
                     if value >= enough:

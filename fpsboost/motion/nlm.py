@@ -28,12 +28,13 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.levels import level_scale, truncation
+from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.points import measure_forward_backward_errors
 from fpsboost.kernels.refine import refine_points
 from fpsboost.kernels.residual_search import measure_point_similarity, search_residuals
 from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 from fpsboost.kernels.similarity import colour_scale
-from fpsboost.kernels.tiles import PADDING, search_tiles
+from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
 from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
@@ -181,8 +182,8 @@ class CoarseToFine:
                 spacing,
                 step,
                 # on the second coarsest level, an error of a pixel grows; on the finest, no further level corrects it
-                reach=int(level in (last, len(levels0) - 2)),
-                every=2 if level == last and step % 4 == 0 else 1,
+                refine_radius=int(level in (last, len(levels0) - 2)),
+                row_step=2 if level == last and step % 4 == 0 else 1,
             )
         (height, width), spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
         field01, field10 = (
@@ -198,7 +199,7 @@ class CoarseToFine:
         fields = search_fused(*components, limit, self.patch_radius, "box", self.v)
         found = [field.flow for field in fields]
         still, ties = [np.zeros_like(flow) for flow in found], [_uniform_ties(flow) for flow in found]
-        return self._search(image0, image1, still, found, ties, 1, COARSEST_STEP, reach=0)
+        return self._search(image0, image1, still, found, ties, 1, COARSEST_STEP, refine_radius=0)
 
     def _search(
         self,
@@ -209,8 +210,8 @@ class CoarseToFine:
         ties: list[NDArray[Any]],
         spacing: int,
         step: int,
-        reach: int,
-        every: int = 1,
+        refine_radius: int,
+        row_step: int = 1,
     ) -> list[Points]:
         """Search one level in both directions around proposals, at points `step` apart; see `search_tiles`.
 
@@ -225,20 +226,14 @@ class CoarseToFine:
             count, similarity = np.empty(shape, np.int32), np.empty((*shape, self.labels), np.float32)
             flows = np.empty((*shape, self.labels, 2), np.float32)
             search_tiles(
-                *pair,
-                self._max_similarity,
-                *size,
-                np.rint(proposed).astype(np.int32),
-                np.rint(likely).astype(np.int32),
-                spacing,
+                pair,
+                Proposals(np.rint(proposed).astype(np.int32), np.rint(likely).astype(np.int32), spacing),
                 step,
-                reach,
+                refine_radius,
                 self._max_offset(image0.pixels),
                 self.patch_radius,
-                every,
-                count,
-                similarity,
-                flows,
+                row_step,
+                OffsetLists(count, similarity, flows),
             )
             rows, columns = (
                 np.minimum((np.arange(points) * step + step // 2) // spacing, places - 1)
@@ -269,28 +264,15 @@ class CoarseToFine:
         enough: np.float32,
     ) -> tuple[list[NDArray[Any]], list[NDArray[Any]]]:
         """Return the motion including that of small objects that their surroundings do not explain, and its ties."""
-        size, padding, limit = image0.pixels.shape[:2], PADDING + self.patch_radius, self._max_offset(image0.pixels)
+        max_offset = self._max_offset(image0.pixels)
         pairs = self._plane_pairs(image0, image1)
         known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
         for flow, pair, similarity in zip(flows, pairs, known, strict=True):
-            measure_point_similarity(*pair, self._max_similarity, padding, *size, step, SMALL_RADIUS, flow, similarity)
+            measure_point_similarity(pair, step, SMALL_RADIUS, flow, similarity)
         looked = [flow.copy() for flow in flows]
         around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # minimum of neighbours
         for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
-            search_residuals(
-                *pair,
-                self._max_similarity,
-                padding,
-                *size,
-                step,
-                limit,
-                SMALL_RADIUS,
-                here,
-                there,
-                enough,
-                MIN_GAIN,
-                flow,
-            )
+            search_residuals(pair, step, max_offset, SMALL_RADIUS, here, there, enough, MIN_GAIN, flow)
         self._refine(image0, image1, looked, flows, step)
         ties = []
         for flow, replaced, back in zip(flows, looked, looked[::-1], strict=True):
@@ -311,25 +293,18 @@ class CoarseToFine:
         step: int,
     ) -> None:
         """Refine the motion in both directions to a fraction of a pixel, in place."""
-        size, padding = image0.pixels.shape[:2], PADDING + self.patch_radius
         squared = (level_scale(self.v) / colour_scale(self.v)) ** 2  # levels per bandwidth
         tail, damping = np.float32(WEIGHT_FALLOFF / squared), np.float32(DAMPING * squared)
         for flow, refined, pair in zip(flows, known, self._plane_pairs(image0, image1), strict=True):
-            refine_points(
-                *pair, padding, *size, step, tail, damping, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, refined, flow
-            )
+            refine_points(pair, step, tail, damping, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, refined, flow)
 
-    def _plane_pairs(self, image0: FrameCache, image1: FrameCache) -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
+    def _plane_pairs(self, image0: FrameCache, image1: FrameCache) -> tuple[PlanePair, PlanePair]:
         """Return the planes that the kernels compare, from frame 0 to frame 1 and back."""
         planes0, planes1 = (
             image.cached(contrast_planes, PADDING + self.patch_radius, self.v) for image in (image0, image1)
         )
-        return (planes0, planes1), (planes1, planes0)
-
-    @property
-    def _max_similarity(self) -> np.uint8:
-        """Similarity of two equal pixels."""
-        return np.uint8(truncation(self.v))
+        layout = PADDING + self.patch_radius, *image0.pixels.shape[:2], np.uint8(truncation(self.v))
+        return PlanePair(planes0, planes1, *layout), PlanePair(planes1, planes0, *layout)
 
     def _max_offset(self, image: Pixels) -> int:
         longer_side: int = max(image.shape[:2])

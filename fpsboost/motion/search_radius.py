@@ -15,7 +15,7 @@ The result is a lower bound: edges, occlusions and changing areas are left out, 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.shortest import find_shortest
-from fpsboost.kernels.similarity import colour_scale
+from fpsboost.kernels.plane_pair import PlanePair
+from fpsboost.kernels.shortest import ShortestMotion, find_shortest
+from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.colour import contrast_components, padded_planes, small_copy
 from fpsboost.motion.field import MotionField, forward_backward_error, point_places
 from fpsboost.motion.nlm import CoarseToFine
@@ -164,33 +165,14 @@ def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
     return scale * largest
 
 
-class _Compared(NamedTuple):
-    """Results of `find_shortest`, each (points down, points across) float32."""
-
-    own: NDArray[Any]
-    best: NDArray[Any]
-    shortest: NDArray[Any]
-
-
 def _compare(
     planes0: NDArray[Any], planes1: NDArray[Any], size: tuple[int, ...], field: MotionField, around: int
-) -> _Compared:
+) -> ShortestMotion:
     points, _ = field.at_points(STEP)
-    results = _Compared(*(np.empty(points.shape[:2], np.float32) for _ in range(3)))
-    find_shortest(
-        planes0,
-        planes1,
-        EDGE_PADDING,
-        *size,
-        STEP,
-        PATCH_RADIUS,
-        LANES,
-        around,
-        np.float32(SIMILARITY_TOLERANCE),
-        points,
-        *results,
-    )
-    return results
+    found = ShortestMotion(*(np.empty(points.shape[:2], np.float32) for _ in range(3)))
+    pair = PlanePair(planes0, planes1, EDGE_PADDING, size[0], size[1], UNIT)
+    find_shortest(pair, STEP, PATCH_RADIUS, LANES, around, np.float32(SIMILARITY_TOLERANCE), points, found)
+    return found
 
 
 def _point_errors(there: MotionField, back: MotionField, size: tuple[int, ...]) -> NDArray[Any]:
