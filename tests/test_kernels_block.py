@@ -23,7 +23,7 @@ def matched(image0, image1, block_size, search_range, pattern="full"):
     difference = np.full(size, -1, np.float32 if image0.dtype == np.float32 else np.int64)
     rows0, rows1 = (image.reshape(height, -1).copy() for image in (image0, image1))
     plan = search_plan(pattern, search_range)
-    match_blocks(rows0, rows1, channels, block_size, search_range, *plan, motion, difference)
+    match_blocks(rows0, rows1, channels, block_size, search_range, plan, motion, difference)
     return motion, difference
 
 

@@ -7,7 +7,7 @@ import pytest
 from truth import noise
 from twins import split_codes, split_levels, with_repeated_edges
 
-from fpsboost.kernels.contrast import finish_planes, split_colours, split_planes
+from fpsboost.kernels.contrast import CodeLevels, finish_planes, split_colours, split_planes
 from fpsboost.kernels.levels import WHITE, level_scale
 
 PADDING = 3
@@ -73,7 +73,7 @@ def test_splitting_planes_equals_its_slow_twin(dtype, levels, steps, size, scale
     luma, planes = untouched(size)
     black, luma_span, neutral, chroma_span = levels
     units = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
-    split_planes(*codes, *units, scale, np.int64(PADDING), luma, planes)
+    split_planes(*codes, CodeLevels(*units), scale, np.int64(PADDING), luma, planes)
     assert_split(split_codes(codes, levels, scale), luma, planes)
 
 

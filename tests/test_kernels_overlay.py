@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from twins import marked
 
-from fpsboost.kernels.overlay import STANDS_OUT, STAYS, mark_overlay
+from fpsboost.kernels.overlay import STANDS_OUT, STAYS, Frames, mark_overlay
 
 
 def mark(images, motion, spacing, shortest=1.0, same=8, different=25):
     """The kernel on four images; what was in its output before does not matter."""
     marks = np.full(images[0].shape, 77, np.uint8)
-    mark_overlay(*images, np.float32(motion), spacing, np.float32(shortest), same, different, marks)
+    mark_overlay(Frames(*images), np.float32(motion), spacing, np.float32(shortest), same, different, marks)
     return marks
 
 

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from twins import smaller_change, way_there_and_back
 
-from fpsboost.kernels.points import find_accelerations, find_gradients, measure_forward_backward_errors
+from fpsboost.kernels.points import (
+    FieldLayout,
+    RoundTrip,
+    find_accelerations,
+    find_gradients,
+    measure_forward_backward_errors,
+)
 
 HEIGHT, WIDTH = 20, 27
 Y, X = np.array([2, 7, 12, 19]), np.array([0, 5, 13, 26])
@@ -38,7 +44,8 @@ def test_accelerations_equal_their_slow_twin(ratio):
     there, away = field(1, motion, 0.7), field(2, -motion, 0.7)
     back, away_back = field(3, -motion, 0.7), field(4, motion, 0.7)
     changes = np.empty((Y.size, X.size, 3), np.float32)
-    find_accelerations(there, back, away, away_back, 1, HEIGHT, WIDTH, Y, X, ratio, np.float32(CONSISTENT), changes)
+    trips = RoundTrip(there, back), RoundTrip(away, away_back)
+    find_accelerations(*trips, FieldLayout(1, HEIGHT, WIDTH), Y, X, ratio, np.float32(CONSISTENT), changes)
     for i, j in np.ndindex(Y.size, X.size):
         onward, elsewhere = there[Y[i], X[j]], away[Y[i], X[j]]
         ways = way_there_and_back(onward, back, Y[i], X[j]), way_there_and_back(elsewhere, away_back, Y[i], X[j])

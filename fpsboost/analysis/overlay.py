@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fpsboost.frame import Image, Pixels, as_array
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.overlay import STANDS_OUT, mark_overlay
+from fpsboost.kernels.overlay import STANDS_OUT, Frames, mark_overlay
 from fpsboost.motion.colour import gray, normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.ycbcr import YCbCrImage
@@ -61,7 +61,7 @@ def find_overlay(
     motion, _ = field01.at_points(BLOCK_SIZE)
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), MEDIAN_SIZE) for axis in (0, 1)])
     marks = np.empty_like(grays[0])
-    mark_overlay(*grays, surroundings, BLOCK_SIZE, MIN_MOTION, STATIC_THRESHOLD, CHANGE_THRESHOLD, marks)
+    mark_overlay(Frames(*grays), surroundings, BLOCK_SIZE, MIN_MOTION, STATIC_THRESHOLD, CHANGE_THRESHOLD, marks)
     found: NDArray[Any] = marks == STANDS_OUT
     if not found.any():  # nearly always
         return found

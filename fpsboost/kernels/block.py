@@ -6,13 +6,27 @@ rows of values with the channels of a pixel side by side, so that a row of a blo
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import JIT
 
 MAX_SUM = 2**62
 """Initial minimum, larger than any sum of absolute differences."""
+
+
+class SearchPlan(NamedTuple):
+    """Passes and offsets that `match_blocks` tries."""
+
+    offsets: NDArray[np.int32]
+    """``(dy, dx)`` to try relative to the best position so far, pass by pass, (N, 2); the first is no motion."""
+    turns: NDArray[np.int32]
+    """Pass k tries ``offsets[turns[k]:turns[k + 1]]``, all relative to the best position before the pass, (T + 1,)."""
+    repeated: NDArray[np.bool_]
+    """Whether a pass is repeated for as long as it finds a better position, (T,)."""
 
 
 @njit(**JIT)
@@ -34,7 +48,7 @@ def sum_of_differences(rows0, rows1, channels, block, dy, dx, limit, kind):
 
 
 @njit(cache=True, **JIT)
-def match_blocks(rows0, rows1, channels, block_size, search_range, offsets, turns, repeated, motion, difference):
+def match_blocks(rows0, rows1, channels, block_size, search_range, plan, motion, difference):
     """Find the best match in the second image for every block of the first.
 
     Parameters
@@ -45,17 +59,13 @@ def match_blocks(rows0, rows1, channels, block_size, search_range, offsets, turn
         Side of a block, pixels; blocks at the right and at the bottom edge may be smaller.
     search_range : int
         Largest motion along x and y, pixels; positions outside of the frame are not considered.
-    offsets : (N, 2) int32
-        ``(dy, dx)`` to try relative to the best position so far, pass by pass; the first is no motion.
-    turns : (T + 1,) int32
-        Pass k tries ``offsets[turns[k]:turns[k + 1]]``, all relative to the best position before the pass.
-    repeated : (T,) bool
-        Whether a pass is repeated for as long as it finds a better position.
+    plan : SearchPlan
     motion : (rows, columns, 2) int32
         Out: ``(dx, dy)``.
     difference : (rows, columns) int64, for float images float32
         Out: the sum of absolute differences.
     """
+    offsets, turns, repeated = plan
     height, width = rows0.shape[0], rows0.shape[1] // channels
     kind = difference.dtype.type
     for row, column in np.ndindex(difference.shape):

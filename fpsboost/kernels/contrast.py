@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.levels import WHITE
 from fpsboost.kernels.tiles import Index
+
+
+class CodeLevels(NamedTuple):
+    """Meaning of the code values of luma and chroma."""
+
+    black: np.float32
+    """Code value of black."""
+    luma_unit: np.float32
+    """Luma per code value, where white is 1."""
+    neutral: np.float32
+    """Code value of neutral chroma."""
+    chroma_unit: np.float32
+    """Chroma per code value."""
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -67,20 +82,18 @@ def split_colours(image, normalise, scale, padding, luma, planes):
 
 
 @njit(cache=True, **FINITE_JIT)
-def split_planes(y_plane, cb_plane, cr_plane, black, luma_unit, neutral, chroma_unit, scale, padding, luma, planes):
+def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, padding, luma, planes):
     """Do the same as `split_colours` for an image in planes of luma and chroma.
 
     Parameters
     ----------
     y_plane : (H, W) uint8 or uint16
     cb_plane, cr_plane : (H, W), or subsampled by 2 along x or along both axes
-    black, luma_unit : float32
-        Code value of black, and luma per code value, where white is 1.
-    neutral, chroma_unit : float32
-        Code value of neutral chroma, and chroma per code value.
+    code_levels : CodeLevels
     scale, padding, luma, planes
         As for `split_colours`.
     """
+    black, luma_unit, neutral, chroma_unit = code_levels
     height, width = y_plane.shape
     rows, columns = cb_plane.shape
     half, down, mean = np.float32(0.5), 1 if rows == height else 2, np.empty(columns, np.uint8)

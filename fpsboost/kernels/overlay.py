@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import JIT
 from fpsboost.kernels.tiles import Index
 
 STAYS, STANDS_OUT = 1, 2
+
+
+class Frames(NamedTuple):
+    """Frames in which a pixel of an overlay is the same, each (H, W) uint8."""
+
+    image0: NDArray[Any]
+    image1: NDArray[Any]
+    before: NDArray[Any]
+    """The frame before the pair."""
+    after: NDArray[Any]
+    """The frame after the pair."""
 
 
 @njit(inline="always", **JIT)
@@ -18,14 +32,12 @@ def apart(one, other):
 
 
 @njit(cache=True, **JIT)
-def mark_overlay(image0, image1, before, after, motion, spacing, shortest, same, different, marks):
+def mark_overlay(frames, motion, spacing, shortest, same, different, marks):
     """Find the pixels that stay the same although their surroundings move.
 
     Parameters
     ----------
-    image0, image1 : (H, W) uint8
-    before, after : (H, W) uint8
-        Further frames in which the pixel must be the same, one before and one after the pair.
+    frames : Frames
     motion : (rows, columns, 2) float32
         Motion of the surroundings of each block of `spacing` pixels from frame 0 to frame 1, pixels.
     spacing : int
@@ -36,6 +48,7 @@ def mark_overlay(image0, image1, before, after, motion, spacing, shortest, same,
     marks : (H, W) uint8 out
         STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved; else 0.
     """
+    image0, image1, before, after = frames
     height, width = marks.shape
     for y in range(height):
         here, smallest = Index(y), np.empty(spacing, np.uint8)

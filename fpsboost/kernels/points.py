@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import FINITE_JIT, JIT
 
@@ -79,18 +81,38 @@ def measure_forward_backward_errors(vectors, y, x, back, spacing, height, width,
             )
 
 
+class RoundTrip(NamedTuple):
+    """Motion to another frame and back."""
+
+    there: NDArray[Any]
+    """Motion to the other frame, (points down, points across, 2) float32."""
+    back: NDArray[Any]
+    """Motion of the other frame, of the same shape."""
+
+
+class FieldLayout(NamedTuple):
+    """Layout of motion fields that have one vector for several pixels."""
+
+    spacing: int
+    """Pixels along x and y that share a vector."""
+    height: int
+    """Rows of the frame."""
+    width: int
+    """Columns of the frame."""
+
+
 @njit(cache=True, **JIT)
-def find_accelerations(there, back, away, away_back, spacing, height, width, y, x, ratio, consistent, changes):
+def find_accelerations(onward, away, layout, y, x, ratio, consistent, changes):
     """Estimate the acceleration at the frame that two neighbouring pairs share.
 
     Parameters
     ----------
-    there, back : (points down, points across, 2) float32
+    onward : RoundTrip
         Motion from the shared frame to the other frame of the pair, and back.
-    away, away_back : (points down, points across, 2) float32
+    away : RoundTrip
         The same to the other frame of the neighbouring pair.
-    spacing, height, width : int
-        All fields have one vector for `spacing` x `spacing` pixels of a frame of this size.
+    layout : FieldLayout
+        Of all fields.
     y, x : (rows,), (columns,) int64
         Rows and columns of the points.
     ratio : float
@@ -100,6 +122,7 @@ def find_accelerations(there, back, away, away_back, spacing, height, width, y, 
     changes : (rows, columns, 3) float32 out
         1 where both vectors are valid, and the acceleration, pixels per interval squared; else 0.
     """
+    (there, back), (far_there, far_back), (spacing, height, width) = onward, away, layout
     # x(1) = v + a / 2 and x(-r) = -r v + r^2 a / 2
     duration, factor = np.float32(ratio), np.float32(2 / (ratio + ratio * ratio))
     changes[:] = 0
@@ -107,12 +130,12 @@ def find_accelerations(there, back, away, away_back, spacing, height, width, y, 
         for j in range(x.size):
             row, column = y[i] // spacing, x[j] // spacing
             dx, dy = there[row, column, 0], there[row, column, 1]
-            away_x, away_y = away[row, column, 0], away[row, column, 1]
+            far_x, far_y = far_there[row, column, 0], far_there[row, column, 1]
             apart, inside = forward_backward_vector_error(dx, dy, back, spacing, height, width, y[i], x[j])
-            away_apart, away_inside = forward_backward_vector_error(
-                away_x, away_y, away_back, spacing, height, width, y[i], x[j]
+            far_apart, far_inside = forward_backward_vector_error(
+                far_x, far_y, far_back, spacing, height, width, y[i], x[j]
             )
-            if inside and away_inside and apart <= consistent and away_apart <= consistent:
+            if inside and far_inside and apart <= consistent and far_apart <= consistent:
                 changes[i, j, 0] = 1
-                changes[i, j, 1] = (dx * duration + away_x) * factor
-                changes[i, j, 2] = (dy * duration + away_y) * factor
+                changes[i, j, 1] = (dx * duration + far_x) * factor
+                changes[i, j, 2] = (dy * duration + far_y) * factor

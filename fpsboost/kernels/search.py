@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,6 +25,15 @@ STRIP_WIDTH = 640
 
 QUADRUPLES_PER_PASS = 2
 """Quadruples of offsets processed together row by row: the rows they read stay in the first-level cache."""
+
+
+class BestOffsets(NamedTuple):
+    """Best offset of every pixel of a frame so far."""
+
+    similarity: NDArray[Any]
+    """Summed similarity, int32 (box) or float32 (taps), -1 at the start."""
+    ranks: NDArray[Any]
+    """Rank of the best offset, int32, 0 at the start."""
 
 
 @njit(**FINITE_JIT)
@@ -111,7 +120,9 @@ def rank_offsets(search_radius: int) -> tuple[NDArray[np.int32], NDArray[np.floa
 
 
 @lru_cache(maxsize=32)
-def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) -> Callable[..., None]:
+def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
+    patch_radius: int, taps: tuple[float, ...] | None = None
+) -> Callable[..., None]:
     """Compile the exhaustive search for one patch size and window.
 
     The patch size is a compile-time constant, because the speed depends on unrolled horizontal sums.
@@ -126,16 +137,15 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     Returns
     -------
     callable
-        ``search(planes0, planes1, height, width, ranks, prices, best01, winners01, best10, winners10)``, with
+        ``search(planes0, planes1, height, width, ranks, prices, found01, found10)``, with
         M = search_radius + 4 and L = LANES:
 
         planes0 : (3, H + 2r, W + 2r + L or more) float32, scaled by `colour_scale`, edges repeated
         planes1 : (3, H + 2r, W + 2r + 2M + L or more) float32, the same
-        best01 : (H, W + L or more) int32 (box) or float32 (taps), -1 at the start; the summed similarity
-        best10 : (H, W + 2M + 2L or more), the same; column M is the first of the image
+        found01 : BestOffsets, (H, W + L or more)
+        found10 : BestOffsets, (H, W + 2M + 2L or more); column M is the first of the image
         ranks : (2R + 1, 2R + 1) int32, from `rank_offsets`
-        prices : (2R + 1, 2R + 1), the type of best; subtracted from the similarity of each offset, 0 for no motion
-        winners01, winners10 : int32, shaped like best, 0 at the start; rank of the best motion
+        prices : (2R + 1, 2R + 1), the type of the similarity, from which they are subtracted; 0 for no motion
     """
     size = 2 * patch_radius + 1
     padded_size = (size + LANES - 1) // LANES * LANES
@@ -145,7 +155,8 @@ def exhaustive_kernel(patch_radius: int, taps: tuple[float, ...] | None = None) 
     weights = np.array(taps or (), np.float32)
 
     @njit(cache=True, **FINITE_JIT)
-    def search(planes0, planes1, height, width, ranks, prices, best01, winners01, best10, winners10):
+    def search(planes0, planes1, height, width, ranks, prices, found01, found10):  # noqa: C901 (loops share buffers)
+        (best01, winners01), (best10, winners10) = found01, found10
         margin = size - 1
         search_radius = len(ranks) // 2
         shift = search_radius + 4

@@ -8,8 +8,11 @@ common one.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.lanes import EIGHT, relax_eight
@@ -19,28 +22,47 @@ MISSING_LABEL_COST = np.float32(1e30)
 """Cost of a label that a node does not have."""
 
 
+class Labels(NamedTuple):
+    """Labels of all nodes, as for `smooth_labels`, flattened."""
+
+    listed: NDArray[Any]
+    motions: NDArray[Any]
+    energy: NDArray[Any]
+    ties: NDArray[Any]
+    capacity: int
+    """Maximum number of labels of a node."""
+
+
+class PathRoom(NamedTuple):
+    """Work arrays for the labels of two nodes of a path, with `capacity` rounded up to a multiple of EIGHT."""
+
+    x: NDArray[Any]
+    """Motion of the labels along x, (2 room,) float32."""
+    y: NDArray[Any]
+    """Motion of the labels along y, (2 room,) float32."""
+    costs: NDArray[Any]
+    """Least costs of the labels, (2 room,) float32."""
+    cheapest: NDArray[Any]
+    """Cost of the cheapest transition to each label of a node, (room,) float32."""
+
+
 @njit(**FINITE_JIT)
-def add_path_costs(
-    begin, apart, length, count, motions, energy, ties, smoothness, slope, capacity, x, y, costs, cheapest, total
-):  # fmt: skip
+def add_path_costs(begin, apart, length, labels, smoothness, slope, spaces, total):
     """Add the costs of the path along a line of nodes.
 
     Parameters
     ----------
     begin, apart, length : int
         Index of the first node, distance to the next, and number of nodes.
-    count, motions, energy, ties, smoothness, slope
-        As for `smooth_labels`, flattened.
-    capacity : int
-        Maximum number of labels of a node.
-    x, y, costs : (2 room,) float32
-        Work arrays for the motions and for the least costs of the labels of two nodes, `capacity` rounded up to a
-        multiple of EIGHT each.
-    cheapest : (room,) float32
-        Work array.
+    labels : Labels
+    smoothness, slope
+        As for `smooth_labels`.
+    spaces : PathRoom
     total : flat float32
         Updated in place.
     """
+    count, motions, energy, ties, capacity = labels
+    x, y, costs, cheapest = spaces
     share, room = np.float32(0.25), cheapest.size
     before, least, tie_before = Index(room), np.float32(0), np.float32(0)
     for n in range(length):
@@ -90,16 +112,16 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
     """
     rows, columns, capacity = energy.shape
     total[:] = 0
-    nodes = count.ravel(), motions.ravel(), energy.ravel(), ties.ravel(), smoothness, slope, capacity
+    labels = Labels(count.ravel(), motions.ravel(), energy.ravel(), ties.ravel(), capacity)
     room = (capacity + EIGHT - 1) // EIGHT * EIGHT
-    spaces = np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32)
-    cheapest, last = np.empty(room, np.float32), (rows - 1) * columns
+    x, y, costs = np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32)
+    spaces, last = PathRoom(x, y, costs, np.empty(room, np.float32)), (rows - 1) * columns
     for row in range(rows):
-        add_path_costs(row * columns, 1, columns, *nodes, *spaces, cheapest, total.ravel())
-        add_path_costs(row * columns + columns - 1, -1, columns, *nodes, *spaces, cheapest, total.ravel())
+        add_path_costs(row * columns, 1, columns, labels, smoothness, slope, spaces, total.ravel())
+        add_path_costs(row * columns + columns - 1, -1, columns, labels, smoothness, slope, spaces, total.ravel())
     for column in range(columns):
-        add_path_costs(column, columns, rows, *nodes, *spaces, cheapest, total.ravel())
-        add_path_costs(last + column, -columns, rows, *nodes, *spaces, cheapest, total.ravel())
+        add_path_costs(column, columns, rows, labels, smoothness, slope, spaces, total.ravel())
+        add_path_costs(last + column, -columns, rows, labels, smoothness, slope, spaces, total.ravel())
 
 
 @njit(cache=True, **FINITE_JIT)

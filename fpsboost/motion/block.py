@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair, has_alpha
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.block import match_blocks
+from fpsboost.kernels.block import SearchPlan, match_blocks
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
 
@@ -89,7 +89,7 @@ class BlockMatching:
             channels,
             self.block_size,
             self.search_range,
-            *search_plan(self.pattern, self.search_range),
+            search_plan(self.pattern, self.search_range),
             motion,
             difference,
         )
@@ -135,14 +135,6 @@ def white_of(image: Image) -> float:
         return 1
     white = int(np.iinfo(image.dtype).max)
     return white**2 if has_alpha(image) and image.dtype == np.uint8 else white
-
-
-class SearchPlan(NamedTuple):
-    """Passes and offsets that `fpsboost.kernels.block.match_blocks` tries."""
-
-    offsets: NDArray[np.int32]
-    turns: NDArray[np.int32]
-    repeated: NDArray[np.bool_]
 
 
 def search_plan(pattern: Pattern, search_range: int) -> SearchPlan:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image, Pixels, has_alpha
-from fpsboost.kernels.contrast import finish_planes, split_colours, split_planes
+from fpsboost.kernels.contrast import CodeLevels, finish_planes, split_colours, split_planes
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import level_scale
 from fpsboost.kernels.memory import aligned_empty
@@ -144,8 +144,8 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float, high_pass_siz
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
     if isinstance(image, YCbCrImage):
         black, luma_span, neutral, chroma_span = image.coding.levels
-        codes = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
-        split_planes(*image.planes, *codes, scale, padding, luma, planes)
+        code_levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
+        split_planes(*image.planes, code_levels, scale, padding, luma, planes)
     else:
         white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
         colours = compress_highlights(image) if image.dtype == np.float32 else image

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.memory import aligned_empty
-from fpsboost.kernels.search import exhaustive_kernel, rank_offsets
+from fpsboost.kernels.search import BestOffsets, exhaustive_kernel, rank_offsets
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.motion.colour import Components, padded_planes
 from fpsboost.motion.field import MotionField
@@ -79,7 +79,8 @@ def search_fused(
     share = np.float32(1 / UNIT if taps else 1 / (UNIT * (2 * patch_radius + 1) ** 2))
     lengths = np.abs(np.arange(-search_radius, search_radius + 1))
     prices = ((lengths[:, np.newaxis] + lengths) * (penalty / share)).astype(score_type)
-    search(planes0, planes1, height, width, ranks, prices, best01, winners01, best10, winners10)
+    found01, found10 = BestOffsets(best01, winners01), BestOffsets(best10, winners10)
+    search(planes0, planes1, height, width, ranks, prices, found01, found10)
     inside = slice(margin, margin + width)
     return (
         MotionField(offsets[winners01[:, :width]], best01[:, :width].astype(np.float32) * share),

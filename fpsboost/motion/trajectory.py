@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.points import find_accelerations
+from fpsboost.kernels.points import FieldLayout, RoundTrip, find_accelerations
 from fpsboost.motion.field import MotionField, point_places
 
 CONSISTENT = 1.5
@@ -68,5 +68,7 @@ def accelerations_at_points(
             vectors, shared = [field.vectors for field in fields], onward[0].spacing
         else:
             vectors, shared = [field.flow for field in fields], 1
-        find_accelerations(*vectors, shared, *onward[0].shape, y, x, ratio, np.float32(CONSISTENT), changes)
+        trips = RoundTrip(*vectors[:2]), RoundTrip(*vectors[2:])
+        layout = FieldLayout(shared, *onward[0].shape)
+        find_accelerations(*trips, layout, y, x, ratio, np.float32(CONSISTENT), changes)
     return changes
