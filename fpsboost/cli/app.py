@@ -151,7 +151,7 @@ def main() -> None:
         run_command(texts)
 
 
-def run_command(texts: LibraryTexts) -> None:  # noqa: C901 (one handler per kind of failure)
+def run_command(texts: LibraryTexts) -> None:
     """Run the command line; exit with a code above 0 unless it succeeds."""
     errors = console()
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]

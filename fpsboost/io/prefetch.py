@@ -32,9 +32,7 @@ def available_cores() -> int:
 
 
 @contextmanager
-def read_ahead(  # noqa: C901 (its thread counts as its own)
-    items: Iterable[T], depth: int, cancel: Callable[[], None] = nothing
-) -> Generator[Iterator[T]]:
+def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = nothing) -> Generator[Iterator[T]]:
     """Run an iterable in a thread, up to `depth` items ahead of the caller.
 
     Parameters
