@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from fpsboost.frame import Image
 from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION
 from fpsboost.kernels.jit import FINITE_JIT
-from fpsboost.kernels.multi_hypothesis import AREA, WINDOW, fetch_window, locate_window, mix_inside, window_shape
+from fpsboost.kernels.multi_hypothesis import (
+    AREA,
+    WINDOW,
+    Plane,
+    fetch_window,
+    first_plane,
+    locate_window,
+    mix_inside,
+    spread_squares,
+    window_shape,
+)
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.multi_hypothesis import _samples
 
@@ -43,7 +53,7 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
 
     Parameters
     ----------
-    samples0, samples1 : Samples
+    samples0, samples1 : SampledImage
         See `fpsboost.kernels.multi_hypothesis`.
     size : (int, int)
         Height and width of the frame.
@@ -58,19 +68,20 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
         Room.
     images : (3, C, AREA) float32 out
     """
-    channels, end, stride = samples0.planes.shape
-    flat0, spline0, unit = samples0.planes.ravel(), samples0.coefficients.ravel(), samples0.unit
-    flat1, spline1 = samples1.planes.ravel(), samples1.coefficients.ravel()
-    y0, x0, y1, x1, within = locate_window(top, left, motion, t, *size, marks)
-    for c in range(channels):
-        begin = c * end * stride
+    values0, coefficients0, unit, _, plane_rows, stride = first_plane(samples0.full)
+    values1, coefficients1 = first_plane(samples1.full)[:2]
+    place = locate_window(top, left, motion, t, *size, marks)
+    for c in range(images.shape[1]):
+        begin = c * plane_rows * stride
         first, second, mixed = images[1, c], images[2, c], images[0, c]
-        fetch_window(flat0, spline0, unit, begin, stride, end, y0, x0, -t, motion, rows, first)
-        fetch_window(flat1, spline1, unit, begin, stride, end, y1, x1, np.float32(1) - t, motion, rows, second)
+        plane0 = Plane(values0, coefficients0, unit, begin, plane_rows, stride)
+        fetch_window(plane0, place.y0, place.x0, -t, motion, WINDOW, WINDOW, rows, first)
+        plane1 = Plane(values1, coefficients1, unit, begin, plane_rows, stride)
+        fetch_window(plane1, place.y1, place.x1, np.float32(1) - t, motion, WINDOW, WINDOW, rows, second)
         for i in range(AREA):
             mixed[i] = first[i] + t * (second[i] - first[i])
-        if not within:
-            mix_inside(t, marks, first, second, mixed)
+        if not place.within:
+            mix_inside(t, marks, 1, 1, first, second, mixed)
 
 
 @njit(**FINITE_JIT)
@@ -114,7 +125,7 @@ def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radiu
     radius : int
         r of the patches that choose, pixels; below 0 a window chooses as a whole.
     shape : (AREA,) float32
-        See `fpsboost.kernels.multi_hypothesis.window_shape`.
+        `fpsboost.kernels.multi_hypothesis.window_shape`, spread over the pixels.
     mean : (C, height, width) float32
         Sum of the windows; in and out.
     weight : (height, width) float32
@@ -189,8 +200,10 @@ def best_of(
     samples0, samples1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
     wanted = np.ascontiguousarray(truth.transpose(2, 0, 1), np.float32) / np.float32(255)
     mean, weight, choice = np.zeros_like(wanted), np.zeros(wanted.shape[1:], np.float32), np.zeros_like(count)
+    shape = np.empty(AREA, np.float32)
+    spread_squares(window_shape(), 1, 1, shape)
     choose_candidates(
-        samples0, samples1, wanted, np.float32(t), count, motions, alone, radius, window_shape(), mean, weight, choice
+        samples0, samples1, wanted, np.float32(t), count, motions, alone, radius, shape, mean, weight, choice
     )
     mean /= weight
     return np.rint(mean.transpose(1, 2, 0).clip(0, 1) * 255).astype(np.uint8), choice
