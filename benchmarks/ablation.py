@@ -165,7 +165,7 @@ MOTION: dict[str, dict[str, Any]] = {
     "patch radius 3": {"patch_radius": 3},
     "patch radius 8": {"patch_radius": 8},
     "fewer levels": {"coarsest_side": 240},
-    "half the reach": {"reach": 1 / 16},
+    "half the search range": {"max_motion_share": 1 / 16},
     "a vector for every 4th pixel": {"step": 4},
     "a vector for every 16th pixel": {"step": 16},
 }
@@ -174,15 +174,15 @@ MOTION: dict[str, dict[str, Any]] = {
 SYNTHESIS: dict[str, dict[str, Any]] = {
     "similarity does not count": {"sharpness": 0.0},
     "the most similar takes all": {"sharpness": 1000.0},
-    "candidates from near by": {"support": 16.0},
-    "candidates from far": {"support": 32.0},
-    "candidates 1 pixel apart": {"tolerance": 1.0},
-    "five candidates a node": {"most": 5},
+    "candidates from near by": {"support_radius": 16.0},
+    "candidates from far": {"support_radius": 32.0},
+    "candidates 1 pixel apart": {"merge_distance": 1.0},
+    "five candidates a node": {"max_candidates": 5},
     "every 4th pixel asked": {"step": 4},
     "every 16th pixel asked": {"step": 16},
-    "width of the report, v = 0.25": {"width": 0.25},
-    "every candidate tried": {"enough": 2.0, "negligible": 0.0},
-    "unlikely candidates tried": {"least": 0.0},
+    "bandwidth of the report, v = 0.25": {"bandwidth": 0.25},
+    "every candidate tried": {"sufficient_similarity": 2.0, "min_vote_share": 0.0},
+    "unlikely candidates tried": {"min_weight": 0.0},
 }
 """Options of the synthesizer that differ."""
 

@@ -282,7 +282,7 @@ def measure(paths: Sequence[str], method: Interpolator, largest: int) -> dict[st
     figures = {}
     for name, path in find_clips(paths).items():
         clip = read_clip(name, path, largest + 2)
-        reach = search.reach * max(clip.shown[0].shape[:2])
+        reach = search.max_motion_share * max(clip.shown[0].shape[:2])
         rows = [budget(case, fusing, reach) for case in make_cases(method, clip, largest)]
         if rows:
             figures[name] = means(rows)

@@ -304,7 +304,7 @@ def sizes(console: Console, options: Options) -> Figures:
         estimator: Any = interpolator.estimator
         table.add_row(
             size,
-            f"{estimator.reach:.3f}",
+            f"{estimator.max_motion_share:.3f}",
             str(estimator.patch_radius),
             f"{each['cpu_ms']:.1f}",
             f"{each['cpu_ns_per_pixel']:.1f}",
@@ -314,7 +314,12 @@ def sizes(console: Console, options: Options) -> Figures:
         add("sizes", size, size, full)
     table.add_section()
     for reach in REACHES:
-        add("reach", f"{reach:.4f}", "640x360", replace(full, estimator=replace(search, reach=reach)))
+        add(
+            "largest motion",
+            f"{reach:.4f}",
+            "640x360",
+            replace(full, estimator=replace(search, max_motion_share=reach)),
+        )
     table.add_section()
     for radius in PATCH_RADII:
         changed = replace(full, estimator=replace(search, patch_radius=radius))

@@ -39,7 +39,7 @@ plain_interpolator = partial(Interpolator, curved=False, compensate_illumination
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(), MultiHypothesis()),
-        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), MultiHypothesis(step=16, enough=0.95)),
+        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), MultiHypothesis(step=16, sufficient_similarity=0.95)),
         "nlm-exhaustive": plain_interpolator(ExhaustiveSearch(), Reproject()),
         "nlm-brute-force": plain_interpolator(ExhaustiveSearch(), Reproject(search="brute-force")),
         "nlm-passes": plain_interpolator(ExhaustiveSearch(implementation="passes"), Reproject()),

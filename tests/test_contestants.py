@@ -98,14 +98,14 @@ def test_every_default_can_be_written_as_an_option(name):
 def test_values_out_of_range_are_refused():
     """Nothing that a method cannot work with gets past its own checks: 0 and -1 run or are refused."""
     image = cv2.GaussianBlur(noise(32, 40), (0, 0), 1)
-    texts = ("smoothness=-1", "coarsest-side=0", "finest-level=-1", "width=0", "tolerance=-1")
+    texts = ("smoothness=-1", "coarsest-side=0", "finest-level=-1", "bandwidth=0", "merge-distance=-1")
     for text in texts:
         with pytest.raises(OptionError, match=text.partition("=")[0].replace("-", "_")):
             choose([f"nlm:{text}"], None)
     for text in ("levels=0", "window-size=0", "iterations=0"):
         with pytest.raises(OptionError, match="must be at least 1"):
             choose([f"farneback:{text}"], None)
-    (maker,) = choose(["nlm:smoothness=0,finest-level=99,tolerance=0"], None)[0].values()
+    (maker,) = choose(["nlm:smoothness=0,finest-level=99,merge-distance=0"], None)[0].values()
     assert isinstance(maker, InterpolatorMaker)
     assert len(maker.interpolator.interpolate(image, image, [0.5])) == 1
 

@@ -257,12 +257,12 @@ def test_confidence_is_high_but_where_nothing_fits():
     ("option", "value"),
     [
         ("step", 0),
-        ("support", 15.9),
-        ("tolerance", -0.1),
-        ("most", 0),
-        ("least", 1),
-        ("width", 0),
-        ("width", float("nan")),
+        ("support_radius", 15.9),
+        ("merge_distance", -0.1),
+        ("max_candidates", 0),
+        ("min_weight", 1),
+        ("bandwidth", 0),
+        ("bandwidth", float("nan")),
     ],
 )
 def test_options_of_fusing_out_of_range_are_refused(option, value):

@@ -108,9 +108,9 @@ class Weighting(NamedTuple):
     """Factor on squared colour differences."""
     sharpness: np.float32
     """Rate at which a candidate's weight decays as its similarity falls."""
-    enough: np.float32
+    sufficient_similarity: np.float32
     """Similarity at which, once every pixel of a window has it, the candidates with fewer votes are skipped."""
-    negligible: np.float32
+    min_vote_share: np.float32
     """Remaining candidates are also skipped once the votes of the next one are below this share of the least
     accumulated weight of any pixel."""
     window_shape: NDArray[Any]
@@ -761,7 +761,7 @@ def sum_candidates(full, chroma, window, t, motions, priors, weighting, work, su
         prior = priors[k]
         if prior <= 0:
             continue
-        if prior < weighting.negligible * least_weight or least_similar >= weighting.enough:
+        if prior < weighting.min_vote_share * least_weight or least_similar >= weighting.sufficient_similarity:
             break
         motion = motions[k]
         place = locate_window(top, left, motion, t, height, width, marks)

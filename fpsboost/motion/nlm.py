@@ -98,8 +98,8 @@ class CoarseToFine:
 
     Parameters
     ----------
-    reach : float
-        Search range: largest motion that can be found, as a share of the frame's longer side.
+    max_motion_share : float
+        Largest motion that can be found, as a share of the frame's longer side.
     patch_radius : int
         Patch radius r, 1 to 10 pixels, the same at every level.
     v : float
@@ -126,7 +126,7 @@ class CoarseToFine:
 
     takes_planes: ClassVar[bool] = True
 
-    reach: float = 1 / 8
+    max_motion_share: float = 1 / 8
     patch_radius: int = 5
     v: float = 0.09
     labels: int = 8
@@ -137,8 +137,10 @@ class CoarseToFine:
     finest_level: int = 0
 
     def __post_init__(self) -> None:
-        if not 0 < self.reach <= 1:
-            raise OptionError(f"reach must be above 0 and at most 1 of the frame, not {self.reach}.")
+        if not 0 < self.max_motion_share <= 1:
+            raise OptionError(
+                f"max_motion_share must be above 0 and at most 1 of the frame, not {self.max_motion_share}."
+            )
         if not 1 <= self.patch_radius <= 10:
             raise OptionError(f"`patch_radius` must be 1 to 10 pixels for this method, not {self.patch_radius}.")
         if self.labels < 1:
@@ -308,7 +310,7 @@ class CoarseToFine:
 
     def _max_offset(self, image: Pixels) -> int:
         longer_side: int = max(image.shape[:2])
-        return math.ceil(self.reach * longer_side) + 1
+        return math.ceil(self.max_motion_share * longer_side) + 1
 
 
 def _uniform_ties(flow: NDArray[Any]) -> NDArray[Any]:

@@ -146,7 +146,7 @@ def expected_motion(image0: FrameCache, image1: FrameCache) -> float:
     if scale > 1:
         image0, image1 = (FrameCache(image.cached(small_copy, MAX_LONGER_SIDE)) for image in (image0, image1))
     regular = Dis("medium").estimate(image0, image1)
-    detailed = CoarseToFine(reach=MAX_MOTION_SHARE, step=STEP).estimate(image0, image1)
+    detailed = CoarseToFine(max_motion_share=MAX_MOTION_SHARE, step=STEP).estimate(image0, image1)
     planes0, planes1 = (
         padded_planes(image.cached(contrast_components), EDGE_PADDING, 0, 2 * LANES, colour_scale(BANDWIDTH))
         for image in (image0, image1)

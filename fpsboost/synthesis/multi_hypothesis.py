@@ -70,54 +70,55 @@ class MultiHypothesis:
     ----------
     step : int
         Distance along x and y between the pixels of each frame whose motion is a candidate, pixels.
-    support : float
+    support_radius : float
         Maximum distance between a node and the landing position of a motion that votes for it, pixels; the weight
         decreases with distance.
-    tolerance : float
+    merge_distance : float
         Motions that differ by less are merged, pixels.
-    most : int
+    max_candidates : int
         Maximum number of candidates per node, besides zero motion.
-    least : float
+    min_weight : float
         Minimum weight of a candidate relative to that of the best one.
-    width : float
+    bandwidth : float
         Bandwidth v of the similarity at time t, for colours in [0, 1].
     sharpness : float
         Sharpness of the weighting: the weight of a candidate is ``exp(sharpness * similarity)``.
-    enough : float
+    sufficient_similarity : float
         Similarity from which on a node needs no further candidates.
-    negligible : float
+    min_vote_share : float
         A candidate is skipped if its votes are below this share of the least accumulated weight of any pixel.
     """
 
     takes_planes: ClassVar[bool] = True
 
     step: int = 8
-    support: float = 24
-    tolerance: float = 0.5
-    most: int = 12
-    least: float = 0.04
-    width: float = 0.3
+    support_radius: float = 24
+    merge_distance: float = 0.5
+    max_candidates: int = 12
+    min_weight: float = 0.04
+    bandwidth: float = 0.3
     sharpness: float = 18
-    enough: float = 0.98
-    negligible: float = 0.2
+    sufficient_similarity: float = 0.98
+    min_vote_share: float = 0.2
 
     def __post_init__(self) -> None:
         if self.step < 1:
             raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
-        if not self.support >= NODE_SPACING:
+        if not self.support_radius >= NODE_SPACING:
             raise OptionError(
-                f"support must be at least {NODE_SPACING} pixels, or motions are lost, not {self.support}."
+                f"support_radius must be at least {NODE_SPACING} pixels, or motions are lost, "
+                f"not {self.support_radius}."
             )
-        if not self.tolerance >= 0:
-            raise OptionError(f"tolerance must be at least 0 pixels, not {self.tolerance}.")
-        if self.most < 1:
-            raise OptionError(f"most must be at least 1, not {self.most}.")
-        if not 0 <= self.least < 1:
-            raise OptionError(f"least must be at least 0 and below 1, not {self.least}.")
-        if not 0 <= self.negligible < 1:
-            raise OptionError(f"negligible must be at least 0 and below 1, not {self.negligible}.")
-        if not self.width > 0:
-            raise OptionError(f"width must be above 0, not {self.width}.")
+        if not self.merge_distance >= 0:
+            raise OptionError(f"merge_distance must be at least 0 pixels, not {self.merge_distance}.")
+        if self.max_candidates < 1:
+            raise OptionError(f"max_candidates must be at least 1, not {self.max_candidates}.")
+        if not 0 <= self.min_weight < 1:
+            raise OptionError(f"min_weight must be at least 0 and below 1, not {self.min_weight}.")
+        if not 0 <= self.min_vote_share < 1:
+            raise OptionError(f"min_vote_share must be at least 0 and below 1, not {self.min_vote_share}.")
+        if not self.bandwidth > 0:
+            raise OptionError(f"bandwidth must be above 0, not {self.bandwidth}.")
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
@@ -143,10 +144,10 @@ class MultiHypothesis:
         made, pixels, chroma = _blank(image0)
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
         weighting = Weighting(
-            np.float32(0.5 / self.width**2 * _difference_factor(image0)),
+            np.float32(0.5 / self.bandwidth**2 * _difference_factor(image0)),
             np.float32(self.sharpness),
-            np.float32(self.enough),
-            np.float32(self.negligible),
+            np.float32(self.sufficient_similarity),
+            np.float32(self.min_vote_share),
             window_shape(),
             patch_shares(),
         )
@@ -173,18 +174,18 @@ class MultiHypothesis:
             np.zeros((*nodes, CANDIDATE_CAPACITY), np.float32),
             np.zeros((*nodes, CANDIDATE_CAPACITY, SUMS_PER_CANDIDATE), np.float32),
         )
-        support, tolerance = np.float32(self.support), np.float32(self.tolerance)
+        support, tolerance = np.float32(self.support_radius), np.float32(self.merge_distance)
         for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
             collect_candidates(
                 votes, np.float32(sign), np.float32(time), self.step, support, tolerance, height, width, collected
             )
-        room = self.most + 1  # including zero motion
+        room = self.max_candidates + 1  # including zero motion
         candidates = Candidates(
             np.empty(nodes, np.int32),
             np.zeros((*nodes, room, VALUES_PER_MOTION), np.float32),
             np.empty((*nodes, room), np.float32),
         )
-        least = np.float32(self.least)
+        least = np.float32(self.min_weight)
         list_candidates(collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, least, candidates)
         return candidates
 
