@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from fpsboost.io.images import png_chunks
 from fpsboost.io.images.exr import encode_exr, parse_exr_header
 from fpsboost.io.images.files import encode_image
 from fpsboost.io.images.metadata import ImageMetadata, metadata_of, upright
+from fpsboost.io.images.png_chunks import chunk_bytes
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.run_options import RunOptions
 
@@ -106,6 +108,21 @@ def test_xmp_is_kept(tmp_path, suffix):
     assert read_metadata(path).xmp == XMP
     with Image.open(path) as file:
         assert (file.tag_v2[700] if suffix == ".tif" else file.info["xmp"]) in (XMP, XMP.decode())
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_xmp_is_found_among_other_texts(tmp_path, place, compressed):
+    """Whichever of a PNG's texts it is, plain or compressed."""
+    other = chunk_bytes(b"iTXt", b"Comment\0\0\0\0\0some words")
+    packed = zlib.compress(XMP) if compressed else XMP
+    texts = [other, other]
+    texts.insert(place, chunk_bytes(b"iTXt", b"XML:com.adobe.xmp\0" + bytes([compressed, 0]) + b"en\0\0" + packed))
+    path = tmp_path / "in.png"
+    path.write_bytes(encode_image(path, scene(0)))
+    data, behind_header = path.read_bytes(), 33
+    path.write_bytes(data[:behind_header] + b"".join(texts) + data[behind_header:])
+    assert read_metadata(path).xmp == XMP
 
 
 def test_words_on_colour_of_png(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from itertools import pairwise, product
 from pathlib import Path
@@ -301,7 +302,9 @@ def test_upright_pixels_land_where_the_display_matrix_sends_them(turn):
     """Every quarter turn and flip moves (x, y) to (a x + c y, b x + d y), shifted back into the picture."""
     a, b, c, d = turn
     image = np.arange(2 * 3, dtype=np.uint8).reshape(2, 3, 1)
-    turned = turned_upright(image, (a << 16, b << 16, 0, c << 16, d << 16, 0, 0, 0, 1 << 30))
+    rounding = [1 - abs(each) for each in turn]  # what a sine or cosine in fixed point leaves
+    a16, b16, c16, d16 = ((each << 16) + off for each, off in zip(turn, rounding, strict=True))
+    turned = turned_upright(image, (a16, b16, 0, c16, d16, 0, 0, 0, 1 << 30))
     places = {int(image[y, x, 0]): (a * x + c * y, b * x + d * y) for y in range(2) for x in range(3)}
     left, top = (min(place[axis] for place in places.values()) for axis in range(2))
     for value, (x, y) in places.items():
@@ -312,3 +315,11 @@ def test_no_display_matrix_leaves_the_picture_as_it_is():
     """Without a matrix nothing moves."""
     image = np.arange(6, dtype=np.uint8).reshape(2, 3, 1)
     assert turned_upright(image, None) is image
+
+
+@pytest.mark.parametrize("degrees", [30, 120, 200, 300])
+def test_other_angles_are_left_alone(degrees):
+    """A picture that does not fit a frame after its rotation is neither rotated nor flipped."""
+    image = np.arange(24, dtype=np.uint8).reshape(4, 6, 1)
+    a, b = (round(function(math.radians(degrees)) * 65536) for function in (math.cos, math.sin))
+    assert turned_upright(image, (a, b, 0, -b, a, 0, 0, 0, 1 << 30)) is image

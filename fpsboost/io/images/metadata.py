@@ -24,7 +24,7 @@ from fpsboost.io.images.jpeg_segments import components_of, segments_in
 from fpsboost.io.images.png_chunks import SIGNATURE, Chunk, chunk_bytes, chunks_in
 from fpsboost.io.images.tiff_tags import Tag
 
-MAX_PROFILE = 2**24
+MAX_PROFILE = 2**24  # bytes of what a file holds compressed
 INCH = 0.0254  # metres
 MAX_SEGMENT, MAX_FILE = 65533, 2**31  # bytes: of a JPEG, of what can be said at once elsewhere
 
@@ -167,8 +167,10 @@ def _room_in(extension: str) -> int:
 
 
 def _of_png(data: bytes) -> ImageMetadata:
-    chunks = {chunk.name: chunk.data for chunk in chunks_in(BytesIO(data), (b"IDAT",))}
-    profile, density, exif, xmp = b"", None, chunks.get(b"eXIf", b""), b""
+    listed = list(chunks_in(BytesIO(data), (b"IDAT",)))
+    chunks = {chunk.name: chunk.data for chunk in listed}
+    profile, density, exif = b"", None, chunks.get(b"eXIf", b"")
+    xmp = next(filter(None, (_xmp_in(chunk.data) for chunk in listed if chunk.name == b"iTXt")), b"")
     with suppress(zlib.error):
         compressed = chunks.get(b"iCCP", b"").partition(b"\0")[2][1:]
         profile = zlib.decompressobj().decompress(compressed, MAX_PROFILE)
@@ -177,10 +179,21 @@ def _of_png(data: bytes) -> ImageMetadata:
         density = (across * INCH, down * INCH) if unit == 1 else None
     else:
         chunks.pop(b"pHYs", None)
-    if chunks.get(b"iTXt", b"").startswith(b"XML:com.adobe.xmp\0\0"):
-        xmp = chunks[b"iTXt"].split(b"\0", 5)[-1]
     kept = (Chunk(name, chunks[name]) for name in (*_colour_chunks, b"pHYs") if name in chunks)
     return ImageMetadata(profile, density, exif, xmp, tuple(kept))
+
+
+def _xmp_in(text_chunk: bytes) -> bytes:
+    """Return the XMP data of a PNG's iTXt chunk, which may be compressed; empty for another text."""
+    keyword, _, rest = text_chunk.partition(b"\0")
+    if keyword != b"XML:com.adobe.xmp" or len(rest) < 2:
+        return b""
+    text = rest[2:].partition(b"\0")[2].partition(b"\0")[2]  # behind language and translated keyword
+    if not rest[0]:
+        return text
+    with suppress(zlib.error):
+        return zlib.decompressobj().decompress(text, MAX_PROFILE)
+    return b""
 
 
 def _into_png(data: bytes, metadata: ImageMetadata, profile: bytes) -> bytes:

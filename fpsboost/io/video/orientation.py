@@ -9,7 +9,12 @@ from fpsboost.frame import Image
 
 def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
     """Return whether a display matrix exchanges width and height; only quarter turns and flips are considered."""
-    return matrix is not None and matrix[0] == 0 and matrix[4] == 0
+    return matrix is not None and _is_small(matrix[0], matrix[1]) and _is_small(matrix[4], matrix[3])
+
+
+def _is_small(value: int, other: int) -> bool:
+    """Return whether an element of a matrix differs from 0 by rounding only, beside another one."""
+    return 256 * abs(value) <= abs(other)
 
 
 def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
@@ -24,13 +29,15 @@ def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
 
     Returns
     -------
-    (H, W, C) or (W, H, C), contiguous
+    (H, W, C) or (W, H, C)
     """
     if matrix is None:
         return image
     if is_on_its_side(matrix):
         image = image.transpose(1, 0, 2)
         left, down = matrix[3], matrix[1]
-    else:
+    elif _is_small(matrix[1], matrix[0]) and _is_small(matrix[3], matrix[4]):
         left, down = matrix[0], matrix[4]
+    else:
+        return image
     return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])
