@@ -19,7 +19,7 @@ from fpsboost.kernels.multi_hypothesis import (
     first_plane,
     locate_window,
     mix_inside,
-    spread_squares,
+    upsample_squares,
     window_shape,
 )
 from fpsboost.synthesis import FramePair
@@ -201,7 +201,7 @@ def best_of(
     wanted = np.ascontiguousarray(truth.transpose(2, 0, 1), np.float32) / np.float32(255)
     mean, weight, choice = np.zeros_like(wanted), np.zeros(wanted.shape[1:], np.float32), np.zeros_like(count)
     shape = np.empty(AREA, np.float32)
-    spread_squares(window_shape(), 1, 1, shape)
+    upsample_squares(window_shape(), 1, 1, shape)
     choose_candidates(
         samples0, samples1, wanted, np.float32(t), count, motions, alone, radius, shape, mean, weight, choice
     )

@@ -16,8 +16,8 @@ from fpsboost.kernels.window_rows import (
     mix_eight,
     mix_sixteen,
     pool_row,
-    spread_rows,
     sum_five,
+    upsample_rows,
 )
 
 
@@ -54,7 +54,7 @@ def blended(source, weights, out):
 @njit
 def spread(source, weights, out):
     """Two rows of sixteen squares to 32 pixels."""
-    spread_rows(source, 40, 4, out, 5)
+    upsample_rows(source, 40, 4, out, 5)
 
 
 def quarter(near, far):

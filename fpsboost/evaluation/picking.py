@@ -45,8 +45,8 @@ def pick(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction 
     for interval in hiding.intervals(path, input_fps):
         for picked in unfinished:
             picked.window.append(interval)
-        around = [interval] if before is None else [before, interval]
-        unfinished = [Picked(hidden, [*around]) for hidden in interval.hidden if hidden.number in numbers]
+        window = [interval] if before is None else [before, interval]
+        unfinished = [Picked(hidden, [*window]) for hidden in interval.hidden if hidden.number in numbers]
         found.update((picked.hidden.number, picked) for picked in unfinished)
         before = interval
     return [found[number] for number in numbers]

@@ -151,19 +151,19 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
 
 
 @njit(cache=True, **JIT)
-def list_candidates(collected, still_votes, spread, least_share, least, candidates):
+def list_candidates(collected, zero_motion_prior, acceleration_tolerance, min_share, min_weight, candidates):
     """Write the candidates of each node in order of decreasing votes, followed by zero motion.
 
     Parameters
     ----------
     collected : CollectedVotes
-    still_votes : float32
+    zero_motion_prior : float32
         Votes for zero motion.
-    spread : float32
+    acceleration_tolerance : float32
         Standard deviation of a candidate's accelerations at which their mean is given half its weight, pixels.
-    least_share : float32
+    min_share : float32
         Added to each candidate's share of all votes.
-    least : float32
+    min_weight : float32
         Amount subtracted from each weight, as a share of the largest weight, so that weights fade out continuously.
     candidates : Candidates out
         Their number is limited to `room`.
@@ -177,7 +177,7 @@ def list_candidates(collected, still_votes, spread, least_share, least, candidat
         for k in range(count[row, column]):
             waiting[k] = votes[row, column, k]
             all_votes += waiting[k]
-        all_votes += still_votes
+        all_votes += zero_motion_prior
         listed = min(count[row, column], room - 1)
         node_weights[:] = 0
         for place in range(listed):
@@ -196,19 +196,25 @@ def list_candidates(collected, still_votes, spread, least_share, least, candidat
                 ax, ay = node_sums[k, 3] / known, node_sums[k, 4] / known
                 variance = max(node_sums[k, 5] / known - ax * ax - ay * ay, np.float32(0))
                 # the acceleration is unreliable if the votes disagree on it
-                belief = known / (known + UNKNOWN * vote) * spread * spread / (spread * spread + variance)
+                belief = (
+                    known
+                    / (known + UNKNOWN * vote)
+                    * acceleration_tolerance
+                    * acceleration_tolerance
+                    / (acceleration_tolerance * acceleration_tolerance + variance)
+                )
                 # zero motion has no acceleration: a frozen frame stays unchanged
                 belief *= min(np.float32(4) * (abs(motion[0]) + abs(motion[1])), np.float32(1))
                 motion[2], motion[3] = belief * ax, belief * ay
-            node_weights[place] = vote / all_votes + least_share
+            node_weights[place] = vote / all_votes + min_share
         motions[row, column, listed] = 0
-        node_weights[listed] = still_votes / all_votes + least_share
+        node_weights[listed] = zero_motion_prior / all_votes + min_share
         listed_count[row, column] = listed + 1
         best, total = np.float32(0), np.float32(0)
         for place in range(listed + 1):
             best = max(best, node_weights[place])
         for place in range(listed + 1):
-            node_weights[place] = max(node_weights[place] - least * best, np.float32(0))
+            node_weights[place] = max(node_weights[place] - min_weight * best, np.float32(0))
             total += node_weights[place]
         for place in range(listed + 1):
             node_weights[place] /= total

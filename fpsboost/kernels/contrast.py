@@ -135,9 +135,9 @@ def finish_planes(luma, local_mean, scale, middle, padding, planes):
     height, width = luma.shape
     columns, twice = planes.shape[2], np.float32(2) * scale
     for y in range(height):
-        here, around, second = luma[y], local_mean[y], planes[1, padding + y, padding:]
+        here, mean_row, second = luma[y], local_mean[y], planes[1, padding + y, padding:]
         for x in range(width):
-            second[x] = as_level(twice * (here[x] - around[x]) + middle)
+            second[x] = as_level(twice * (here[x] - mean_row[x]) + middle)
         for c in range(3):
             row = planes[c, padding + y]
             first, last = row[padding], row[padding + width - 1]

@@ -43,8 +43,8 @@ def row_filter(length: int) -> Callable[..., None]:
         sums = None
         for weight in weights:
             values = builder.load(address_of(context, builder, signature.args[0], source, begin, vector), align=4)
-            spread = spread_value(builder, weight, vector)
-            sums = builder.fmul(values, spread) if sums is None else builder.call(fma, [values, spread, sums])
+            broadcast = broadcast_value(builder, weight, vector)
+            sums = builder.fmul(values, broadcast) if sums is None else builder.call(fma, [values, broadcast, sums])
             begin = builder.add(begin, step)
         builder.store(sums, address_of(context, builder, signature.args[7], out, target, vector), align=4)
         return context.get_dummy_value()
@@ -114,14 +114,14 @@ def _emit_relax(context, builder, signature, arguments):
         return builder.select(builder.fcmp_ordered("<", second, first), second, first)
 
     dx, dy, best = load(kind_x, x, here), load(kind_y, y, here), load(kind_cheapest, cheapest, at)
-    slopes, limits = spread_value(builder, slope, _VECTOR), spread_value(builder, limit, _VECTOR)
+    slopes, limits = broadcast_value(builder, slope, _VECTOR), broadcast_value(builder, limit, _VECTOR)
     for _ in range(EIGHT):
-        across = builder.fsub(dx, spread_value(builder, number(kind_x, x, before), _VECTOR))
-        down = builder.fsub(dy, spread_value(builder, number(kind_y, y, before), _VECTOR))
+        across = builder.fsub(dx, broadcast_value(builder, number(kind_x, x, before), _VECTOR))
+        down = builder.fsub(dy, broadcast_value(builder, number(kind_y, y, before), _VECTOR))
         change = builder.fadd(builder.call(fabs, [across]), builder.call(fabs, [down]))
         cost = builder.fsub(number(kind_costs, costs, before), least)
         price = smaller(limits, builder.fmul(slopes, change))
-        best = smaller(best, builder.fadd(spread_value(builder, cost, _VECTOR), price))
+        best = smaller(best, builder.fadd(broadcast_value(builder, cost, _VECTOR), price))
         before = builder.add(before, ir.Constant(before.type, 1))
     builder.store(best, address_of(context, builder, kind_cheapest, cheapest, at, _VECTOR), align=4)
     return context.get_dummy_value()
@@ -143,7 +143,7 @@ def address_of(context, builder, kind, array, index, element):
     return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
 
 
-def spread_value(builder, value, vector):
+def broadcast_value(builder, value, vector):
     """Return a vector of type `vector` with the same value in all lanes."""
     integer = ir.IntType(32)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(integer, 0))

@@ -12,7 +12,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from fpsboost.kernels.lanes import address_of, spread_value
+from fpsboost.kernels.lanes import address_of, broadcast_value
 
 SIXTEEN = 16
 """Pixels per vector."""
@@ -107,14 +107,16 @@ def _emit(context, builder, signature, arguments, *, one):
     differences = None
     for _ in range(3):
         if one:
-            a = spread_value(builder, builder.load(address_of(context, builder, kind0, first, place0, _BYTE)), _BYTES)
+            a = broadcast_value(
+                builder, builder.load(address_of(context, builder, kind0, first, place0, _BYTE)), _BYTES
+            )
         else:
             a = builder.load(address_of(context, builder, kind0, first, place0, _BYTES), align=1)
         b = builder.load(address_of(context, builder, kind1, second, place1, _BYTES), align=1)
         apart = builder.sub(call("umax", a, b), call("umin", a, b))
         differences = apart if differences is None else call("uadd.sat", differences, apart)
         place0, place1 = builder.add(place0, plane), builder.add(place1, plane)
-    alike = builder.zext(call("usub.sat", spread_value(builder, most, _BYTES), differences), _WORDS)
+    alike = builder.zext(call("usub.sat", broadcast_value(builder, most, _BYTES), differences), _WORDS)
     known = builder.load(address_of(context, builder, kind_sums, sums, before, _WORDS), align=2)
     builder.store(builder.add(known, alike), address_of(context, builder, kind_sums, sums, after, _WORDS), align=2)
     return context.get_dummy_value()

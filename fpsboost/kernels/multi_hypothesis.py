@@ -31,8 +31,8 @@ from fpsboost.kernels.window_rows import (
     mix_eight,
     mix_sixteen,
     pool_row,
-    spread_rows,
     sum_five,
+    upsample_rows,
 )
 
 
@@ -205,7 +205,7 @@ class Work(NamedTuple):
     """Sum of the similarities in the patch around each square."""
     weight: NDArray[Any]
     """Weight of a candidate, or of the window."""
-    spread: NDArray[Any]
+    upsampled: NDArray[Any]
     """Weight of each sample of a window, (AREA,) float32."""
     values: NDArray[Any]
     """Sums of each sample of a window, (AREA,) float32."""
@@ -529,7 +529,7 @@ def sum_patches(values, padded, half_way, sums):
 
 
 @njit(**FINITE_JIT)
-def spread_squares(squares, across, down, spread):
+def upsample_squares(squares, across, down, upsampled):
     """Interpolate the values of the squares at each sample of a window.
 
     Without interpolation, steps would be visible where no candidate fits.
@@ -540,11 +540,11 @@ def spread_squares(squares, across, down, spread):
         row = j * down // 2
         near, far = row * SQUARES_PER_ROW, min(max(row + 2 * (j % 2) - 1, 0), SQUARES_PER_ROW - 1) * SQUARES_PER_ROW
         if across == 1:
-            spread_rows(squares, near, far, spread, j * WINDOW)
+            upsample_rows(squares, near, far, upsampled, j * WINDOW)
         elif down == 1:
-            blend_rows(squares, near, far, spread, j * SQUARES_PER_ROW)
+            blend_rows(squares, near, far, upsampled, j * SQUARES_PER_ROW)
         else:
-            blend_rows(squares, near, near, spread, j * SQUARES_PER_ROW)
+            blend_rows(squares, near, near, upsampled, j * SQUARES_PER_ROW)
 
 
 @njit(**FINITE_JIT)
@@ -716,12 +716,12 @@ def weigh_squares(prior, sharpness, similarity, patch_shares, weight, sums):
 
 
 @njit(inline="always", **FINITE_JIT)
-def add_samples(mixed, weight, across, down, spread, total):
+def add_samples(mixed, weight, across, down, upsampled, total):
     """Add the samples of a candidate, times their weights, to the sums of the node."""
-    spread_squares(weight, across, down, spread)
+    upsample_squares(weight, across, down, upsampled)
     for c in range(Index(mixed.shape[0])):
-        for i in range(Index(spread.size // (across * down))):
-            total[c, i] = fma(spread[i], mixed[c, i], total[c, i])
+        for i in range(Index(upsampled.size // (across * down))):
+            total[c, i] = fma(upsampled[i], mixed[c, i], total[c, i])
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -740,7 +740,7 @@ def sum_candidates(full, chroma, window, t, motions, priors, weighting, work, su
     work : Work
     sums : NodeSums
     """
-    room, squared, padded, half_way, similarity, weight, spread, _, chroma_motion = work
+    room, squared, padded, half_way, similarity, weight, upsampled, _, chroma_motion = work
     top, left, height, width = window
     distance, mixed, total, chroma_mixed, chroma_total = (
         full.distance,
@@ -777,9 +777,9 @@ def sum_candidates(full, chroma, window, t, motions, priors, weighting, work, su
         sum_patches(squared, padded, half_way, similarity)
         weigh_squares(prior, weighting.sharpness, similarity, patch_shares, weight, sums)
         least_weight, least_similar = smallest(weights, squared), smallest(most_similar, squared)
-        add_samples(mixed, weight, full.across, full.down, spread, total)
+        add_samples(mixed, weight, full.across, full.down, upsampled, total)
         if chroma_mixed.shape[0]:
-            add_samples(chroma_mixed, weight, chroma.across, chroma.down, spread, chroma_total)
+            add_samples(chroma_mixed, weight, chroma.across, chroma.down, upsampled, chroma_total)
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -793,7 +793,7 @@ def weigh_window(shape, sums, weight):
 
 
 @njit(inline="always", **FINITE_JIT)
-def add_node(layer, window, weight, sums, spread, values):
+def add_node(layer, window, weight, sums, upsampled, values):
     """Add the mean of a node's window to the band of a layer, and the sums of its weights and similarities."""
     channels, across, down = layer.mixed.shape[0], layer.across, layer.down
     if channels == 0:
@@ -801,14 +801,14 @@ def add_node(layer, window, weight, sums, spread, values):
     first_y, last_y = max(-window.top, 0) // down, (min(window.height - window.top, WINDOW) + down - 1) // down
     first_x, last_x = max(-window.left, 0) // across, (min(window.width - window.left, WINDOW) + across - 1) // across
     left = window.left // across
-    spread_squares(weight, across, down, spread)
+    upsample_squares(weight, across, down, upsampled)
     for c in range(channels):
-        add_window(spread, layer.wide, layer.total[c], first_y, last_y, first_x, last_x, left, layer.band[c])
-    spread_squares(sums.weights, across, down, values)
-    add_window(spread, layer.wide, values, first_y, last_y, first_x, last_x, left, layer.band[channels])
+        add_window(upsampled, layer.wide, layer.total[c], first_y, last_y, first_x, last_x, left, layer.band[c])
+    upsample_squares(sums.weights, across, down, values)
+    add_window(upsampled, layer.wide, values, first_y, last_y, first_x, last_x, left, layer.band[channels])
     if layer.band.shape[0] > channels + 1:
-        spread_squares(sums.similarities, across, down, values)
-        add_window(spread, layer.wide, values, first_y, last_y, first_x, last_x, left, layer.band[channels + 1])
+        upsample_squares(sums.similarities, across, down, values)
+        add_window(upsampled, layer.wide, values, first_y, last_y, first_x, last_x, left, layer.band[channels + 1])
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -857,8 +857,8 @@ def blend_hypotheses(frame0, frame1, down, t, candidates, weighting, value_range
             motions, priors = candidates.motions[row, column, :count], candidates.weights[row, column, :count]
             sum_candidates(full, chroma, window, t, motions, priors, weighting, work, sums)
             weigh_window(weighting.window_shape, sums.weights, work.weight)
-            add_node(full, window, work.weight, sums, work.spread, work.values)
-            add_node(chroma, window, work.weight, sums, work.spread, work.values)
+            add_node(full, window, work.weight, sums, work.upsampled, work.values)
+            add_node(chroma, window, work.weight, sums, work.upsampled, work.values)
         # the windows of the next row of nodes overlap the lower half
         first, last = max(-top, 0), NODE_SPACING if row < rows - 1 else min(height - top, WINDOW)
         if has_confidence:

@@ -7,7 +7,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from fpsboost.kernels.lanes import EIGHT, address_of, spread_value
+from fpsboost.kernels.lanes import EIGHT, address_of, broadcast_value
 
 VALUES_PER_ENTRY = 3
 """Number of values per entry: similarity, dx, dy."""
@@ -63,7 +63,7 @@ def _emit(context, builder, signature, arguments):
         return address_of(context, builder, signature.args[number], array, index, _FLOATS)
 
     def is_near(numbers, number):
-        apart = builder.fsub(numbers, spread_value(builder, number, _FLOATS))
+        apart = builder.fsub(numbers, broadcast_value(builder, number, _FLOATS))
         return builder.fcmp_ordered("<=", builder.call(fabs, [apart]), one)
 
     def any_of(mask):
@@ -75,7 +75,7 @@ def _emit(context, builder, signature, arguments):
     last = builder.add(at, builder.mul(entry, builder.sub(capacity, ir.Constant(capacity.type, 1))))
     least = builder.load(address(4, lists, last), align=4)
     with builder.if_then(any_of(builder.fcmp_ordered(">", value, least))):
-        new = [value, *(spread_value(builder, each, _FLOATS) for each in (dx, dy))]
+        new = [value, *(broadcast_value(builder, each, _FLOATS) for each in (dx, dy))]
         held = [cgutils.alloca_once_value(builder, each) for each in new]
         open_ = ir.VectorType(ir.IntType(1), EIGHT)
         is_open = cgutils.alloca_once_value(builder, ir.Constant(open_, [1] * EIGHT))

@@ -93,7 +93,7 @@ def measure_point_similarity(pair, step, patch_radius, flow, known):
 
 
 @njit(cache=True, **FINITE_JIT)
-def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, enough, better, flow):
+def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, min_similarity, better, flow):
     """Replace the motion of unexplained points by motion to unexplained positions of the other frame.
 
     Parameters
@@ -104,7 +104,7 @@ def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, eno
         Maximum offset along x and y, pixels.
     known, elsewhere : (points down, points across) float32
         Similarities by `measure_point_similarity`, for this frame and for the other one.
-    enough : float32
+    min_similarity : float32
         Similarity at which a point counts as explained.
     better : float32
         Minimum increase of the similarity by another motion.
@@ -121,7 +121,7 @@ def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, eno
     for row in range(rows):
         total = np.empty(SIXTEEN, np.uint16)
         for point in range(columns):
-            if known[row, point] >= enough:
+            if known[row, point] >= min_similarity:
                 continue
             y, x = min(row * step + step // 2, height - 1), min(point * step + step // 2, width - 1)
             start0 = (y + padding) * stride + x + padding
@@ -131,7 +131,7 @@ def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, eno
             for other_row in range(top // step, bottom // step + 1):
                 other_point, behind = left // step, right // step + 1
                 while other_point < behind:
-                    if elsewhere[other_row, other_point] >= enough:
+                    if elsewhere[other_row, other_point] >= min_similarity:
                         other_point += 1
                         continue
                     # unexplained neighbours are compared together, up to one vector of pixels
@@ -139,7 +139,7 @@ def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, eno
                     while (
                         other_point < behind
                         and (other_point + 1 - begin) * step <= SIXTEEN
-                        and elsewhere[other_row, other_point] < enough
+                        and elsewhere[other_row, other_point] < min_similarity
                     ):
                         other_point += 1
                     first, last = max(begin * step, left), min(other_point * step - 1, right)

@@ -180,7 +180,7 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
             for left in range(0, width, STRIP_WIDTH):
                 pixels = min(STRIP_WIDTH, width - left)
                 whole = (pixels + LANES - 1) // LANES * LANES
-                spread = (pixels + margin + LANES - 1) // LANES * LANES
+                padded_width = (pixels + margin + LANES - 1) // LANES * LANES
                 for group in range(-last_four - 1, last_four + 1, QUADRUPLES_PER_PASS):
                     rings[:] = 0
                     columns[:] = 0
@@ -203,21 +203,23 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
                                     place0 = row * stride0 + left
                                     place1 = (row + dy) * stride1 + begin
                                     newest, at = (number * ring_rows + slot) * room, number * column_room
-                                    for x in range(0, spread, LANES):
+                                    for x in range(0, padded_width, LANES):
                                         slide_box(
                                             flat0, place0 + x, plane0, flat1, place1 + x, plane1, flat_rings,
                                             newest + x, flat_columns, at + x,
                                         )  # fmt: skip
                                 else:
                                     # one slice per plane: a slice of all three would be strided and would not vectorise
-                                    a0 = planes0[0, row, left : left + spread]
-                                    a1 = planes0[1, row, left : left + spread]
-                                    a2 = planes0[2, row, left : left + spread]
-                                    b0 = planes1[0, row + dy, begin : begin + spread]
-                                    b1 = planes1[1, row + dy, begin : begin + spread]
-                                    b2 = planes1[2, row + dy, begin : begin + spread]
+                                    a0 = planes0[0, row, left : left + padded_width]
+                                    a1 = planes0[1, row, left : left + padded_width]
+                                    a2 = planes0[2, row, left : left + padded_width]
+                                    b0 = planes1[0, row + dy, begin : begin + padded_width]
+                                    b1 = planes1[1, row + dy, begin : begin + padded_width]
+                                    b2 = planes1[2, row + dy, begin : begin + padded_width]
                                     ring, column = rings[number], columns[number]
-                                    slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, spread, ring, column)
+                                    slide_window(
+                                        a0, a1, a2, b0, b1, b2, weights, size, slot, padded_width, ring, column
+                                    )
                             if y < top:
                                 continue
                             for which in range(4):

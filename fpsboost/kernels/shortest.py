@@ -81,7 +81,7 @@ def compare_along(flat0, flat1, layout, y, x, dy, dx, radius, columns):
 
 
 @njit(cache=True, **FINITE_JIT)
-def find_shortest(pair, step, patch_radius, lanes, around, tolerance, flow, found):
+def find_shortest(pair, step, patch_radius, lanes, support_radius, tolerance, flow, found):
     """Compare each point's motion with the motions of the points around it, and with zero motion.
 
     Parameters
@@ -94,7 +94,7 @@ def find_shortest(pair, step, patch_radius, lanes, around, tolerance, flow, foun
         Radius r of the compared patch, pixels.
     lanes : int
         Columns compared at once, at least 2r + 1.
-    around : int
+    support_radius : int
         Points in each direction whose motion is compared.
     tolerance : float32
         Amount by which the similarity of a shorter motion may be lower.
@@ -116,15 +116,15 @@ def find_shortest(pair, step, patch_radius, lanes, around, tolerance, flow, foun
             dy, dx = int(np.rint(flow[row, point, 1])), int(np.rint(flow[row, point, 0]))
             total = compare_along(flat0, flat1, layout, y, x, dy, dx, patch_radius, columns)
             own[row, point] = np.float32(total) * share
-            enough = own[row, point] - tolerance
+            min_similarity = own[row, point] - tolerance
             least = max(abs(flow[row, point, 0]), abs(flow[row, point, 1]))
             still = compare_along(flat0, flat1, layout, y, x, 0, 0, patch_radius, columns)
             most = max(own[row, point], np.float32(still) * share)
-            if np.float32(still) * share >= enough:
+            if np.float32(still) * share >= min_similarity:
                 least = np.float32(0)
             last_dy, last_dx = dy, dx
-            for other_row in range(max(row - around, 0), min(row + around, rows - 1) + 1):
-                for other in range(max(point - around, 0), min(point + around, points - 1) + 1):
+            for other_row in range(max(row - support_radius, 0), min(row + support_radius, rows - 1) + 1):
+                for other in range(max(point - support_radius, 0), min(point + support_radius, points - 1) + 1):
                     other_dy = int(np.rint(flow[other_row, other, 1]))
                     other_dx = int(np.rint(flow[other_row, other, 0]))
                     if other_dy == last_dy and other_dx == last_dx:
@@ -133,7 +133,7 @@ def find_shortest(pair, step, patch_radius, lanes, around, tolerance, flow, foun
                     total = compare_along(flat0, flat1, layout, y, x, other_dy, other_dx, patch_radius, columns)
                     value = np.float32(total) * share
                     most = max(most, value)
-                    if value >= enough:
+                    if value >= min_similarity:
                         least = min(least, np.float32(max(abs(other_dy), abs(other_dx))))
             best[row, point] = most
             shortest[row, point] = least

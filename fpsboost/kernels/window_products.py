@@ -11,7 +11,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from fpsboost.kernels.lanes import address_of, spread_value
+from fpsboost.kernels.lanes import address_of, broadcast_value
 
 WINDOW_SIDE = 8
 """Side of the window, pixels."""
@@ -96,7 +96,7 @@ def _emit(context, builder, signature, arguments):
     for _ in range(3):
         planes.append(rows(start0, start1))
         start0, start1 = builder.add(start0, plane), builder.add(start1, plane)
-    tails, totals = spread_value(builder, tail, _FLOATS), [constant(0.0)] * PRODUCT_COUNT
+    tails, totals = broadcast_value(builder, tail, _FLOATS), [constant(0.0)] * PRODUCT_COUNT
     for j in range(1, WINDOW_SIDE + 1):
         products = [None] * PRODUCT_COUNT
         for taken in planes:

@@ -13,7 +13,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from fpsboost.kernels.lanes import address_of, spread_value
+from fpsboost.kernels.lanes import address_of, broadcast_value
 
 SQUARES_PER_ROW = 16
 """Number of squares across a window: one for two pixels, as for subsampled chroma. Each square has one weight: weights
@@ -92,7 +92,7 @@ def blend_rows(squares, near, far, out, target):
     out[target : target + SQUARES_PER_ROW] = _between(squares[near:][:SQUARES_PER_ROW], squares[far:][:SQUARES_PER_ROW])
 
 
-def spread_rows(squares, near, far, out, target):
+def upsample_rows(squares, near, far, out, target):
     """Write the values of 32 pixels interpolated between sixteen squares, horizontally by a quarter as well."""
     values = _between(squares[near:][:SQUARES_PER_ROW], squares[far:][:SQUARES_PER_ROW])
     out[target : target + PIXELS_PER_ROW : 2] = _between(values, np.append(values[:1], values[:-1]))
@@ -160,7 +160,7 @@ def _pool_row(typing, values, begin, below, share, sums, target):
         pooled = builder.fadd(
             rows.chosen(both, range(0, PIXELS_PER_ROW, 2)), rows.chosen(both, range(1, PIXELS_PER_ROW, 2))
         )
-        rows.store(rows.fma(spread_value(builder, share, _SQUARES), pooled, rows.load(4, target)), 4, target)
+        rows.store(rows.fma(broadcast_value(builder, share, _SQUARES), pooled, rows.load(4, target)), 4, target)
         return context.get_dummy_value()
 
     return types.void(values, types.int64, types.int64, types.float32, sums, types.int64), emit
@@ -235,7 +235,7 @@ def _compiled_blend(squares, near, far, out, target):
     return compiled
 
 
-@overload(spread_rows, inline="always")
+@overload(upsample_rows, inline="always")
 def _compiled_spread(squares, near, far, out, target):
     def compiled(squares, near, far, out, target):
         _spread_rows(squares, near, far, out, target)
@@ -289,11 +289,11 @@ def columns_mixer(columns: int) -> Callable[..., None]:  # noqa: C901 (all its p
         def emit(context, builder, signature, arguments):
             rows = _Rows(context, builder, signature, arguments)
             _, begin0, _, begin1, stride, tall, _, t, wide, _, _, target = arguments
-            share = spread_value(builder, t, vector)
+            share = broadcast_value(builder, t, vector)
 
             def tap(number):
                 weight = rows.load(6, ir.Constant(begin0.type, number), ir.FloatType())
-                return spread_value(builder, weight, vector)
+                return broadcast_value(builder, weight, vector)
 
             weights = [tap(number) for number in range(16)]
 
