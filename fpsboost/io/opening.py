@@ -1,4 +1,4 @@
-"""Pick a source or a sink by looking at a path."""
+"""Pick a source by looking at a path, and identify a job by its source and options."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ASSUMED_IMAGE_RATE = Fraction(24)
 PIPES = ("-", "pipe:")
 """What stands for standard input or output."""
 
-SLOWEST, FASTEST = Fraction(1, 1000), Fraction(100_000)
+MIN_IMAGE_RATE, MAX_IMAGE_RATE = Fraction(1, 1000), Fraction(100_000)
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def open_source(
         raise InputError("The name of the input is empty; name a video, a folder or a pattern of images.")
     requirements, decoding = requirements or TargetRequirements(), decoding or DecodeOptions()
     input_fps = None if decoding.input_fps is None else Fraction(decoding.input_fps)
-    if input_fps is not None and not SLOWEST <= input_fps <= FASTEST:
+    if input_fps is not None and not MIN_IMAGE_RATE <= input_fps <= MAX_IMAGE_RATE:
         raise OptionError(f"`input_fps` must be 0.001 to 100000, not {input_fps}.")
     with explained(InputError, "read", path, "check the name and the permissions"):
         is_images = stands_for_images(path)
