@@ -6,6 +6,7 @@ import inspect
 import re
 import tokenize
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,7 @@ def glossary() -> set[str]:
     return set(re.findall(r"\*(\w+)\*", (frame.__doc__ or "").partition("Words\n")[2]))
 
 
+@cache
 def identifiers() -> set[str]:
     """Return all names in the package's code."""
     found = set()
