@@ -24,6 +24,7 @@ from fpsboost.io.images.exr import write_exr
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # the threads of FLIP would spin while they wait
+cv2.setNumThreads(1)  # so would OpenCV's, for images of a few pixels; in the processes that tests start they may
 
 settings.register_profile("fpsboost", deadline=None)  # the first case may compile, and no test asserts a time
 settings.load_profile("fpsboost")
