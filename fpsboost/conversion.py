@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from fpsboost.analysis.scene_cuts import counts_frames
+from fpsboost.analysis.vector_fit import fit_vectors
 from fpsboost.errors import OptionError
+from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import Resumable
+from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import check_images, fingerprint_job, open_source
@@ -17,6 +21,7 @@ from fpsboost.io.prefetch import available_cores
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.trim import trim_source
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
@@ -205,7 +210,25 @@ def _match_vectors(
             f"between those; give `factor={images.step}`."
         )
     first, step = kept or (images.first_number + int(images.skipped * factor), 1)
-    return interpolator.with_vectors_for(range(first, first + count * step, step), must_match=kept is not None)
+    numbers = range(first, first + count * step, step)
+
+    def matched(vectors: VectorFolder) -> VectorFolder:
+        vectors = vectors.matched(numbers, must_match=kept is not None)
+        return fit_vectors(vectors, _compared_frames(images, factor)) if factor.denominator == 1 else vectors
+
+    return interpolator.with_vectors(matched)
+
+
+def _compared_frames(images: NumberedImages, factor: Fraction) -> Iterator[tuple[tuple[int, Image], tuple[int, Image]]]:
+    """Yield a pair of frames from the beginning, the middle and the end, each with its number in the output."""
+
+    def frame(index: int) -> tuple[int, Image]:
+        place = images.numbers[index] - images.numbers[0] if images.fills_gaps else int(index * factor)
+        return place, read_image(images.files[index])
+
+    last = len(images.files) - 2
+    for index in sorted({0, last // 2, last} if last >= 0 else ()):
+        yield frame(index), frame(index + 1)
 
 
 def _adapt_audio(encoding: Encoding, stream: StreamInfo, output_rate: OutputRate) -> tuple[Encoding, list[str]]:

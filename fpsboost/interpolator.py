@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
@@ -18,7 +18,7 @@ from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame import Image, Pixels, as_array, check_pair
 from fpsboost.frame_cache import FrameCache, Results
-from fpsboost.io.vector_folder import UsesVectors
+from fpsboost.io.vector_folder import UsesVectors, VectorFolder
 from fpsboost.io.video.planes import bgr_of
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import normalised
@@ -347,28 +347,26 @@ class Interpolator:
             images = _with_overlay(images, times, pair, before or pair, after or pair)
         return images
 
-    def with_vectors_for(self, numbers: Sequence[int], *, must_match: bool) -> tuple[Interpolator, list[str]]:
-        """Match a renderer's vectors by the numbers of their files; see `VectorFolder.matched`.
+    def with_vectors(self, change: Callable[[VectorFolder], VectorFolder]) -> tuple[Interpolator, list[str]]:
+        """Change a renderer's vectors, if there are any, such as to match them with the output's frames.
 
         Parameters
         ----------
-        numbers : sequence of int
-            Equidistant numbers of the output's frames.
-        must_match : bool
-            Whether the renderer has used these numbers, too.
+        change : callable
+            Returns the changed vectors.
 
         Returns
         -------
         Interpolator, list of str
-            The second holds remarks for vectors that have other numbers and are taken in order.
+            The second holds the remarks of the changed vectors.
         """
         matched: dict[str, Any] = {}
-        remarks = []
+        remarks: list[str] = []
         for name, part in (("estimator", self.estimator), ("synthesizer", self.synthesizer)):
             if isinstance(part, UsesVectors) and part.vectors is not None:
-                vectors = part.vectors.matched(numbers, must_match=must_match)
+                vectors = change(part.vectors)
                 matched[name] = part.with_vectors(vectors)
-                remarks += vectors.remarks
+                remarks += [remark for remark in vectors.remarks if remark not in remarks]
         return replace(self, **matched), remarks
 
     def compile_for(self, image: Pixels) -> None:

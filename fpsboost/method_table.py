@@ -87,7 +87,8 @@ def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
     ----------
     name : str
     vectors : VectorFolder, optional
-        A renderer's motion vectors, for methods that need them or choose their search radius by them.
+        A renderer's motion vectors, for methods that need them, take them for one more hypothesis, or choose their
+        search radius by them.
 
     Raises
     ------
@@ -102,13 +103,18 @@ def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
         raise OptionError(f"There is no method {name!r}; choose one of {', '.join([*methods, *vector_methods])}.")
     if vectors is None:
         return methods[name]
-    if not isinstance(methods[name].estimator, UsesVectors):
-        searches = (each for each, method in methods.items() if isinstance(method.estimator, UsesVectors))
+    if not may_use_vectors(methods[name]):
+        others = (each for each, method in methods.items() if may_use_vectors(method))
         raise OptionError(
             f"`vectors` does not apply to the method {name!r}; leave it out, or choose one of "
-            f"{', '.join([*vector_methods, *searches])}."
+            f"{', '.join([*vector_methods, *others])}."
         )
     return configure(methods[name], name, {"vectors": vectors})
+
+
+def may_use_vectors(interpolator: Interpolator) -> bool:
+    """Return whether a method can do with a renderer's motion vectors and without."""
+    return any(isinstance(part, UsesVectors) for part in (interpolator.estimator, interpolator.synthesizer))
 
 
 def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any]) -> Interpolator:

@@ -209,8 +209,8 @@ def test_methods_need_vectors_and_others_take_none(tmp_path):
             find_method(name)
         with pytest.raises(OptionError, match="`vectors=DIR`"):
             interpolate(noise(6, 8), noise(6, 8), method=name)
-    with pytest.raises(OptionError, match="`vectors` does not apply to the method 'nlm'"):
-        find_method("nlm", vectors)
+    with pytest.raises(OptionError, match="`vectors` does not apply to the method 'blend'"):
+        find_method("blend", vectors)
     with pytest.raises(OptionError, match=r"nlm, .*reproject-image, reproject-scene"):
         find_method("magic")
 
@@ -286,11 +286,11 @@ def test_the_command_line(renders, monkeypatch, capsys):
     ("line", "code", "words"),
     [
         ("--method reproject-scene", 2, "'reproject-scene' needs the renderer's motion vectors; give --vectors DIR."),
-        ("--vectors vectors", 2, "--vectors does not apply to the method 'nlm'"),
+        ("--method blend --vectors vectors", 2, "--vectors does not apply to the method 'blend'"),
         ("--depth vectors", 2, "--depth goes with"),
         ("--method reproject-image --vectors none", 1, "none is no folder with motion vectors"),
         ("--method reproject-image --vectors vectors --factor 5/2", 2, "need a whole factor"),
-        ("--method reproject-scene --vectors vectors --factor 3", 1, "vectors has no vectors for output frame 7"),
+        ("--method reproject-scene --vectors vectors --factor 3", 1, "vectors has no vectors for output frame 9"),
         ("--method reproject-image --vectors vectors --factor 3", 1, "vectors has no vectors for output frame 9"),
     ],
 )

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from vector_truth import constant, save_depth, save_flows, save_vectors
 
 from fpsboost import convert, methods
-from fpsboost.cli.compare import open_vectors
+from fpsboost.cli.compare import match_vectors
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
 from fpsboost.io.images import numbered
 from fpsboost.io.images.files import read_image
@@ -590,10 +590,11 @@ def test_a_comparison_takes_vectors_by_number(tmp_path):
     """Of a stepped sequence each frame takes the vectors of its number; what has no numbers takes them in order."""
     fill(tmp_path / "in", range(5, 14, 2))
     numbered_vectors(tmp_path / "v", range(20))
-    vectors = open_vectors(str(tmp_path / "in"), str(tmp_path / "v"), None)
+    folder = VectorFolder(tmp_path / "v")
+    vectors = match_vectors(str(tmp_path / "in"), folder)
     assert [vectors.at(frame).forward[0, 0, 0] for frame in range(5)] == [5, 7, 9, 11, 13]
     assert vectors.step == 2
-    assert open_vectors("in.mp4", str(tmp_path / "v"), None).at(1).forward[0, 0, 0] == 1
+    assert match_vectors("in.mp4", folder).at(1).forward[0, 0, 0] == 1
 
 
 @pytest.mark.parametrize(("step", "options"), [(2, {"factor": 3}), (1, {"factor": 2, "fill_gaps": True})])

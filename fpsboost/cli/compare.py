@@ -77,7 +77,8 @@ def compare(
     others = name_others(contest.frames_of, contest.peer)
     if contest.depth is not None and contest.vectors is None:
         raise OptionError("--depth goes with --vectors; give both.")
-    folder = None if contest.vectors is None else open_vectors(input, contest.vectors, contest.depth)
+    folder = contest.vector_folder
+    folder = folder and match_vectors(input, folder)
     makers, skipped = choose(contest.methods, folder)
     makers = with_cuts(makers, at_cuts)
     if results.fail_under is not None:
@@ -96,7 +97,7 @@ def compare(
                 progress,
                 skipped=skipped,
                 input_fps=rate,
-                rendered=words_of({"--vectors": contest.vectors, "--depth": contest.depth}),
+                rendered=words_of(contest.rendered),
                 others=others.words(),
                 vectors=folder,
                 cuts=at_cuts.applied_to(find_method("nlm")).cuts,
@@ -161,13 +162,12 @@ def check_is_reached(comparison: Comparison, limit: float) -> None:
         sys.exit(EXIT_BELOW_LIMIT)
 
 
-def open_vectors(clip: str, vectors: str, depth: str | None) -> VectorFolder:
-    """Open a renderer's vectors for the frames of a clip, matched by number if both have numbers."""
+def match_vectors(clip: str, vectors: VectorFolder) -> VectorFolder:
+    """Match a renderer's vectors with the frames of a clip by number if both have numbers."""
     from fpsboost.io.images.numbering import find_numbers  # noqa: PLC0415
-    from fpsboost.io.vector_folder import VectorFolder  # noqa: PLC0415
 
-    folder, numbers = VectorFolder(vectors, depth), find_numbers(clip)
-    return folder if numbers is None else folder.matched(numbers, must_match=numbers.step > 1)
+    numbers = find_numbers(clip)
+    return vectors if numbers is None else vectors.matched(numbers, must_match=numbers.step > 1)
 
 
 def check_new(path: str | None, option: str) -> None:

@@ -110,14 +110,22 @@ def _missing(name: str, *, needs_vectors: bool) -> str | None:
 
 def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
     from fpsboost.evaluation.making import MINTERPOLATE, InterpolatorMaker, Minterpolate  # noqa: PLC0415
-    from fpsboost.method_table import configure, find_method, methods, read_options  # noqa: PLC0415
+    from fpsboost.method_table import (  # noqa: PLC0415
+        configure,
+        find_method,
+        may_use_vectors,
+        methods,
+        read_options,
+    )
 
     if method.name == MINTERPOLATE:
         return Minterpolate.with_options(method.options)
-    # as in conversions, the report's search uses the renderer's largest motion if that is known
-    unaware = method.name in methods and not hasattr(methods[method.name].estimator, "vectors")
-    interpolator = find_method(method.name, None if unaware else vectors)
-    options = read_options(interpolator, method.name, method.options)
+    texts = dict(method.options)
+    # as in conversions, vectors are used where they can be
+    if method.name in methods and (not may_use_vectors(methods[method.name]) or texts.pop("vectors", "") == "no"):
+        vectors = None
+    interpolator = find_method(method.name, vectors)
+    options = read_options(interpolator, method.name, texts)
     try:
         return InterpolatorMaker(configure(interpolator, method.name, options))
     except OptionError as error:

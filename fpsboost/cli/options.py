@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from fpsboost.cli.flags import flags_of
 from fpsboost.errors import OptionError
+from fpsboost.io.vector_layout import ConventionName
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.options import option
@@ -19,6 +20,7 @@ from fpsboost.timing.rate import OutputRate
 
 if TYPE_CHECKING:
     from fpsboost.interpolator import Interpolator
+    from fpsboost.io.vector_folder import VectorFolder
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,11 @@ class MethodOptions:
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
     vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
     depth: str | None = option(None, "Folder of rendered depth, for reproject-scene.", metavar="DIR")
+    vector_convention: ConventionName = option(
+        "auto",
+        "What their channels mean: blender, nuke, forward-up,\nforward-down, backward-up, backward-down.",
+        flag="vectors-as",
+    )
 
     def interpolator(self, tuning: TuningOptions) -> Interpolator:
         """Return the method with its options.
@@ -54,7 +61,9 @@ class MethodOptions:
 
         if self.depth is not None and self.vectors is None:
             raise OptionError("--depth goes with the motion vectors of --vectors; give that too, or leave --depth out.")
-        folder = None if self.vectors is None else VectorFolder(self.vectors, self.depth)
+        if self.vector_convention != "auto" and self.vectors is None:
+            raise OptionError("--vectors-as says what --vectors holds; give that too, or leave it out.")
+        folder = None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
         interpolator = configure(find_method(self.method, folder), self.method, tuning.given)
         return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
 
@@ -170,6 +179,22 @@ class ContestOptions:
     )
     vectors: str | None = option(None, "Folder of a renderer's vectors, for every frame of IN.", metavar="DIR")
     depth: str | None = option(None, "Folder of its depth, for reproject-scene.", metavar="DIR")
+    vector_convention: ConventionName = option(
+        "auto", "What their channels mean; see fpsboost --help.", flag="vectors-as"
+    )
+
+    @property
+    def vector_folder(self) -> VectorFolder | None:
+        """The renderer's vectors, if there are any."""
+        from fpsboost.io.vector_folder import VectorFolder  # noqa: PLC0415
+
+        return None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
+
+    @property
+    def rendered(self) -> dict[str, str | None]:
+        """Options for what a renderer has written, by their flags."""
+        convention = None if self.vector_convention == "auto" else self.vector_convention
+        return {"--vectors": self.vectors, "--depth": self.depth, "--vectors-as": convention}
 
 
 @dataclass(frozen=True)

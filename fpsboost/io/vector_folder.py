@@ -4,8 +4,8 @@ The vectors of a frame lead to the previous and the next output frame; if frames
 number to the next, whatever the step that was rendered with. Renderers write them as
 
 OpenEXR
-    Blender's vector pass, four channels: X and Y are the position in the previous frame minus that in this one, Z and W
-    the position in this one minus that in the next, in pixels, x to the right and y *up*.
+    Two or four channels in one of the conventions of `fpsboost.io.vector_layout`: Blender's vector pass, Nuke's, and
+    others.
 ``.flo``
     ``NAME_backward.flo`` and ``NAME_forward.flo``, to the previous and to the next frame, y down.
 """
@@ -14,17 +14,18 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from threading import Lock
+from typing import Any, NamedTuple, Protocol, Self, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError, explained
-from fpsboost.frame import Image
+from fpsboost.errors import InputError, OptionError, check_choice, explained
+from fpsboost.frame import Pixels
 from fpsboost.io.flow_files import read_flow
 from fpsboost.io.images.exr import find_layer, read_exr
 from fpsboost.io.images.sequence import (
@@ -35,6 +36,7 @@ from fpsboost.io.images.sequence import (
     list_files,
     order_names,
 )
+from fpsboost.io.vector_layout import ConventionName, VectorConvention, conventions, find_vector_channels
 
 KEPT_FRAMES = 4
 """Number of frames whose vectors are cached: a pair's two frames, and two between them."""
@@ -85,9 +87,14 @@ class VectorFolder:
     depth : str or Path, optional
         The same for depth: OpenEXR files with one channel, or with one named Z, Depth, V or Y, or Blender's
         ``Depth.Z``. May be the same files.
+    convention : str
+        What the channels of OpenEXR files mean, by its name; `auto` goes by the names of the channels, and a conversion
+        of images by whether frames fetched along the vectors agree.
 
     Attributes
     ----------
+    convention : VectorConvention or None
+        The given or found one; None to go by the names of the channels.
     files : list of Path
         All files of vectors and depth, each in the order of frames.
     step : int
@@ -101,10 +108,17 @@ class VectorFolder:
         The folder is missing, empty, or holds other files or several sequences; a ``.flo`` has no partner.
     """
 
-    def __init__(self, path: str | Path, depth: str | Path | None = None) -> None:
+    def __init__(self, path: str | Path, depth: str | Path | None = None, convention: ConventionName = "auto") -> None:
+        check_choice("`vector_convention`", convention, get_args(ConventionName))
         self.path = Path(path)
         self.depth_path = None if depth is None else Path(depth)
-        self._vectors, self._read_vectors = _find_vectors(self.path)
+        self.convention = None if convention == "auto" else conventions[convention]
+        self._convention_name = convention
+        self._vectors = _find_vectors(self.path)
+        if self.is_flow and convention != "auto":
+            raise OptionError(
+                f"{self.path} holds .flo files, which have one convention; leave `vector_convention` out."
+            )
         self._depth = None if self.depth_path is None else _find_exr(self.depth_path, "depth")
         depth_files = [] if self._depth is None else self._depth.files
         partners = [_partners(file) for file in self._vectors.files]
@@ -112,9 +126,17 @@ class VectorFolder:
         self.step, self.remarks = 1, list[str]()
         self._numbers: Sequence[int] | None = None
         self._kept: OrderedDict[int, FrameVectors] = OrderedDict()
+        self._access = Lock()  # pairs of frames are processed in parallel
 
     def __repr__(self) -> str:
-        return f"VectorFolder({str(self.path)!r}, depth={None if self.depth_path is None else str(self.depth_path)!r})"
+        depth = None if self.depth_path is None else str(self.depth_path)
+        convention = "" if self._convention_name == "auto" else f", convention={self._convention_name!r}"
+        return f"VectorFolder({str(self.path)!r}, depth={depth!r}{convention})"
+
+    @property
+    def is_flow(self) -> bool:
+        """Whether the vectors are pairs of ``.flo`` files."""
+        return self._vectors.files[0].suffix.lower() == ".flo"
 
     def matched(self, numbers: Sequence[int], *, must_match: bool) -> VectorFolder:
         """Return the same vectors for frames that are known by their numbers.
@@ -148,6 +170,28 @@ class VectorFolder:
             ]
         return folder
 
+    def with_convention(self, convention: VectorConvention, remarks: Sequence[str]) -> VectorFolder:
+        """Return the same vectors with this meaning of their channels, and with remarks on it."""
+        folder = copy(self)
+        folder._kept = OrderedDict()
+        folder.convention, folder.remarks = convention, [*self.remarks, *remarks]
+        return folder
+
+    def channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
+        """Return the channels of an output frame's vectors as OpenEXR files store them, and their usual convention.
+
+        Returns
+        -------
+        (H, W, 2 or 4) float32, VectorConvention
+
+        Raises
+        ------
+        InputError
+            There are none for it, they cannot be read, or are not finite numbers.
+        """
+        file = self._file_of(self._vectors, number, self.path, "vectors")
+        return _read_channels(file, is_convention_known=self.convention is not None)
+
     def at(self, number: int) -> FrameVectors:
         """Return the vectors of an output frame, counted from 0.
 
@@ -156,14 +200,18 @@ class VectorFolder:
         InputError
             There are none for it, they cannot be read, are not finite numbers, or differ from the depth in size.
         """
-        if number not in self._kept:
-            self._kept[number] = self._read(number)
+        with self._access:
+            if number in self._kept:
+                self._kept.move_to_end(number)
+                return self._kept[number]
+        vectors = self._read(number)
+        with self._access:
+            self._kept[number] = vectors
             if len(self._kept) > KEPT_FRAMES:
                 self._kept.popitem(last=False)
-        self._kept.move_to_end(number)
-        return self._kept[number]
+        return vectors
 
-    def for_image(self, number: int, image: Image) -> FrameVectors:
+    def for_image(self, number: int, image: Pixels) -> FrameVectors:
         """Return the vectors of an output frame like `at`, and check that they have the size of an image.
 
         Raises
@@ -181,7 +229,11 @@ class VectorFolder:
         return vectors
 
     def _read(self, number: int) -> FrameVectors:
-        backward, forward = self._read_vectors(self._file_of(self._vectors, number, self.path, "vectors"))
+        if self.is_flow:
+            backward, forward = _read_flows(self._file_of(self._vectors, number, self.path, "vectors"))
+        else:
+            channels, usual = self.channels_at(number)
+            backward, forward = self._convention_of(channels, usual).read(channels)
         if self._depth is None or self.depth_path is None:
             return FrameVectors(backward, forward, None)
         file = self._file_of(self._depth, number, self.depth_path, "depth")
@@ -193,6 +245,15 @@ class VectorFolder:
                 "render both in one size."
             )
         return FrameVectors(backward, forward, depth)
+
+    def _convention_of(self, channels: NDArray[Any], usual: VectorConvention) -> VectorConvention:
+        convention = self.convention or usual
+        if channels.shape[2] != 2 * len(convention.pairs):
+            raise InputError(
+                f"{self.path} has {channels.shape[2]} channels of motion, and the vector convention "
+                f"{2 * len(convention.pairs)}; choose another `vector_convention`."
+            )
+        return convention
 
     def _file_of(self, found: FileSequence, number: int, path: Path, what: str) -> Path:
         """Return the file of an output frame, counted from 0."""
@@ -213,18 +274,13 @@ class VectorFolder:
         return found.files[place]
 
 
-VectorReader = Callable[[Path], tuple[NDArray[Any], NDArray[Any]]]
-
-
-def _find_vectors(path: Path) -> tuple[FileSequence, VectorReader]:
-    """Return the file of each frame, of a pair the one with backward vectors, and the function that reads it."""
+def _find_vectors(path: Path) -> FileSequence:
+    """Return the file of each frame, of a pair of ``.flo`` files the one with backward vectors."""
     names = _names_in(path, "motion vectors", (".exr", ".flo"))
     kinds = {Path(name).suffix.lower() for name in names}
     if len(kinds) > 1:
         raise InputError(f"{path} holds both .exr and .flo files; keep one kind of motion vectors in it.")
-    if kinds == {".flo"}:
-        return _find_pairs(path, names), _read_flows
-    return _find_exr(path, "motion vectors"), _read_vector_pass
+    return _find_pairs(path, names) if kinds == {".flo"} else _find_exr(path, "motion vectors")
 
 
 def _names_in(path: Path, what: str, suffixes: Collection[str]) -> list[str]:
@@ -285,20 +341,23 @@ def _read_flows(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
     return flows
 
 
-def _read_vector_pass(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
+def _read_channels(path: Path, *, is_convention_known: bool) -> tuple[NDArray[Any], VectorConvention]:
+    usual = ""
+
     def choose(names: Collection[str]) -> list[str]:
-        layer = find_layer(names, "XYZW", "Vector")
-        if layer is None:
+        nonlocal usual
+        found = find_vector_channels(names, of_any_layer=is_convention_known)
+        if found is None:
             raise InputError(
                 f"{path} has no motion vectors among its channels ({', '.join(names)}); "
-                "save a vector pass, with X, Y, Z and W in one layer."
+                "save a vector pass, with X, Y, Z and W in one layer, or say with `vector_convention` what they mean."
             )
-        return [layer + each for each in "XYZW"]
+        channels, usual = found
+        return channels
 
-    x, y, z, w = read_exr(path, choose).values()
-    backward, forward = np.dstack([x, -y]), np.dstack([-z, w])  # y points up in the file
-    _check_numbers(path, backward, forward)
-    return backward, forward
+    channels = np.dstack(list(read_exr(path, choose).values()))
+    _check_numbers(path, channels)
+    return channels, conventions[usual]
 
 
 def _check_numbers(path: Path, *flows: NDArray[Any]) -> None:

@@ -242,6 +242,9 @@ PADDED = SQUARES_PER_ROW + 2 * PATCH_RADIUS
 SPARE = LANES
 """Columns that planes need beyond the right margin."""
 
+CONFIDENCE_POWER = 8
+"""Power of the similarity that is the confidence; see `finish_confidence`."""
+
 MIN_WEIGHT_SUM = np.float32(1e-30)
 """Initial value of sums of weights, which keeps them above zero."""
 

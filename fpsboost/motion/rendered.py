@@ -71,6 +71,21 @@ def frame_number(place: Fraction | None) -> int:
     return int(place)
 
 
+def output_frame_between(place0: Fraction | None, place1: Fraction | None, t: float) -> int:
+    """Return the number of the output frame at time t between two positions.
+
+    Raises
+    ------
+    OptionError
+        A position is not known, or there is no output frame at that time.
+    """
+    if place0 is None or place1 is None:
+        raise not_an_output_frame()
+    place = place0 + Fraction(t) * (place1 - place0)
+    nearest = round(place)
+    return frame_number(Fraction(nearest) if abs(place - nearest) < 1e-6 else place)
+
+
 def not_an_output_frame() -> OptionError:
     """Return the error to raise if an image has no vectors because it is not an output frame."""
     return OptionError(

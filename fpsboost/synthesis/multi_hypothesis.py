@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, Pixels, as_array, has_alpha
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.kernels.candidates import (
     NODE_SPACING,
     SUMS_PER_CANDIDATE,
@@ -28,6 +29,7 @@ from fpsboost.kernels.candidates import (
 )
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.multi_hypothesis import (
+    CONFIDENCE_POWER,
     SPARE,
     Blended,
     SampledImage,
@@ -43,7 +45,8 @@ from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
 from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accelerations_at_points
 from fpsboost.synthesis import FramePair, InterpolatedImage
-from fpsboost.synthesis.rounding import colour_unseen, rounding_offset, value_range
+from fpsboost.synthesis.rendered_hypothesis import follow_surfaces
+from fpsboost.synthesis.rounding import as_image, colour_unseen, premultiplied, rounding_offset, value_range
 from fpsboost.ycbcr import YCbCrImage
 
 CANDIDATE_CAPACITY = 48
@@ -87,9 +90,10 @@ class MultiHypothesis:
         Similarity from which on a node needs no further candidates.
     min_vote_share : float
         A candidate is skipped if its votes are below this share of the least accumulated weight of any pixel.
+    vectors : VectorFolder or None
+        A renderer's motion vectors; if given, the motion of the surfaces is one more hypothesis of every pixel, see
+        `fpsboost.synthesis.rendered_hypothesis`.
     """
-
-    takes_planes: ClassVar[bool] = True
 
     step: int = 8
     support_radius: float = 24
@@ -100,6 +104,7 @@ class MultiHypothesis:
     sharpness: float = 18
     sufficient_similarity: float = 0.98
     min_vote_share: float = 0.2
+    vectors: VectorFolder | None = None
 
     def __post_init__(self) -> None:
         if self.step < 1:
@@ -120,8 +125,29 @@ class MultiHypothesis:
         if not self.bandwidth > 0:
             raise OptionError(f"bandwidth must be above 0, not {self.bandwidth}.")
 
+    @property
+    def takes_planes(self) -> bool:
+        """Whether frames may be `YCbCrImage`."""
+        return self.vectors is None
+
+    @property
+    def needs_every_frame(self) -> bool:
+        """See `fpsboost.io.vector_folder.UsesVectors.needs_every_frame`."""
+        return self.vectors is not None
+
+    def with_vectors(self, vectors: VectorFolder) -> MultiHypothesis:
+        """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""
+        return replace(self, vectors=vectors)
+
+    def without_vectors(self) -> MultiHypothesis:
+        """See `fpsboost.io.vector_folder.UsesVectors.without_vectors`."""
+        return replace(self, vectors=None)
+
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
+        if self.vectors is not None:
+            yield from (made.image for made in self.fuse(frame_pair, times))
+            return
         nobody_asks = np.empty((0, 0), np.float32)
         for candidates, t in self._listed(frame_pair, times):
             yield self._fused(frame_pair, candidates, t, nobody_asks)
@@ -130,7 +156,30 @@ class MultiHypothesis:
         """Generate images like `synthesize`, as arrays, with the confidence of every pixel."""
         for candidates, t in self._listed(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-            yield InterpolatedImage(as_array(self._fused(frame_pair, candidates, t, confidence)), confidence)
+            made = InterpolatedImage(as_array(self._fused(frame_pair, candidates, t, confidence)), confidence)
+            yield made if self.vectors is None else self._with_surfaces(made, frame_pair, t, self.vectors)
+
+    def _with_surfaces(
+        self, made: InterpolatedImage, frame_pair: FramePair, t: float, vectors: VectorFolder
+    ) -> InterpolatedImage:
+        """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
+        image0, image1 = frame_pair.image0, frame_pair.image1
+        sampled = [image.cached(_samples).full for image in (image0, image1)]
+        coefficients = sampled[0].coefficients, sampled[1].coefficients
+        scale = 0.5 / self.bandwidth**2 * _difference_factor(image0.pixels)
+        surface = follow_surfaces((image0, image1), coefficients, t, vectors, scale)
+        similarity = made.confidence ** np.float32(1 / CONFIDENCE_POWER)
+        weight = surface.similarity > 0
+        weight = weight * np.exp(np.float32(self.sharpness) * (surface.similarity - similarity))
+        share = weight / (1 + weight)
+        similarity += share * (surface.similarity - similarity)
+        colours = premultiplied(made.image)
+        lowest, highest = _value_range(frame_pair)
+        surfaces = (surface.image * _white(image0.pixels)).clip(lowest, highest)
+        colours += share[..., np.newaxis] * (surfaces - colours)
+        return InterpolatedImage(
+            as_image(colours, image0.array, image1.array, t), similarity ** np.float32(CONFIDENCE_POWER)
+        )
 
     def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
         """Yield the candidates at each time, and the time."""

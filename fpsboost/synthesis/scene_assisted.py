@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vector_folder import VectorFolder
-from fpsboost.motion.rendered import frame_number, not_an_output_frame
+from fpsboost.motion.rendered import frame_number, output_frame_between
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.rounding import as_image, premultiplied
@@ -85,7 +84,10 @@ class SceneAssisted:
 
     def _image_at(self, frame_pair: FramePair, t: float) -> Image:
         image0, image1 = frame_pair.image0, frame_pair.image1
-        place0, place1, number = _places(image0.output_position, image1.output_position, t)
+        place0, place1 = image0.output_position, image1.output_position
+        number = output_frame_between(place0, place1, t)
+        assert place0 is not None, "else there would be no frame between"
+        assert place1 is not None
         here, step = self.vectors.for_image(number, image0.array), self.vectors.step
         neighbours = (
             _Neighbour(image0, here.backward * np.float32((number - place0) * step), 1 - t),
@@ -106,15 +108,6 @@ class SceneAssisted:
         share = _share_of_second(weights[0], weights[1], t)[..., np.newaxis]
         mixed = (1 - share) * colours[0] + share * colours[1]
         return as_image(mixed, image0.array, image1.array, t)
-
-
-def _places(place0: Fraction | None, place1: Fraction | None, t: float) -> tuple[Fraction, Fraction, int]:
-    """Return the output positions of the two frames, and the output frame number of the frame between them."""
-    if place0 is None or place1 is None:
-        raise not_an_output_frame()
-    place = place0 + Fraction(t) * (place1 - place0)
-    nearest = round(place)
-    return place0, place1, frame_number(Fraction(nearest) if abs(place - nearest) < 1e-6 else place)
 
 
 def _share_of_second(weight0: NDArray[Any], weight1: NDArray[Any], t: float) -> NDArray[Any]:

@@ -1,0 +1,166 @@
+"""Convention of a renderer's motion vectors, found by fetching frames along them.
+
+The right signs, directions and axes make one rendered frame out of the other; wrong ones do not. All conventions that a
+file's channels allow are tried on a few pairs of frames. The usual one of the channels' names is kept unless another is
+clearly better, so that still or noisy frames decide nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import product
+from typing import Any, NamedTuple, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.frame import Image
+from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vector_layout import Direction, StoredVectors, VectorConvention
+from fpsboost.motion.colour import normalised
+
+CLEARLY_BETTER = 0.8
+"""Ratio of the errors of two conventions below which one is clearly better."""
+
+MIN_SHARE_INSIDE = 0.5
+"""Minimum share of the pixels whose motion ends within the frame."""
+
+LARGEST_COLOUR = 4
+"""Colours are clipped at this multiple of their mean, so that highlights do not decide alone."""
+
+
+class RenderedPair(NamedTuple):
+    """Two rendered frames and the stored vectors of both."""
+
+    image0: Image
+    image1: Image
+    channels0: NDArray[Any]
+    """Vectors of the first frame as stored, (H, W, 2 or 4) float32."""
+    channels1: NDArray[Any]
+    distance: int
+    """Number of vectors from one frame to the other."""
+
+
+class VectorFit(NamedTuple):
+    """Convention of motion vectors, and how well they fit the frames."""
+
+    convention: VectorConvention
+    error: float
+    """Mean squared difference between each frame and the other one fetched along the vectors."""
+    still_error: float
+    """The same without motion."""
+
+
+def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], tuple[int, Image]]]) -> VectorFolder:
+    """Return the vectors under the convention that connects the frames, with remarks where it is not the usual one.
+
+    Parameters
+    ----------
+    folder : VectorFolder
+        Returned as it is if its convention was given, or if it holds ``.flo`` files.
+    frames : iterable of pairs of (int, (H, W, C))
+        Pairs of rendered frames, each with its number, counted like output frames.
+
+    Raises
+    ------
+    InputError
+        One of the frames has no vectors, or vectors of another size.
+    """
+    if folder.convention is not None or folder.is_flow:
+        return folder
+    pairs, usual = [], None
+    for (number0, image0), (number1, image1) in frames:
+        for number, image in ((number0, image0), (number1, image1)):
+            folder.for_image(number, image)
+        channels0, usual = folder.channels_at(number0)
+        distance = (number1 - number0) * folder.step
+        pairs.append(RenderedPair(image0, image1, channels0, folder.channels_at(number1)[0], distance))
+    if usual is None:
+        return folder
+    fit, remarks = fit_convention(pairs, usual), []
+    if fit.convention != usual:
+        remarks.append(
+            f"In {folder.path}, {fit.convention}: found by comparing frames, as the names of the channels suggest "
+            "otherwise; `vector_convention` says it instead."
+        )
+    if fit.error > fit.still_error:
+        remarks.append(
+            f"Frames fetched along the vectors of {folder.path} agree less than without any motion: check that they "
+            "are in pixels per frame, and of these frames."
+        )
+    return folder.with_convention(fit.convention, remarks)
+
+
+def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> VectorFit:
+    """Find the convention under which vectors connect the frames.
+
+    Parameters
+    ----------
+    pairs : iterable of RenderedPair
+    usual : VectorConvention
+        The one that the names of the channels suggest.
+
+    Returns
+    -------
+    VectorFit
+    """
+    errors: dict[tuple[int, StoredVectors], float] = {}
+    still = 0.0
+    meanings = [StoredVectors(*each) for each in product(get_args(Direction), (1, -1), (1, -1))]
+    for pair in pairs:
+        ends = _comparable(pair.image0), _comparable(pair.image1)
+        still += float(((ends[0] - ends[1]) ** 2).mean())
+        for number, meaning in product(range(len(usual.pairs)), meanings):
+            from_first = meaning.direction == "forward"
+            here, there = ends if from_first else ends[::-1]
+            channels = (pair.channels0 if from_first else pair.channels1)[..., 2 * number : 2 * number + 2]
+            error = _fetch_error(here, there, meaning.read(channels) * np.float32(pair.distance))
+            errors[number, meaning] = errors.get((number, meaning), 0.0) + error
+
+    def error_of(convention: VectorConvention) -> float:
+        return sum(errors[each] for each in enumerate(convention.pairs)) / len(convention.pairs)
+
+    alternatives = _alternatives(meanings, len(usual.pairs))
+    best = min(map(error_of, alternatives))
+    # of those that fit about as well as the best one, the most similar to the usual one
+    as_good = [each for each in alternatives if CLEARLY_BETTER * error_of(each) <= best]
+    chosen = min(as_good, key=lambda each: (_count_changes(each, usual), error_of(each)))
+    return VectorFit(chosen, error_of(chosen), still)
+
+
+def _alternatives(meanings: Sequence[StoredVectors], pairs: int) -> list[VectorConvention]:
+    """Return all conventions of this number of pairs of channels, no two of which lead to the same frame."""
+    return [
+        VectorConvention(each)
+        for each in product(meanings, repeat=pairs)
+        if len({pair.direction for pair in each}) == pairs
+    ]
+
+
+def _count_changes(convention: VectorConvention, usual: VectorConvention) -> int:
+    """Return how many directions and signs differ."""
+    pairs = zip(convention.pairs, usual.pairs, strict=True)
+    return sum(value != usual_value for pair in pairs for value, usual_value in zip(*pair, strict=True))
+
+
+def _comparable(image: Image) -> NDArray[Any]:
+    """Return the colours of an image in units of their mean, (H, W, C) float32."""
+    colours = normalised(image)
+    scaled: NDArray[Any] = (colours / max(float(np.abs(colours).mean()), 1e-6)).clip(-LARGEST_COLOUR, LARGEST_COLOUR)
+    return scaled
+
+
+def _fetch_error(here: NDArray[Any], there: NDArray[Any], motion: NDArray[Any]) -> float:
+    """Return the mean squared difference between a frame and the other one fetched along the motion.
+
+    Pixels whose motion leaves the frame are left out; if most do, the error is that without motion.
+    """
+    height, width = motion.shape[:2]
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    x, y = columns + motion[..., 0], rows + motion[..., 1]
+    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    if inside.mean() < MIN_SHARE_INSIDE:
+        return float(((there - here) ** 2).mean())
+    fetched = cv2.remap(there, x, y, cv2.INTER_LINEAR).reshape(here.shape)
+    return float(((fetched - here)[inside] ** 2).mean())

@@ -1,0 +1,141 @@
+"""A renderer's motion as one more hypothesis, against constructed truth."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from truth import moving_object, noise, translation, waves
+from vector_truth import constant, save_object, save_translation, save_vectors
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.vector_folder import UsesVectors, VectorFolder
+from fpsboost.method_table import find_method
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.synthesis import FramePair, InterpolatedImage
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
+
+SIZE = 48, 64
+EDGE = 12
+
+
+def fused(
+    vectors: VectorFolder | None, image0: Any, image1: Any, span: int | Fraction = 2, t: float = 0.5
+) -> InterpolatedImage:
+    """An image between two output frames, whose motion the estimate does not know."""
+    placed = FrameCache(image0, Fraction(0)), FrameCache(image1, Fraction(span))
+    (made,) = MultiHypothesis(vectors=vectors).fuse(FramePair(*placed, *ZeroMotion().estimate(*placed)), [t])
+    return made
+
+
+def error(image: Any, truth: Any) -> float:
+    """Mean absolute error inside of the frame, as a share of white."""
+    white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
+    difference = (image.astype(float) - truth)[EDGE:-EDGE, EDGE:-EDGE]
+    return float(np.abs(difference).mean() / white)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize(("span", "number"), [(2, 1), (4, 1), (4, 3)])
+def test_motion_that_no_estimate_knows_is_followed(tmp_path, dtype, span, number):
+    """Moving noise comes out with its vectors, and surely; without them it does not."""
+    clip = translation(*SIZE, dx=span * 2, dy=-span, dtype=dtype)
+    vectors, t = VectorFolder(save_translation(tmp_path, span + 1, SIZE, 2, -1)), number / span
+    made = fused(vectors, clip.image0, clip.image1, span, t)
+    assert (
+        error(made.image, clip.at(t)) < 0.01 < error(fused(None, clip.image0, clip.image1, span, t).image, clip.at(t))
+    )
+    assert made.confidence[EDGE:-EDGE, EDGE:-EDGE].min() > 0.9
+
+
+def test_what_one_frame_hides_comes_from_the_other(tmp_path):
+    """An object over noise: its surroundings are exact where its vectors say that they are hidden."""
+    clip = moving_object(60, 80, box=(22, 20, 38, 40), dx=16, dy=4)
+
+    def covered(number: int) -> np.ndarray:
+        mask = np.zeros((60, 80), bool)
+        mask[22 + number : 38 + number, 20 + 4 * number : 40 + 4 * number] = True
+        return mask
+
+    save_object(tmp_path / "v", tmp_path / "d", covered, 5, (4, 1))
+    image = fused(VectorFolder(tmp_path / "v"), clip.image0, clip.image1, 4, 0.5).image
+    assert (np.abs(image.astype(int) - clip.at(0.5)).max(axis=-1) > 16).mean() < 0.02
+
+
+def test_curved_paths(tmp_path):
+    """Vectors to both sides say how motion changes: over four frames, a parabola is followed."""
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(float)
+
+    def picture(number: int) -> np.ndarray:
+        return np.rint(waves(x - _place(number), y) * 255).astype(np.uint8)
+
+    for number in range(5):
+        backward, forward = (constant(*SIZE, _place(number + way) - _place(number), 0) for way in (-1, 1))
+        save_vectors(tmp_path / f"v_{number}.exr", backward, forward)
+    image = fused(VectorFolder(tmp_path), picture(0), picture(4), 4, 0.25).image
+    assert error(image, picture(1)) < 0.004
+
+
+def _place(number: int) -> float:
+    return 0.5 * number + 0.5 * number * number
+
+
+def test_vectors_of_a_motion_that_is_not_there_change_little(tmp_path):
+    """A still picture with vectors that say otherwise: what the images show wins."""
+    still = noise(*SIZE)
+    vectors = VectorFolder(save_translation(tmp_path, 3, SIZE, 5, 3))
+    assert error(fused(vectors, still, still).image, still) < 0.002
+
+
+def test_surfaces_that_leave_the_frame_in_both_are_not_followed(tmp_path):
+    """Where neither frame shows what the vectors lead to, the image is the one without vectors."""
+    still = noise(*SIZE)
+    vectors = VectorFolder(save_translation(tmp_path, 3, SIZE, 500, 0))
+    np.testing.assert_array_equal(fused(vectors, still, still).image, fused(None, still, still).image)
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_colours_that_alpha_hides_do_not_bleed(tmp_path, channels):
+    """A moving hole keeps its alpha, and the colours around it are theirs alone."""
+    clip = translation(*SIZE, dx=4, dy=0, channels=channels)
+    images = [clip.image0.copy(), clip.image1.copy()]
+    for image, left in zip(images, (20, 24), strict=True):
+        image[20:30, left : left + 10, :-1], image[20:30, left : left + 10, -1] = 255, 0
+    vectors = VectorFolder(save_translation(tmp_path, 3, SIZE, 2, 0))
+    made = fused(vectors, *images).image
+    expected = clip.at(0.5).copy()
+    expected[20:30, 22:32, -1] = 0
+    np.testing.assert_allclose(
+        made[EDGE:-EDGE, EDGE:-EDGE, -1].astype(int), expected[EDGE:-EDGE, EDGE:-EDGE, -1], atol=8
+    )
+
+
+def test_methods_that_mix_hypotheses_take_vectors():
+    """They work on arrays then, and leave out no frame; without vectors nothing changes."""
+    vectors = VectorFolder.__new__(VectorFolder)
+    for name in ("nlm", "nlm-fast", "dis"):
+        method = find_method(name, vectors)
+        assert isinstance(method.synthesizer, UsesVectors)
+        assert method.needs_every_frame
+        assert not method.takes_planes
+    assert not find_method("nlm").needs_every_frame
+    assert find_method("nlm").takes_planes
+
+
+def test_frames_that_have_no_vectors_are_named(tmp_path):
+    """Times between output frames, and vectors of another size, are errors."""
+    still = noise(*SIZE)
+    with pytest.raises(OptionError, match="whole factor"):
+        fused(VectorFolder(save_translation(tmp_path / "a", 3, SIZE, 0, 0)), still, still, 2, 0.25)
+    with pytest.raises(InputError, match="8x6 pixels, and the frames have 64x48"):
+        fused(VectorFolder(save_translation(tmp_path / "b", 3, (6, 8), 0, 0)), still, still)
+
+
+def test_the_rest_of_a_method_is_as_without_vectors(tmp_path):
+    """Its estimator and its options stay, also when vectors are taken away for compiling."""
+    method = find_method("nlm", VectorFolder(save_translation(tmp_path, 3, SIZE, 0, 0)))
+    assert method.estimator == find_method("nlm").estimator
+    assert method.synthesizer.without_vectors() == find_method("nlm").synthesizer
