@@ -163,6 +163,9 @@ class VectorFolder:
         if must_match or all(set(numbers) <= set(each) for each in found):
             folder._numbers = numbers
             folder.step = numbers[1] - numbers[0] if len(numbers) > 1 else 1
+            there = len(set(numbers).intersection(self._vectors.numbers))
+            if there < len(numbers):
+                folder.remarks = [f"{self.path} has motion vectors for {there} of the {len(numbers)} output frames."]
         elif self._vectors.numbers[0] != numbers[0] and len(self._vectors.numbers) != len(numbers):
             folder.remarks = [
                 f"{self.path} is numbered from {self._vectors.numbers[0]} on and the output from {numbers[0]}: its "
@@ -176,6 +179,12 @@ class VectorFolder:
         folder._kept = OrderedDict()
         folder.convention, folder.remarks = convention, [*self.remarks, *remarks]
         return folder
+
+    def has(self, number: int) -> bool:
+        """Return whether there is a file for an output frame, counted from 0."""
+        if self._numbers is None:
+            return 0 <= number < len(self._vectors.files)
+        return self._numbers[0] + number * self.step in self._vectors.numbers
 
     def channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
         """Return the channels of an output frame's vectors as OpenEXR files store them, and their usual convention.
