@@ -30,13 +30,18 @@ def main() -> None:
             said[name] = sorted(getattr(bpy.ops.fpsboost, name)())
     result = bpy.data.scenes["Scene fpsboost"]
     strip = result.sequence_editor.strips_all[0]
-    print("RESULT " + json.dumps({
-        "said": said,
-        "restored": settings_of(scene) == before,
-        "strip": [strip.frame_final_start, strip.frame_final_duration, len(strip.elements)],
-        "rate": [result.render.fps, scene.render.fps],
-        "confidence": bpy.data.images["fpsboost confidence"].source,
-    }))
+    print(
+        "RESULT "
+        + json.dumps(
+            {
+                "said": said,
+                "restored": settings_of(scene) == before,
+                "strip": [strip.frame_final_start, strip.frame_final_duration, len(strip.elements)],
+                "rate": [result.render.fps, scene.render.fps],
+                "confidence": bpy.data.images["fpsboost confidence"].source,
+            }
+        )
+    )
     addon.unregister()
 
 

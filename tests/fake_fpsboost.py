@@ -13,6 +13,7 @@ from pathlib import Path
 
 SIZE = (64, 36)
 REGIONS = ([8, 4, 20, 12], [40, 20, 24, 16])
+WHOLE = ([0, 0, *SIZE],)
 
 
 def main() -> None:
@@ -57,9 +58,10 @@ def convert(folders: list[Path], options: dict[str, str]) -> None:
 def plan(folders: list[Path], options: dict[str, str]) -> None:
     """Plan two regions of the first frame that is made, and all of the second."""
     renders, target = folders
+    check_new(target)
     numbers = [int(path.stem) for path in sorted(renders.glob("*.exr"))]
     frames = [
-        {"number": number + 1, "name": f"{number + 1:04d}.exr", "whole": place > 0, "rectangles": REGIONS}
+        {"number": number + 1, "whole": place > 0, "regions": WHOLE if place else REGIONS}
         for place, number in enumerate(numbers[:-1])
     ]
     target.mkdir(parents=True, exist_ok=True)
@@ -71,7 +73,14 @@ def merge(folders: list[Path], options: dict[str, str]) -> None:
     made, rendered, target = folders
     if not list(rendered.glob("*.exr")) or not (Path(options["--plan"]) / "plan.json").is_file():
         fail("regions are missing.", 1)
-    shutil.copytree(made, target, dirs_exist_ok=True)
+    check_new(target)
+    shutil.copytree(made, target)
+
+
+def check_new(folder: Path) -> None:
+    """Refuse a folder that is there already."""
+    if folder.exists():
+        fail(f"{folder} is there already; name a new folder.", 1)
 
 
 def report(frames: int, expected: int) -> None:

@@ -9,7 +9,7 @@ import bpy
 from .properties import folders_of, program_of, render_size, rendered_frames
 from .round_trip.commands import Run, convert_command, merge_command, plan_command, remarks_in
 from .round_trip.errors import RoundTripError
-from .round_trip.folders import check_renders
+from .round_trip.folders import check_renders, remove_unfinished, replace_folder
 from .round_trip.regions import check_size, read_plan, unrendered
 from .showing import load_sequence
 
@@ -136,11 +136,14 @@ class FPSBOOST_OT_plan(Commanding, bpy.types.Operator):
         scene = context.scene
         folders = folders_of(scene)
         check_renders(folders.renders, rendered_frames(scene))
+        remove_unfinished(folders.plan)
         return plan_command(program_of(context), folders, scene.fpsboost.budget)
 
     def finished(self, context: Any) -> str:
         """See `Commanding.finished`."""
-        plan = read_plan(folders_of(context.scene).plan)
+        folders = folders_of(context.scene)
+        replace_folder(folders.plan)
+        plan = read_plan(folders.plan)
         frames = len({region.frame for region in plan.regions})
         return f"{len(plan.regions)} regions in {frames} frames are to be rendered."
 
@@ -159,11 +162,14 @@ class FPSBOOST_OT_merge(Commanding, bpy.types.Operator):
         missing = unrendered(plan, folders.regions)
         if missing:
             raise RoundTripError(f"{len(missing)} regions are not rendered yet; render them, then merge.")
+        remove_unfinished(folders.merged)
         return merge_command(program_of(context), folders)
 
     def finished(self, context: Any) -> str:
         """See `Commanding.finished`."""
-        strip_scene = load_sequence(context, folders_of(context.scene).merged)
+        folders = folders_of(context.scene)
+        replace_folder(folders.merged)
+        strip_scene = load_sequence(context, folders.merged)
         return f"The result is a strip in the scene {strip_scene.name}."
 
 

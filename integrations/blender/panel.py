@@ -60,6 +60,6 @@ def draw_progress(layout: Any) -> None:
     if Commanding.current is not None:
         label, run = Commanding.current
         fraction = run.progress.fraction if run.progress else 0.0
-        layout.progress(factor=fraction, text=f"{label}: {run.progress or 'starting'} (Esc stops)")
+        layout.progress(factor=fraction, text=f"{label}: {run.progress or 'running'} (Esc stops)")
     elif FPSBOOST_OT_render_regions.current:
         layout.label(text=FPSBOOST_OT_render_regions.current, icon="RENDER_STILL")

@@ -140,7 +140,7 @@ classes = (FPSBOOST_OT_render_regions,)
 
 def regions_to_render(plan: Plan, plan_folder: Path, folder: Path) -> list[Region]:
     """Return the regions that are not rendered yet, and remove those of an earlier plan."""
-    remove_outdated(plan, folder, (plan_folder / PLAN_FILE).stat().st_mtime)
+    remove_outdated(folder, (plan_folder / PLAN_FILE).stat().st_mtime)
     return unrendered(plan, folder)
 
 

@@ -15,13 +15,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from .errors import RoundTripError
-from .folders import Folders
+from .folders import Folders, unfinished
 
 MAX_KEPT_LINES = 50
 """Lines of a program's messages that are kept; the last ones hold the error."""
-
-REPORTING = ("--progress", "json", "-y")
-"""Options of every command: progress as JSON, and outputs of an earlier round replaced."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +69,11 @@ def find_program(given: str) -> str:
 def convert_command(program: str, folders: Folders, factor: int) -> list[str]:
     """Return the command that makes the frames between the rendered ones, with all their passes."""
     what = ["--factor", str(factor), "--passes", "all", "--confidence", str(folders.confidence)]
-    return [program, str(folders.renders), str(folders.made), *what, *REPORTING]
+    return [program, str(folders.renders), str(folders.made), *what, "--progress", "json", "-y"]
 
 
 def plan_command(program: str, folders: Folders, budget: float) -> list[str]:
-    """Return the command that plans which regions to render.
+    """Return the command that plans which regions to render, into a new folder; see `replace_folder`.
 
     Parameters
     ----------
@@ -85,13 +82,13 @@ def plan_command(program: str, folders: Folders, budget: float) -> list[str]:
     budget : float
         Part of the pixels that may be rendered, percent.
     """
-    return [program, "plan", str(folders.renders), str(folders.plan), "--budget", f"{budget:.6g}%", *REPORTING]
+    return [program, "plan", str(folders.renders), str(unfinished(folders.plan)), "--budget", f"{budget:.6g}%"]
 
 
 def merge_command(program: str, folders: Folders) -> list[str]:
-    """Return the command that puts the rendered regions into the made frames."""
-    images = [str(each) for each in (folders.made, folders.regions, folders.merged)]
-    return [program, "merge", *images, "--plan", str(folders.plan), *REPORTING]
+    """Return the command that puts the rendered regions into the made frames, in a new folder; see `replace_folder`."""
+    images = [str(each) for each in (folders.made, folders.regions, unfinished(folders.merged))]
+    return [program, "merge", *images, "--plan", str(folders.plan)]
 
 
 def parse_progress(line: str) -> Progress | None:
@@ -124,7 +121,7 @@ def explain_failure(lines: Sequence[str], exit_code: int) -> str:
     if not said:
         last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing.")
         return f"fpsboost ended with exit code {exit_code}: {last}"
-    unknown = re.match(r"Unknown (?:option|command)\W+([\w-]+)", said[-1])
+    unknown = re.match(r"Unknown (?:option|command)[\s:\"]+([\w-]+)", said[-1])
     if unknown:
         return f"The fpsboost that was found is too old, it does not know {unknown[1]}; install a newer one."
     return said[-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,6 +52,41 @@ class Folders:
     def merged(self) -> Path:
         """All frames, with the rendered regions in them."""
         return self.base / "merged"
+
+
+def unfinished(folder: Path) -> Path:
+    """Return the folder that a command writes instead, which `replace_folder` then puts in its place.
+
+    Examples
+    --------
+    >>> unfinished(Path("trip", "plan")).name
+    'plan-unfinished'
+    """
+    return folder.with_name(folder.name + "-unfinished")
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what a run that was interrupted has left of a folder."""
+    shutil.rmtree(unfinished(folder), ignore_errors=True)
+
+
+def replace_folder(folder: Path) -> None:
+    """Put the finished output of a command in the place of that of an earlier round.
+
+    Raises
+    ------
+    RoundTripError
+        A file of the earlier one cannot be removed.
+    """
+    try:
+        unfinished(folder).stat()  # it must be there before anything is removed
+        if folder.exists():
+            shutil.rmtree(folder)
+        unfinished(folder).rename(folder)
+    except OSError as error:
+        raise RoundTripError(
+            f"{folder} cannot be replaced ({error.strerror}); close what uses it and rename {unfinished(folder)}."
+        ) from error
 
 
 def numbered_files(folder: Path, suffix: str) -> dict[int, Path]:

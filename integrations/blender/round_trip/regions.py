@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -95,7 +96,7 @@ def read_plan(folder: Path) -> Plan:
     except FileNotFoundError as error:
         raise RoundTripError(f"{path} is not there; plan first.") from error
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise RoundTripError(f"{path} is no plan that this add-on can read; plan again, with versions that match.") from error
+        raise RoundTripError(f"{path} is no plan that this add-on understands; plan again.") from error
 
 
 def parse_plan(values: dict[str, Any]) -> Plan:
@@ -103,11 +104,10 @@ def parse_plan(values: dict[str, Any]) -> Plan:
     width, height = int(values["width"]), int(values["height"])
     regions = list[Region]()
     for frame in values["frames"]:
-        rectangles = [[0, 0, width, height]] if frame["whole"] else frame["rectangles"]
-        stem = Path(frame["name"]).stem
-        for place, (x, y, *size) in enumerate(rectangles, start=1):
-            name = stem if len(rectangles) == 1 else f"{stem}_{place}"
-            regions.append(Region(int(frame["number"]), name, int(x), int(y), *map(int, size)))
+        number = int(frame["number"])
+        for place, rectangle in enumerate(frame["regions"], start=1):
+            name = f"{number:04d}" if len(frame["regions"]) == 1 else f"{number:04d}_{place}"
+            regions.append(Region(number, name, *map(int, rectangle)))
     return Plan(width, height, tuple(regions))
 
 
@@ -120,28 +120,18 @@ def check_size(plan: Plan, width: int, height: int) -> None:
         )
 
 
-def remove_outdated(plan: Plan, folder: Path, planned_at: float) -> list[Path]:
+def remove_outdated(folder: Path, planned_at: float) -> list[Path]:
     """Remove regions that were rendered for an earlier plan, and return their paths.
 
     Parameters
     ----------
-    plan : Plan
     folder : Path
-        Where regions are rendered to; may be missing.
+        Where regions are rendered to; may be missing. Images with other names are left alone.
     planned_at : float
         Time of the plan, seconds since the epoch.
-
-    Raises
-    ------
-    RoundTripError
-        An image in the folder is newer than the plan and not of it, so that this add-on has not made it.
     """
-    images = sorted(folder.glob("*.exr"))
-    names = {region.name for region in plan.regions}
-    outdated = [path for path in images if path.stat().st_mtime < planned_at]
-    foreign = [path for path in images if path.stem not in names and path not in outdated]
-    if foreign:
-        raise RoundTripError(f"{foreign[0]} is not of the plan; move it out of the folder of rendered regions.")
+    rendered = [path for path in sorted(folder.glob("*.exr")) if re.fullmatch(r"\d{4,}(_\d+)?", path.stem)]
+    outdated = [path for path in rendered if path.stat().st_mtime < planned_at]
     for path in outdated:
         path.unlink()
     return outdated
