@@ -25,6 +25,8 @@ from stage.geometry import find_vectors
 from stage.scenes import Scene, scenes
 
 STEP = 2
+TRUTH_SAMPLES = 4
+"""How many more paths of light the true frames have, so that their own noise counts for little."""
 
 
 def main() -> None:
@@ -50,6 +52,7 @@ def main() -> None:
     fpsboost("merge", made, regions, merged, "--plan", plan)
 
     between = range(1, options.frames - 1, STEP)
+    shot.samples *= TRUTH_SAMPLES
     truth = [encode(shot.colours(number, seed=1)) for number in between]
     before, after = (
         [mean_squared_error(truth[i], folder / f"{number:04d}.exr") for i, number in enumerate(between)]
