@@ -39,7 +39,7 @@ def make_bpy() -> ModuleType:
     )
     bpy.path = SimpleNamespace(abspath=lambda path: path.replace("//", "/file/"))
     bpy.data = SimpleNamespace(filepath="", scenes={})
-    bpy.app = SimpleNamespace(handlers=handlers, is_job_running=lambda kind: False)
+    bpy.app = SimpleNamespace(version=(4, 2, 0), handlers=handlers, is_job_running=lambda kind: False)
     bpy.ops = SimpleNamespace(render=SimpleNamespace(render=None))
     return bpy
 

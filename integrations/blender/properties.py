@@ -21,6 +21,10 @@ PASSES = {
 """Passes by identifier: attribute of a view layer, name, description. Others stay as the view layer has them."""
 
 
+BLEND_RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (5, 0, 0) else set()
+"""Options of a path that may begin with ``//``; other versions have no such option."""
+
+
 class FpsboostPreferences(bpy.types.AddonPreferences):
     """Preferences of the add-on."""
 
@@ -48,6 +52,7 @@ class FpsboostSettings(bpy.types.PropertyGroup):
         description="Takes the folders renders, made, confidence, plan, regions and merged",
         default="//fpsboost/",
         subtype="DIR_PATH",
+        options=BLEND_RELATIVE,
     )
     passes: bpy.props.EnumProperty(
         name="Passes",
