@@ -25,6 +25,7 @@ from stage.geometry import Array, Camera, find_vectors
 from stage.scenes import Scene, scenes
 
 Size = tuple[int, int]  # width, height
+Crop = tuple[int, int, int, int]  # x, y, width, height
 STEPS = 64  # vectors are rounded to this part of a pixel, so that they pack well
 
 
@@ -37,16 +38,20 @@ def for_mitsuba(entry: Any) -> Any:
     return mi.Bitmap(entry()) if callable(entry) else entry
 
 
-def describe_camera(camera: Camera, size: Size, samples: int) -> dict[str, Any]:
-    """Describe a camera to Mitsuba."""
+def describe_camera(camera: Camera, size: Size, samples: int, crop: Crop | None) -> dict[str, Any]:
+    """Describe a camera to Mitsuba, and the part of its image that is rendered."""
     view = mi.ScalarTransform4f().look_at(camera.position.tolist(), camera.target.tolist(), [0, 1, 0])
     film = {"type": "hdrfilm", "width": size[0], "height": size[1], "rfilter": {"type": "gaussian"}}
+    if crop is not None:
+        names = ("crop_offset_x", "crop_offset_y", "crop_width", "crop_height")
+        # the filter of the pixels at its edges reaches beyond it
+        film |= {**dict(zip(names, crop, strict=True)), "sample_border": True}
     sampler = {"type": "multijitter", "sample_count": samples}
     place = {"to_world": view, "fov": camera.width, "fov_axis": "x"}
     return {"type": "perspective", **place, "film": film, "sampler": sampler}
 
 
-def load(scene: Scene, number: float, size: Size, samples: int, folder: Path) -> Any:
+def load(scene: Scene, number: float, size: Size, samples: int, folder: Path, crop: Crop | None) -> Any:
     """Build a frame's scene in Mitsuba; the solids are written to `folder`, which is needed only meanwhile."""
     parts = {f"light{i}": light for i, light in enumerate(scene.lights)}
     for i, actor in enumerate(scene.actors):
@@ -54,14 +59,16 @@ def load(scene: Scene, number: float, size: Size, samples: int, folder: Path) ->
         shape = {"type": "obj", "filename": str(folder / f"{i}.obj"), "face_normals": True}
         parts[f"actor{i}"] = {**shape, "to_world": actor.pose(number), "bsdf": actor.material}
     integrator = {"type": "path", "max_depth": scene.depth}
-    sensor = describe_camera(scene.camera(number), size, samples)
+    sensor = describe_camera(scene.camera(number), size, samples, crop)
     return mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor, **for_mitsuba(parts)})
 
 
-def render(scene: Scene, number: float, size: Size, samples: int, seed: int) -> NDArray[np.float32]:
-    """Render the linear colours of a frame, (H, W, 3) RGB."""
+def render(
+    scene: Scene, number: float, size: Size, samples: int, seed: int, crop: Crop | None = None
+) -> NDArray[np.float32]:
+    """Render the linear colours of a frame, or of the part `crop` of it, (H, W, 3) RGB."""
     with tempfile.TemporaryDirectory() as folder:
-        loaded = load(scene, number, size, samples, Path(folder))
+        loaded = load(scene, number, size, samples, Path(folder), crop)
     image = mi.render(loaded, seed=seed)
     return np.asarray(image, dtype=np.float32)[..., :3]
 

@@ -28,10 +28,10 @@ def test_the_wheel_holds_the_package_alone():
 
 
 def test_the_source_distribution_leaves_the_rendered_scenes_out():
-    """The package, its tests, the licence and a sample clip are in it; the many images of the scenes are not."""
+    """The package, its tests, a sample clip and the Blender extension are in it; the rendered scenes are not."""
     files = files_of("sdist")
     wanted = {"LICENSE", "CITATION.cff", "fpsboost/py.typed", "tests/test_packaging.py", "samples/orbit.mp4"}
-    assert files >= wanted
+    assert files >= wanted | {"integrations/blender/blender_manifest.toml"}
     assert not [path for path in files if path.startswith("samples/scenes/")]
     assert sum((ROOT / path).stat().st_size for path in files) < 6e6
 
