@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -45,7 +45,7 @@ from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
 from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accelerations_at_points
 from fpsboost.synthesis import FramePair, InterpolatedImage
-from fpsboost.synthesis.rendered_hypothesis import follow_surfaces
+from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
 from fpsboost.synthesis.rounding import as_image, colour_unseen, premultiplied, rounding_offset, value_range
 from fpsboost.ycbcr import YCbCrImage
 
@@ -63,6 +63,18 @@ MIN_SHARE = np.float32(0.01)
 
 CONSISTENCY_TOLERANCE = 16
 """Forward-backward error at which the vote of a motion is halved, pixels."""
+
+
+class _Surfaces(NamedTuple):
+    """In-between image along a renderer's motion."""
+
+    motion: SurfaceMotion
+    mixed: NDArray[Any]
+    """Its planes, with 1 for white, (C, H, W) float32."""
+    share: NDArray[Any]
+    """Its weight against the mixture of all other candidates, (H, W) float32."""
+    confidence: NDArray[Any]
+    """Confidence of the two together, (H, W) float32."""
 
 
 @dataclass(frozen=True)
@@ -164,22 +176,25 @@ class MultiHypothesis:
     ) -> InterpolatedImage:
         """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
         image0, image1 = frame_pair.image0, frame_pair.image1
-        sampled = [image.cached(_samples).full for image in (image0, image1)]
-        coefficients = sampled[0].coefficients, sampled[1].coefficients
-        scale = 0.5 / self.bandwidth**2 * _difference_factor(image0.pixels)
-        surface = follow_surfaces((image0, image1), coefficients, t, vectors, scale)
-        similarity = made.confidence ** np.float32(1 / CONFIDENCE_POWER)
-        weight = surface.similarity > 0
-        weight = weight * np.exp(np.float32(self.sharpness) * (surface.similarity - similarity))
-        share = weight / (1 + weight)
-        similarity += share * (surface.similarity - similarity)
+        surfaces = self._find_surfaces(made.confidence, frame_pair, t, vectors)
         colours = premultiplied(made.image)
-        lowest, highest = _value_range(frame_pair)
-        surfaces = (surface.image * _white(image0.pixels)).clip(lowest, highest)
-        colours += share[..., np.newaxis] * (surfaces - colours)
-        return InterpolatedImage(
-            as_image(colours, image0.array, image1.array, t), similarity ** np.float32(CONFIDENCE_POWER)
-        )
+        along = (surfaces.mixed * _white(image0.pixels)).clip(*_value_range(frame_pair))
+        colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
+        return InterpolatedImage(as_image(colours, image0.array, image1.array, t), surfaces.confidence)
+
+    def _find_surfaces(
+        self, confidence: NDArray[Any], frame_pair: FramePair, t: float, vectors: VectorFolder
+    ) -> _Surfaces:
+        """Follow the renderer's motion, and weigh it against what the candidates have made with this confidence."""
+        image0, image1 = frame_pair.image0, frame_pair.image1
+        motion = find_surface_motion(image0, image1, t, vectors)
+        mixed, squared = motion.mix(*(image.cached(_samples).full.coefficients for image in (image0, image1)))
+        agreement = motion.similarity(squared, 0.5 / self.bandwidth**2 * _difference_factor(image0.pixels))
+        similarity = confidence ** np.float32(1 / CONFIDENCE_POWER)
+        weight = np.where(agreement > 0, np.exp(np.float32(self.sharpness) * (agreement - similarity)), np.float32(0))
+        share = weight / (1 + weight)
+        similarity += share * (agreement - similarity)
+        return _Surfaces(motion, mixed, share, similarity ** np.float32(CONFIDENCE_POWER))
 
     def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
         """Yield the candidates at each time, and the time."""

@@ -31,39 +31,71 @@ PATCH_SIZE = 9
 """Side of the patches over which agreement is averaged, pixels, about that of the patches of `MultiHypothesis`."""
 
 
-class SurfaceHypothesis(NamedTuple):
-    """In-between image along the renderer's motion."""
+class SurfaceMotion(NamedTuple):
+    """Motion of the surfaces of an in-between frame to both frames, each as `_seen_from` returns it."""
 
-    image: NDArray[Any]
-    """Colours in units of the spline coefficients, (H, W, C) float32."""
-    similarity: NDArray[Any]
-    """Agreement of the two frames around each pixel, (H, W) float32 in [0, 1]; 0 where neither shows the surface."""
+    to_frame0: tuple[NDArray[Any], NDArray[Any]]
+    """Motion, (H, W, 2) float32, and whether frame 0 shows the surface, (H, W) bool."""
+    to_frame1: tuple[NDArray[Any], NDArray[Any]]
+    t: float
+    """Time of the in-between frame, 0 to 1."""
+
+    def mix(self, coefficients0: NDArray[Any], coefficients1: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Mix planes of both frames along the motion.
+
+        Parameters
+        ----------
+        coefficients0, coefficients1 : (C, rows, columns) float32
+            Spline coefficients of the frames; see `fpsboost.kernels.spline`.
+
+        Returns
+        -------
+        mixed : (C, H, W) float32
+        squared : (H, W) float32
+            Squared difference of the frames, summed over the planes; 0 where one of them does not show the surface.
+        """
+        height, width = self.to_frame0[1].shape
+        mixed = np.empty((coefficients0.shape[0], height, width), np.float32)
+        squared = np.empty((height, width), np.float32)
+        sources = Source(coefficients0, *self.to_frame0), Source(coefficients1, *self.to_frame1)
+        mix_along(*sources, np.float32(self.t), mixed, squared)
+        return mixed, squared
+
+    def similarity(self, squared: NDArray[Any], scale: float) -> NDArray[Any]:
+        """Return how well the frames agree around each pixel.
+
+        Parameters
+        ----------
+        squared : (H, W) float32
+            As `mix` returns it.
+        scale : float
+            Factor on it.
+
+        Returns
+        -------
+        (H, W) float32
+            In [0, 1]; 0 where neither frame shows the surface.
+        """
+        alike = np.exp(cv2.blur(squared, (2, 2)) * np.float32(-scale))
+        similarity: NDArray[Any] = cv2.blur(alike, (PATCH_SIZE, PATCH_SIZE))
+        similarity[~(self.to_frame0[1] | self.to_frame1[1])] = 0
+        return similarity
 
 
-def follow_surfaces(
-    images: tuple[FrameCache, FrameCache],
-    coefficients: tuple[NDArray[Any], NDArray[Any]],
-    t: float,
-    vectors: VectorFolder,
-    scale: float,
-) -> SurfaceHypothesis:
-    """Make the in-between image along the renderer's vectors.
+def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vectors: VectorFolder) -> SurfaceMotion:
+    """Return the motion of the surfaces of an in-between frame, as a renderer's vectors give it.
 
     The in-between frame's own vectors lead from each of its pixels to both frames. Without them, each pixel is searched
     in both frames among those that their vectors lead to it (Yang et al. 2011, image-based; see `Reproject`).
 
     Parameters
     ----------
-    images : tuple of FrameCache
+    image0, image1 : FrameCache
         The two frames, which are output frames.
-    coefficients : tuple of (C, rows, columns) float32
-        Their spline coefficients; see `fpsboost.kernels.spline`.
     t : float
         Time between them, that of an output frame.
     vectors : VectorFolder
         Of both frames, and of the in-between frame if it was rendered too.
-    scale : float
-        Factor on squared differences of colours, summed over the channels.
 
     Raises
     ------
@@ -72,24 +104,16 @@ def follow_surfaces(
     InputError
         One of the two frames has no vectors, or vectors are of another size.
     """
-    number = output_frame_between(images[0].output_position, images[1].output_position, t)
-    numbers = [frame_number(image.output_position) for image in images]
-    ends = [vectors.for_image(other, image.pixels) for other, image in zip(numbers, images, strict=True)]
-    distances = [(other - number) * vectors.step for other in numbers]
-    if vectors.has(number):
-        here = vectors.for_image(number, images[0].pixels)
-        seen = [_seen_from(here, there, distance) for there, distance in zip(ends, distances, strict=True)]
-    else:
-        seen = [_landed(there, -distance) for there, distance in zip(ends, distances, strict=True)]
-    sources = [Source(planes, *each) for planes, each in zip(coefficients, seen, strict=True)]
-    height, width = images[0].pixels.shape[:2]
-    mixed = np.empty((coefficients[0].shape[0], height, width), np.float32)
-    squared = np.empty((height, width), np.float32)
-    mix_along(*sources, np.float32(t), mixed, squared)
-    alike = np.exp(cv2.blur(squared, (2, 2)) * np.float32(-scale))
-    similarity = cv2.blur(alike, (PATCH_SIZE, PATCH_SIZE))
-    similarity[~(sources[0].is_visible | sources[1].is_visible)] = 0
-    return SurfaceHypothesis(mixed.transpose(1, 2, 0), similarity)
+    number = output_frame_between(image0.output_position, image1.output_position, t)
+    found = []
+    for image in (image0, image1):
+        other = frame_number(image.output_position)
+        there, distance = vectors.for_image(other, image.pixels), (other - number) * vectors.step
+        if vectors.has(number):
+            found.append(_seen_from(vectors.for_image(number, image.pixels), there, distance))
+        else:
+            found.append(_landed(there, -distance))
+    return SurfaceMotion(found[0], found[1], t)
 
 
 def _seen_from(here: FrameVectors, there: FrameVectors, distance: int) -> tuple[NDArray[Any], NDArray[Any]]:
