@@ -14,6 +14,7 @@ from fpsboost.errors import OptionError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.options import option
+from fpsboost.rerender.options import MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 
@@ -191,6 +192,16 @@ class ResultOptions:
 
 
 @dataclass(frozen=True)
+class PlannedMethodOptions:
+    """The method whose frames are planned for."""
+
+    method: str = option("nlm", "nlm, nlm-fast, dis, farneback or tvl1.", short="m")
+    vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
+    depth: str | None = option(None, "Folder of rendered depth.", metavar="DIR")
+    quiet: bool = option(False, "Print errors only.", short="q")
+
+
+@dataclass(frozen=True)
 class SweepOptions:
     """What is tried."""
 
@@ -203,6 +214,7 @@ class SweepOptions:
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions),
     *(MessageOptions, HidingOptions, ContestOptions, ResultOptions, SweepOptions),
+    *(PlanOptions, PlannedMethodOptions, MergeOptions),
 )
 
 QUOTES = "'\""
