@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,11 +14,16 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scoring import find_clips, make_between, one_thread, read_frames, wide_console
 
+from fpsboost.conversion import convert
 from fpsboost.frame import Frame
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.numbering import find_images
 from fpsboost.method_table import find_method
+from fpsboost.rerender.frame_choice import choose_frames
 from fpsboost.rerender.regions import RenderCost, choose_regions
 from fpsboost.rerender.score import expect_errors, squared_error
 from fpsboost.rerender.tiles import TileGrid, partition
+from fpsboost.timing.rate import OutputRate
 
 SHARES = (0.05, 0.1, 0.2)
 LEVELS = 255**2
@@ -68,8 +75,8 @@ def best_tiles(errors: NDArray[Any], areas: NDArray[Any], pixels: float) -> NDAr
     return taken.reshape(errors.shape)
 
 
-@app.default
-def rerender(
+@app.command
+def regions(
     *clips: str,
     method: str = "nlm",
     tile: int = 16,
@@ -114,6 +121,65 @@ def rerender(
     wide_console().print(table)
     if json_file is not None:
         json_file.write_text(json.dumps(found, indent=1))
+
+
+@app.command
+def frames(
+    *clips: str,
+    quality: Annotated[list[float], Parameter(consume_multiple=True)] = [28, 32, 36],  # noqa: B006
+    step: int = 1,
+    method: str = "nlm",
+) -> None:
+    """Choose the frames to render of every frame or of every so many, make the others, and measure them.
+
+    Parameters
+    ----------
+    clips
+        Folders of numbered images, every frame rendered.
+    quality
+        PSNR that the frames between are to have, dB.
+    step
+        Frames from one image of the preview to the next.
+    method
+        Makes the frames.
+    """
+    one_thread()
+    table = Table(box=None)
+    for name in ("clip", "asked, dB", "rendered", "lowest, dB", "mean of the others, dB", "below"):
+        table.add_column(name, justify="right")
+    for name, path in find_clips(clips).items():
+        for bound in quality:
+            with tempfile.TemporaryDirectory() as place:
+                table.add_row(name, f"{bound:g}", *choose_and_measure(path, bound, step, method, Path(place)))
+    wide_console().print(table)
+
+
+def choose_and_measure(path: str, quality: float, step: int, method: str, place: Path) -> list[str]:
+    """Convert the frames that are chosen of a preview, and return cells: how many, and how good the others are."""
+    found = find_images(path)
+    files = dict(zip(found.numbers, found.files, strict=True))
+    for folder, numbers in (("preview", found.numbers[::step]), ("rendered", [])):
+        (place / folder).mkdir()
+        for number in numbers:
+            shutil.copy(files[number], place / folder)
+    choice = choose_frames(str(place / "preview"), str(place / "list"), quality, method=method)
+    for number in choice.numbers:
+        shutil.copy(files[number], place / "rendered")
+    others = [number for number in range(choice.numbers[0], choice.numbers[-1]) if number not in choice.numbers]
+    if not others:
+        return ["100%", "-", "-", "-"]
+    convert(str(place / "rendered"), str(place / "made"), rate=OutputRate(fill_gaps=True), method=method)
+    errors = [
+        squared_error(read_image(place / "made" / files[number].name), read_image(files[number])).mean()
+        for number in others
+    ]
+    psnrs = [-10 * np.log10(error) for error in errors]
+    return [
+        f"{len(choice.numbers) / choice.total:.0%}",
+        f"{min(psnrs):.1f}",
+        f"{np.mean(psnrs):.1f}",
+        f"{sum(psnr < quality for psnr in psnrs)} of {len(psnrs)}",
+    ]
 
 
 if __name__ == "__main__":

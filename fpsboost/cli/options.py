@@ -14,7 +14,7 @@ from fpsboost.errors import OptionError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.options import option
-from fpsboost.rerender.options import MergeOptions, PlanOptions
+from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 
@@ -214,7 +214,7 @@ class SweepOptions:
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions),
     *(MessageOptions, HidingOptions, ContestOptions, ResultOptions, SweepOptions),
-    *(PlanOptions, PlannedMethodOptions, MergeOptions),
+    *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions),
 )
 
 QUOTES = "'\""

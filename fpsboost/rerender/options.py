@@ -105,6 +105,46 @@ class PlanOptions:
             raise OptionError("Seconds of rendering need to know those of a full frame; say them with `cost=60`.")
 
 
+def parse_quality(text: str, name: str) -> float:
+    """Read a quality, ``35`` or ``35dB``.
+
+    Parameters
+    ----------
+    text : str
+    name : str
+        What to call it in messages.
+
+    Raises
+    ------
+    OptionError
+        It is no number of decibels.
+
+    Examples
+    --------
+    >>> parse_quality("35dB", "`quality`")
+    35.0
+    """
+    found = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*(?:dB)?\s*", text, re.IGNORECASE)
+    if found is None:
+        raise OptionError(f"{name} must be a number of decibels, as in 35, not {text!r}.")
+    return float(found[1])
+
+
+@dataclass(frozen=True)
+class FrameChoiceOptions:
+    """Which frames are to be rendered at all.
+
+    Parameters
+    ----------
+    quality : float, optional
+        PSNR that every frame between must reach, dB.
+    """
+
+    quality: float | None = option(
+        None, "Choose frames instead: PSNR of every frame between.", metavar="DB", parse=parse_quality
+    )
+
+
 @dataclass(frozen=True)
 class MergeOptions:
     """How rendered regions are put back.
