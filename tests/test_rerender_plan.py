@@ -91,6 +91,15 @@ def test_consecutive_images_are_numbered_like_the_output(tmp_path):
     assert [frame.number for frame in plan.frames] == [2, 4]
 
 
+def test_several_frames_between_two_images(tmp_path):
+    """A step of 3 leaves two frames, and each has its own regions; `factor` may make fewer."""
+    clip = unpredictable_clip(tmp_path / "in", range(1, 12, 3))
+    plan = plan_rerender(str(clip), str(tmp_path / "plan"), method="nlm-fast")
+    assert [frame.number for frame in plan.frames] == [2, 3, 5, 6, 8, 9]
+    plan = plan_rerender(str(clip), str(tmp_path / "two"), PlanOptions(factor=2), method="nlm-fast")
+    assert [frame.number for frame in plan.frames] == [2, 4, 6]  # numbered anew, as a conversion does
+
+
 def test_a_scene_cut_is_rendered(tmp_path):
     """The frame across a cut repeats a neighbour, which is as often wrong as right."""
     clip = unpredictable_clip(tmp_path / "in", range(1, 10, 2))

@@ -32,6 +32,7 @@ from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, check_images
 from fpsboost.io.prefetch import available_cores, run_in_parallel
 from fpsboost.io.staging import write_safely
+from fpsboost.io.vector_folder import UsesVectors
 from fpsboost.method_table import find_method
 from fpsboost.rerender.output_folder import check_new, new_folder
 from fpsboost.rerender.score import squared_error
@@ -139,7 +140,7 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     Raises
     ------
     OptionError
-        The quality is out of range, the images have no numbers, or the method needs vectors of every frame.
+        The quality is out of range, the images have no numbers, or the method goes by a renderer's vectors.
     InputError
         The images cannot be read, differ, or are fewer than three.
     OutputError
@@ -152,8 +153,9 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     if not 0 < quality <= 100:
         raise OptionError(f"`quality` must be above 0 and at most 100 dB, not {quality}.")
     interpolator = find_method(method) if isinstance(method, str) else method
-    if interpolator.needs_every_frame:
-        raise OptionError("This `method` needs vectors from each frame to the next, not across several; take nlm.")
+    parts = interpolator.estimator, interpolator.synthesizer
+    if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
+        raise OptionError("`vectors` lead from frame to frame, and frames are chosen at any distance; leave it out.")
     check_images(preview, "A choice of frames")
     check_new(Path(folder))
     with ImageSource(preview, ASSUMED_IMAGE_RATE) as source:

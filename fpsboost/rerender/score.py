@@ -271,7 +271,6 @@ def _try(
     if not kept:  # across a scene cut or a flash the nearer frame is repeated, and as often the other one is right
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
-    pair.image0.clear()
     error = None if shown.truth is None else grid.means(squared_error(made[0], shown.truth))
     return Trial(scene_cut, [grid.means(1 - confidence) for confidence in kept], error)
 
