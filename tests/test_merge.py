@@ -216,6 +216,15 @@ def test_regions_side_by_side_have_no_seam_between():
     assert (weights[8:16, 8:16] == 1).all()
 
 
+def test_numbers_that_are_none_stay_where_they_are():
+    """Infinity and NaN outside of a region stay, and inside come from the render alone."""
+    made, rendered = np.full((1, 3, 3), np.inf, np.float32), np.full((1, 3, 3), np.nan, np.float32)
+    made[0, 2] = rendered[0, 0] = 7
+    mixed = mix(made, rendered, np.array([[0, 0, 1]], np.float32))
+    assert np.isinf(mixed[0, :2]).all()
+    assert np.isnan(mixed[0, 2]).all()
+
+
 def test_colours_of_transparent_pixels_do_not_show():
     """Halfway between opaque red and transparent blue is half-transparent red."""
     red, blue = np.array([[[0, 0, 200, 255]]], np.uint8), np.array([[[200, 0, 0, 0]]], np.uint8)

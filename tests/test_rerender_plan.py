@@ -247,6 +247,7 @@ def test_what_cannot_be_planned(tmp_path, snapshot):
     full = tmp_path / "full"
     full.mkdir()
     (full / "note.txt").write_text("mine")
+    (tmp_path / "clip.mp4").write_bytes(b"")
     before = snapshot(tmp_path)
     with pytest.raises(InputError, match="3 at least"):
         plan_rerender(str(few), str(tmp_path / "plan"))
@@ -256,6 +257,8 @@ def test_what_cannot_be_planned(tmp_path, snapshot):
         plan_rerender(str(clip), str(full))
     with pytest.raises(InputError, match="does not exist"):
         plan_rerender(str(tmp_path / "nothing"), str(tmp_path / "plan"))
+    with pytest.raises(InputError, match="images"):
+        plan_rerender(str(tmp_path / "clip.mp4"), str(tmp_path / "plan"))
     assert snapshot(tmp_path) == before
 
 

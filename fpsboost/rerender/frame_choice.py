@@ -29,12 +29,13 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.opening import ASSUMED_IMAGE_RATE, check_images
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE
 from fpsboost.io.prefetch import available_cores, run_in_parallel
 from fpsboost.io.staging import write_safely
 from fpsboost.io.vector_folder import UsesVectors
 from fpsboost.method_table import find_method
 from fpsboost.rerender.output_folder import check_new, new_folder
+from fpsboost.rerender.planning import check_input
 from fpsboost.rerender.score import squared_error
 
 LONGEST = 16
@@ -156,7 +157,7 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     parts = interpolator.estimator, interpolator.synthesizer
     if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
         raise OptionError("`vectors` lead from frame to frame, and frames are chosen at any distance; leave it out.")
-    check_images(preview, "A choice of frames")
+    check_input(preview)
     check_new(Path(folder))
     with ImageSource(preview, ASSUMED_IMAGE_RATE) as source:
         images, info = source.images, source.info

@@ -175,7 +175,8 @@ def mix(made: Image, rendered: Image, weights: NDArray[Any]) -> Image:
     (H, W, C)
     """
     share = weights[..., np.newaxis].astype(np.float64)
-    mixed = made * (1 - share) + rendered * share
+    with np.errstate(invalid="ignore"):  # of infinity times 0, where the result is not taken
+        mixed = made * (1 - share) + rendered * share
     if has_alpha(made) and made.dtype != np.float32:
         alphas = made[..., -1:] * (1 - share), rendered[..., -1:] * share
         colours = made[..., :-1] * alphas[0] + rendered[..., :-1] * alphas[1]

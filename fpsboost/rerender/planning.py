@@ -12,7 +12,7 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.opening import ASSUMED_IMAGE_RATE, check_images
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
 from fpsboost.io.prefetch import available_cores, run_in_parallel
 from fpsboost.method_table import find_method
 from fpsboost.rerender.options import PlanOptions, RenderBudget
@@ -52,9 +52,9 @@ def plan_rerender(
     Raises
     ------
     OptionError
-        The method has no confidence, or the input is no folder of images.
+        The method has no confidence.
     InputError
-        The images cannot be read, or are fewer than three.
+        The input is no folder of images, or these cannot be read or are fewer than three.
     OutputError
         The folder exists and is not empty, or cannot be written.
 
@@ -64,7 +64,7 @@ def plan_rerender(
     """
     options = options or PlanOptions()
     interpolator = find_method(method) if isinstance(method, str) else method
-    check_images(input, "A plan of what to render")
+    check_input(input)
     check_new(Path(folder))
     with ImageSource(input, ASSUMED_IMAGE_RATE) as source:
         images, info = source.images, source.info
@@ -104,6 +104,21 @@ def plan_rerender(
     with new_folder(Path(folder)) as unfinished:
         plan.write(unfinished)
     return plan
+
+
+def check_input(path: str) -> None:
+    """Raise an error unless a path stands for images, whose numbers a plan goes by.
+
+    Raises
+    ------
+    InputError
+        It does not exist, or is something else.
+    """
+    if stands_for_images(path):
+        return
+    if not Path(path).exists():
+        raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
+    raise InputError(f"{path} is no folder or pattern of images, which plans are made for; write its frames as images.")
 
 
 def _cost(options: PlanOptions, pixels: int, frames: int) -> RenderCost:
