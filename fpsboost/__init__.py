@@ -28,6 +28,12 @@ if TYPE_CHECKING:
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
     from fpsboost.observer import Observer, Summary
+    from fpsboost.rerender.frame_choice import FrameChoice, choose_frames
+    from fpsboost.rerender.merging import MergeSummary, merge_regions
+    from fpsboost.rerender.options import MergeOptions, PlanOptions, RenderBudget
+    from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
+    from fpsboost.rerender.planning import plan_rerender
+    from fpsboost.rerender.tiles import Rectangle
     from fpsboost.run_options import RunOptions
     from fpsboost.streaming import run_conversion
     from fpsboost.synthesis import InterpolatedImage, Synthesizer
@@ -51,6 +57,7 @@ __all__ = [
     "Encoding",
     "FpsboostError",
     "Frame",
+    "FrameChoice",
     "FrameIntervals",
     "FrameSink",
     "FrameSource",
@@ -58,12 +65,19 @@ __all__ = [
     "InterpolatedImage",
     "Interpolator",
     "MemoryLimit",
+    "MergeOptions",
+    "MergeSummary",
     "MotionEstimator",
     "Observer",
     "OptionError",
     "OutputError",
     "OutputRate",
+    "PlanOptions",
+    "PlannedFrame",
     "Position",
+    "Rectangle",
+    "RenderBudget",
+    "RerenderPlan",
     "RunOptions",
     "SceneCutWarning",
     "Schedule",
@@ -72,10 +86,13 @@ __all__ = [
     "Trim",
     "YCbCrImage",
     "__version__",
+    "choose_frames",
     "convert",
     "interpolate",
     "interpolate_with_confidence",
+    "merge_regions",
     "methods",
+    "plan_rerender",
     "run_conversion",
     "stream",
 ]
@@ -92,6 +109,7 @@ _homes = {
     "Encoding": "io.video.encode_options",
     "FpsboostError": "errors",
     "Frame": "frame",
+    "FrameChoice": "rerender.frame_choice",
     "FrameIntervals": "timing.rate",
     "FrameSink": "io",
     "FrameSource": "io",
@@ -99,12 +117,19 @@ _homes = {
     "InterpolatedImage": "synthesis",
     "Interpolator": "interpolator",
     "MemoryLimit": "io.memory_limit",
+    "MergeOptions": "rerender.options",
+    "MergeSummary": "rerender.merging",
     "MotionEstimator": "motion",
     "Observer": "observer",
     "OptionError": "errors",
     "OutputError": "errors",
     "OutputRate": "timing.rate",
+    "PlanOptions": "rerender.options",
+    "PlannedFrame": "rerender.plan_file",
     "Position": "timing.position",
+    "Rectangle": "rerender.tiles",
+    "RenderBudget": "rerender.options",
+    "RerenderPlan": "rerender.plan_file",
     "RunOptions": "run_options",
     "SceneCutWarning": "errors",
     "Schedule": "timing.schedule",
@@ -112,10 +137,13 @@ _homes = {
     "Synthesizer": "synthesis",
     "Trim": "timing.trim",
     "YCbCrImage": "ycbcr",
+    "choose_frames": "rerender.frame_choice",
     "convert": "conversion",
     "interpolate": "method_table",
     "interpolate_with_confidence": "method_table",
+    "merge_regions": "rerender.merging",
     "methods": "method_table",
+    "plan_rerender": "rerender.planning",
     "run_conversion": "streaming",
     "stream": "array_stream",
 }

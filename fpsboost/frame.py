@@ -24,6 +24,9 @@ Words
     listed for a neighbourhood; their *votes* and similarity weigh them; *confidence* how far the result can be
     trusted, 0 to 1. *warp* gathers, *splat* scatters and leaves holes.
 
+    *plan* the *regions* of made frames that are worth rendering, rectangles of whole *tiles* within a *budget*;
+    *rerender* to render them; *merge* to put them back, with seams that *feather* into the made frame.
+
     *schedule* decides the times of the output's frames; *window* the part of a clip that is written; *traits* the
     colour coding, shape and orientation of video; *remarks* sentences about what was lost or guessed.
 """

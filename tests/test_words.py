@@ -24,31 +24,33 @@ def words(text: str) -> set[str]:
 
 FIELD = words(
     """
-    audio base bgr bitrate bits block cb chroma codec coding color cr crf cut decode decoder decoding deinterlace
-    drop encoder encoding factor fps frame gaps gradual image interpolate interpolated interpolator interval
-    levels location lossless motion noise overlay pixel planes preset rate scene shape sound stream stretch
-    subsampling subtitles synthesize synthesizer t thumbnail timing trim vectors y
+    area audio base bgr bitrate bits block cb chroma codec coding color cr crf cut decode decoder decoding
+    deinterlace drop encoder encoding factor fps frame gaps gradual image interpolate interpolated interpolator
+    interval levels location lossless mask motion noise overlay pixel planes preset preview quality rate
+    rectangle render rendered scene shape sound stream stretch subsampling subtitles synthesize synthesizer t
+    thumbnail timing trim vectors x y
     """
 )
 """Terms of image and video processing, as papers, FFmpeg and OpenCV use them."""
 
 PROGRAMMING = words(
     """
-    args array clip clock close compile copy count details detector dtype error estimate estimator flash format
-    function height index info input kwargs limit memory method name number observer option options original
-    output overwrite place policy position presentation range ready resume run score search second seconds sink
-    size source step summary thread threads threshold time times tolerance value warning width write
+    args array choose clip clock close compile copy cost count details detector dtype error estimate estimator
+    flash folder format function height index info input json kwargs limit memory method name number observer
+    option options original output overwrite place policy position presentation range read ready resume run
+    score search second seconds sink size source step summary thread threads threshold time times tolerance
+    total unit value warning width write
     """
 )
 """Terms of programs."""
 
 ENGLISH = words(
     """
-    across affordable after as at before begin between by bytes change check compensate completed conversion
-    convert curved difference duration end every expected fill find first for forgiving fpsboost full given has
-    held highest in is keep last longest made mapped mean most multiple must needs neighbours note of opened
-    others out pause per radii reached repeats share shortest side skip slow smallest space start still takes to
-    varies whole with wrote
+    across affordable after amount around as at before begin between by bytes change check choice compensate
+    completed conversion convert curved difference duration end every expected extrapolated fill find first for
+    forgiving fpsboost full given has held highest in is keep last longest lowest made mapped mean merged most
+    multiple must needs neighbours note of opened others out overhead part pause per planned radii reached
+    remaining repeats share shortest side skip slow smallest space start still takes to varies whole with wrote
     """
 )
 """Words of everyday English in names that read as sentences."""

@@ -41,6 +41,8 @@ EXAMPLES = """
   fpsboost in.mp4 out.mp4 --resume                     go on if it was stopped
   ffmpeg -i in -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
   fpsboost probe in.mp4                                what a clip is
+  fpsboost plan renders/ plan/ --budget 10%            regions worth rendering
+  fpsboost merge doubled/ regions/ out/ --plan plan/   and back into the frames
   fpsboost compare in.mp4 --report page/               which method is best
 """
 
@@ -134,6 +136,10 @@ app.command(
     help="Hide frames, make them again, and say which method does best.",
     help_epilogue="Exit codes: 0 compared, 1 failed, 2 wrong usage or no method to compare, 3 below --fail-under.",
 )
+app.command(
+    "fpsboost.cli.plan:plan", help="Say which regions of the frames between are worth rendering.", help_epilogue=""
+)
+app.command("fpsboost.cli.merge:merge", help="Put rendered regions back into the frames.", help_epilogue="")
 app.command("fpsboost.cli.tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
 
 

@@ -15,6 +15,7 @@ from fpsboost.io.vector_layout import ConventionName
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.options import option
+from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 
@@ -216,6 +217,16 @@ class ResultOptions:
 
 
 @dataclass(frozen=True)
+class PlannedMethodOptions:
+    """The method whose frames are planned for."""
+
+    method: str = option("nlm", "nlm, nlm-fast, dis, farneback or tvl1.", short="m")
+    vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
+    depth: str | None = option(None, "Folder of rendered depth.", metavar="DIR")
+    quiet: bool = option(False, "Print errors only.", short="q")
+
+
+@dataclass(frozen=True)
 class SweepOptions:
     """What is tried."""
 
@@ -228,6 +239,7 @@ class SweepOptions:
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions),
     *(MessageOptions, HidingOptions, ContestOptions, ResultOptions, SweepOptions),
+    *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions),
 )
 
 QUOTES = "'\""

@@ -1,0 +1,186 @@
+"""Does a plan know which regions are worth rendering? Against random tiles, and against an oracle."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import App, Parameter
+from numpy.typing import NDArray
+from rich.table import Table
+from scoring import find_clips, make_between, one_thread, read_frames, wide_console
+
+from fpsboost.conversion import convert
+from fpsboost.frame import Frame
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.numbering import find_images
+from fpsboost.method_table import find_method
+from fpsboost.rerender.frame_choice import choose_frames
+from fpsboost.rerender.regions import RenderCost, choose_regions
+from fpsboost.rerender.score import expect_errors, squared_error
+from fpsboost.rerender.tiles import TileGrid, partition
+from fpsboost.timing.rate import OutputRate
+
+SHARES = (0.05, 0.1, 0.2)
+LEVELS = 255**2
+
+app = App(help=__doc__)
+
+
+def judge(images: list[NDArray[Any]], method: str, tile: int) -> list[dict[str, float]]:
+    """Hide every second image, plan, put the truth into the regions, and return a row for every budget."""
+    shown, truths = images[::2], images[1 : 2 * len(images[::2]) - 1 : 2]
+    interpolator = find_method(method)
+    grid = TileGrid(*shown[0].shape[:2], tile)
+    made = list(make_between(interpolator, shown))
+    true = np.stack([grid.means(squared_error(*pair)) for pair in zip(made, truths, strict=True)])
+    frames = [Frame(image, index) for index, image in enumerate(shown)]
+    expected = expect_errors(frames, interpolator, 2, grid, lambda jobs: (job() for job in jobs))
+    areas = np.broadcast_to(grid.areas, true.shape)
+    sums, pixels = true * areas, areas.sum()
+    rows = []
+    for share in SHARES:
+        masks = choose_regions(expected.errors, grid, RenderCost(1, 0, share * pixels), expected.scenes)
+        oracle = best_tiles(true, areas, share * pixels)
+        plain = best_tiles(expected.errors, areas, share * pixels)
+        changes = (masks[1:] != masks[:-1]).sum() / max(masks.sum(), 1) / 2
+        rows.append(
+            {
+                "share": share,
+                "rendered": float((masks * areas).sum() / pixels),
+                "before": LEVELS * float(sums.sum() / pixels),
+                "planned": LEVELS * float(sums[~masks].sum() / pixels),
+                "tiles": LEVELS * float(sums[~plain].sum() / pixels),
+                "random": LEVELS * float(sums.sum() / pixels * (1 - share)),
+                "oracle": LEVELS * float(sums[~oracle].sum() / pixels),
+                "of_oracle": float(sums[masks].sum() / sums[oracle].sum()),
+                "rectangles": float(np.mean([len(partition(mask)) for mask in masks])),
+                "changing": float(changes),
+                "expected_before": LEVELS * float((expected.errors * areas).sum() / pixels),
+                "expected_after": LEVELS * float((expected.errors * areas)[~masks].sum() / pixels),
+            }
+        )
+    return rows
+
+
+def best_tiles(errors: NDArray[Any], areas: NDArray[Any], pixels: float) -> NDArray[Any]:
+    """Return the tiles of the largest error that fit, one by one."""
+    order = np.argsort(-errors, axis=None, kind="stable")
+    taken = np.zeros(errors.size, bool)
+    taken[order[: np.searchsorted(np.cumsum(areas.ravel()[order]), pixels, side="right")]] = True
+    return taken.reshape(errors.shape)
+
+
+@app.command
+def regions(
+    *clips: str,
+    method: str = "nlm",
+    tile: int = 16,
+    frames: int = 49,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+) -> None:
+    """Hide every second frame of clips, plan what to render, and put the truth there.
+
+    Parameters
+    ----------
+    clips
+        Videos, folders or patterns of images, or folders of these.
+    method
+        One that knows its confidence.
+    tile
+        Side of the tiles, pixels.
+    frames
+        Largest number of frames of a clip.
+    json_file
+        A file for all figures.
+    """
+    one_thread()
+    table = Table(box=None)
+    names = ("before", "random", "planned", "oracle", "of the oracle's gain", "plain tiles", "rectangles", "changing")
+    for name in ("clip", "budget", "rendered", *names, "expected"):
+        table.add_column(name, justify="right")
+    found = {}
+    for name, path in find_clips(clips).items():
+        found[name] = judge(read_frames(path, frames), method, tile)
+        for row in found[name]:
+            table.add_row(
+                name,
+                f"{row['share']:.0%}",
+                f"{row['rendered']:.1%}",
+                *(f"{row[key]:.1f}" for key in ("before", "random", "planned", "oracle")),
+                f"{row['of_oracle']:.0%}",
+                f"{row['tiles']:.1f}",
+                f"{row['rectangles']:.1f}",
+                f"{row['changing']:.0%}",
+                f"{row['expected_before']:.1f} -> {row['expected_after']:.1f}",
+            )
+    wide_console().print(table)
+    if json_file is not None:
+        json_file.write_text(json.dumps(found, indent=1))
+
+
+@app.command
+def frames(
+    *clips: str,
+    quality: Annotated[list[float], Parameter(consume_multiple=True)] = [28, 32, 36],  # noqa: B006
+    step: int = 1,
+    method: str = "nlm",
+) -> None:
+    """Choose the frames to render of every frame or of every so many, make the others, and measure them.
+
+    Parameters
+    ----------
+    clips
+        Folders of numbered images, every frame rendered.
+    quality
+        PSNR that the frames between are to have, dB.
+    step
+        Frames from one image of the preview to the next.
+    method
+        Makes the frames.
+    """
+    one_thread()
+    table = Table(box=None)
+    for name in ("clip", "asked, dB", "rendered", "lowest, dB", "mean of the others, dB", "below"):
+        table.add_column(name, justify="right")
+    for name, path in find_clips(clips).items():
+        for bound in quality:
+            with tempfile.TemporaryDirectory() as place:
+                table.add_row(name, f"{bound:g}", *choose_and_measure(path, bound, step, method, Path(place)))
+    wide_console().print(table)
+
+
+def choose_and_measure(path: str, quality: float, step: int, method: str, place: Path) -> list[str]:
+    """Convert the frames that are chosen of a preview, and return cells: how many, and how good the others are."""
+    found = find_images(path)
+    files = dict(zip(found.numbers, found.files, strict=True))
+    for folder, numbers in (("preview", found.numbers[::step]), ("rendered", [])):
+        (place / folder).mkdir()
+        for number in numbers:
+            shutil.copy(files[number], place / folder)
+    choice = choose_frames(str(place / "preview"), str(place / "list"), quality, method=method)
+    for number in choice.numbers:
+        shutil.copy(files[number], place / "rendered")
+    others = [number for number in range(choice.numbers[0], choice.numbers[-1]) if number not in choice.numbers]
+    if not others:
+        return ["100%", "-", "-", "-"]
+    convert(str(place / "rendered"), str(place / "made"), rate=OutputRate(fill_gaps=True), method=method)
+    errors = [
+        squared_error(read_image(place / "made" / files[number].name), read_image(files[number])).mean()
+        for number in others
+    ]
+    psnrs = [-10 * np.log10(error) for error in errors]
+    return [
+        f"{len(choice.numbers) / choice.total:.0%}",
+        f"{min(psnrs):.1f}",
+        f"{np.mean(psnrs):.1f}",
+        f"{sum(psnr < quality for psnr in psnrs)} of {len(psnrs)}",
+    ]
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,104 @@
+"""Command `fpsboost plan`: says which regions, or which frames, are worth rendering."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Group, Parameter
+from rich.console import Console
+from rich.table import Table
+
+from fpsboost.cli.messages import shown
+from fpsboost.cli.options import MethodOptions, PlannedMethodOptions, TuningOptions
+from fpsboost.cli.signature import with_flags
+from fpsboost.errors import OptionError
+from fpsboost.rerender.options import FrameChoiceOptions, PlanOptions
+
+if TYPE_CHECKING:
+    from fpsboost.rerender.frame_choice import FrameChoice
+    from fpsboost.rerender.plan_file import RerenderPlan
+
+MAX_LIST = 60
+"""Maximum length of a list of frames on the terminal; frames.txt has all."""
+
+budget, frames, method = Group("Regions", sort_key=1), Group("Frames", sort_key=2), Group("Method", sort_key=3)
+
+
+@with_flags
+def plan(
+    input: Annotated[str, Parameter(name="IN")],
+    folder: Annotated[str, Parameter(name="DIR")],
+    /,
+    *,
+    options: Annotated[PlanOptions, budget],
+    choice: Annotated[FrameChoiceOptions, frames],
+    motion: Annotated[PlannedMethodOptions, method],
+) -> None:
+    """Say which regions of the frames between, or which frames, are worth rendering.
+
+    Parameters
+    ----------
+    input
+        Rendered images: a folder, shot_%04d.png or shot_####.png;
+        with --quality a preview, of all frames or every so many.
+    folder
+        A new folder for plan.json and a mask for every frame,
+        or frames.json and Blender's frame list, frames.txt.
+    """
+    from fpsboost.rerender.frame_choice import choose_frames  # noqa: PLC0415
+    from fpsboost.rerender.planning import plan_rerender  # noqa: PLC0415
+
+    interpolator = MethodOptions(motion.method, vectors=motion.vectors, depth=motion.depth).interpolator(
+        TuningOptions()
+    )
+    if choice.quality is not None and options != PlanOptions():
+        raise OptionError("`quality` chooses whole frames, and the other options regions; give one or the other.")
+    with Console(stderr=True, quiet=motion.quiet).status("making frames whose truth is known"):
+        if choice.quality is None:
+            table = plan_table(plan_rerender(input, folder, options, method=interpolator), folder)
+        else:
+            table = choice_table(choose_frames(input, folder, choice.quality, method=interpolator), folder)
+    if not motion.quiet:
+        Console(highlight=False).print(table)
+
+
+def plan_table(found: RerenderPlan, folder: str) -> Table:
+    """Return what was planned, one name and value per row."""
+    started = [frame for frame in found.frames if frame.regions]
+    regions = sum(len(frame.regions) for frame in started)
+    whole = sum(frame.whole for frame in started)
+    table = _table(folder)
+    table.add_row("frames", f"{len(started)} of {len(found.frames)} that are made" + f", {whole} whole" * (whole > 0))
+    table.add_row("regions", f"{regions} rectangles")
+    table.add_row("pixels", f"{found.rendered_share:.1%} of those frames")
+    if found.seconds is not None:
+        table.add_row("rendering", f"{found.seconds:.0f} s")
+    before, after = found.expected_error, found.remaining_error
+    less = f", {1 - after / before:.0%} less" if before > 0 else ""
+    table.add_row("squared error", f"{before:.1f} -> {after:.1f} expected{less}")
+    return table
+
+
+def choice_table(found: FrameChoice, folder: str) -> Table:
+    """Return which frames were chosen, one name and value per row."""
+    table = _table(folder)
+    count = len(found.numbers)
+    table.add_row("render", f"{count} of {found.total} frames, {count / found.total:.0%}")
+    if found.lowest is not None:
+        table.add_row("others", f"{found.lowest:.1f} dB or more on the preview")
+    if found.extrapolated:
+        table.add_row("", "between images of the preview: estimated from larger distances")
+    table.add_row("numbers", shorten(found.as_json()["ranges"], MAX_LIST))
+    return table
+
+
+def shorten(text: str, longest: int) -> str:
+    """Return the beginning of a text that is too long."""
+    return text if len(text) <= longest else f"{text[:longest].rpartition(',')[0]}, ..."
+
+
+def _table(folder: str) -> Table:
+    table = Table(box=None, pad_edge=False, show_header=False, title=f"[bold]{shown(folder)}[/]", title_justify="left")
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    return table

@@ -1,0 +1,294 @@
+"""Which frames to render at all, so that those between can be made well enough.
+
+A preview is taken for the truth. Two of its images some way apart make those between; where one of these misses the
+bound, the interval is divided in the middle, and its halves are tried. Where a preview shows only every so many frames,
+what lies between two of its images is not known: the error there is that of the images themselves when they are made of
+their neighbours, at twice the distance, carried on to smaller distances by the power of the distance that the errors of
+this clip follow.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.frame import Image, as_array
+from fpsboost.frame_cache import FrameCache
+from fpsboost.interpolator import Interpolator
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.images.sequence import NumberedImages
+from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE
+from fpsboost.io.prefetch import available_cores, run_in_parallel
+from fpsboost.io.staging import write_safely
+from fpsboost.io.vector_folder import UsesVectors
+from fpsboost.method_table import find_method
+from fpsboost.rerender.output_folder import check_new, new_folder
+from fpsboost.rerender.planning import check_input
+from fpsboost.rerender.score import squared_error
+
+LONGEST = 16
+"""Largest difference of two numbers between which frames are made."""
+
+MIN_IMAGES = 3
+VERSION = 1
+FRAMES_FILE, LIST_FILE = "frames.json", "frames.txt"
+
+InOrder = Callable[[Iterable[Callable[[], float]]], Iterator[float]]
+
+
+@dataclass(frozen=True)
+class FrameChoice:
+    """Frames to render, of a range of numbers.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        Of the frames to render, rising; the first and the last of the range are among them.
+    quality : float
+        The bound: PSNR of every frame between, dB.
+    lowest : float or None
+        Lowest PSNR that a frame between had on the preview, dB; None if none was made.
+    extrapolated : bool
+        Whether the preview leaves out frames, so that some errors are carried on from larger distances.
+    """
+
+    numbers: tuple[int, ...]
+    quality: float
+    lowest: float | None
+    extrapolated: bool
+
+    @property
+    def total(self) -> int:
+        """Number of all frames of the range."""
+        return self.numbers[-1] - self.numbers[0] + 1
+
+    def as_json(self) -> dict[str, Any]:
+        """Return plain data, as it is written to ``frames.json``."""
+        return {
+            "version": VERSION,
+            "numbers": list(self.numbers),
+            "ranges": as_ranges(self.numbers, "-"),
+            "total": self.total,
+            "quality": self.quality,
+            "lowest": None if self.lowest is None else round(self.lowest, 2),
+            "extrapolated": self.extrapolated,
+        }
+
+    def write(self, folder: Path) -> None:
+        """Write ``frames.json``, and ``frames.txt`` as Blender's ``--render-frame`` takes it: ``1,3,5..9``.
+
+        Raises
+        ------
+        OSError
+        """
+        write_safely(folder / LIST_FILE, f"{as_ranges(self.numbers, '..')}\n".encode())
+        write_safely(folder / FRAMES_FILE, json.dumps(self.as_json(), indent=1).encode())
+
+
+def as_ranges(numbers: Sequence[int], to: str) -> str:
+    """Return rising numbers as text, three and more in a row as a range.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+    to : str
+        What stands between the ends of a range.
+
+    Examples
+    --------
+    >>> as_ranges([1, 3, 5, 6, 7, 8, 9, 11, 12], "..")
+    '1,3,5..9,11,12'
+    """
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and runs[-1][-1] == number - 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ",".join(f"{run[0]}{to}{run[-1]}" if len(run) > 2 else ",".join(map(str, run)) for run in runs)
+
+
+def choose_frames(preview: str, folder: str, quality: float, *, method: str | Interpolator = "nlm") -> FrameChoice:
+    """Say which frames to render so that the frames between can be made, and write the list to a folder.
+
+    Parameters
+    ----------
+    preview : str
+        Folder or pattern of numbered images: all frames rendered quickly, or every so many of them.
+    folder : str
+        New folder for ``frames.json`` and ``frames.txt``.
+    quality : float
+        PSNR that every frame between must reach, dB. Noise of the preview counts as error.
+    method : str or Interpolator
+        The method that is to make them.
+
+    Returns
+    -------
+    FrameChoice
+
+    Raises
+    ------
+    OptionError
+        The quality is out of range, the images have no numbers, or the method goes by a renderer's vectors.
+    InputError
+        The images cannot be read, differ, or are fewer than three.
+    OutputError
+        The folder exists and is not empty, or cannot be written.
+
+    Examples
+    --------
+    >>> choose_frames("preview/", "list/", 35)  # doctest: +SKIP
+    """
+    if not 0 < quality <= 100:
+        raise OptionError(f"`quality` must be above 0 and at most 100 dB, not {quality}.")
+    interpolator = find_method(method) if isinstance(method, str) else method
+    parts = interpolator.estimator, interpolator.synthesizer
+    if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
+        raise OptionError("`vectors` lead from frame to frame, and frames are chosen at any distance; leave it out.")
+    check_input(preview)
+    check_new(Path(folder))
+    with ImageSource(preview, ASSUMED_IMAGE_RATE) as source:
+        images, info = source.images, source.info
+        for place, frame in enumerate(source):  # which checks that all are alike
+            if place == 0:
+                interpolator.compile_for(frame.image)
+    if not images.numbers:
+        raise OptionError(
+            f"The images of {preview} have no numbers in their names, of which some are chosen; number them."
+        )
+    if len(images.files) < MIN_IMAGES:
+        raise InputError(f"{preview} holds {len(images.files)} images, and {MIN_IMAGES} at least are needed.")
+    threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
+    trials = _Trials(images, replace(interpolator, duplicates=None), 10 ** (-quality / 10))
+    with run_in_parallel(threads) as in_order:
+        chosen, largest = _divide(trials, in_order)
+        numbers = {images.numbers[index] for index in chosen}
+        if images.step > 1:
+            numbers |= _between_images(trials, chosen, in_order)
+    lowest = None if largest is None else -10 * math.log10(max(largest, 1e-10))
+    choice = FrameChoice(tuple(sorted(numbers)), quality, lowest, images.step > 1)
+    with new_folder(Path(folder)) as unfinished:
+        choice.write(unfinished)
+    return choice
+
+
+@dataclass(frozen=True)
+class _Trials:
+    """Images of a preview, made of others of them."""
+
+    images: NumberedImages
+    interpolator: Interpolator
+    bound: float
+    """Largest mean squared error, for white = 1."""
+
+    def error_between(self, first: int, last: int) -> float:
+        """Return the largest error of the images between two, or the first that is found above the bound."""
+        image0, image1 = (FrameCache(self._read(index)) for index in (first, last))
+        middle = (first + last) / 2
+        inner = sorted(range(first + 1, last), key=lambda index: abs(index - middle))
+        times = [Fraction(index - first, last - first) for index in inner]
+        largest = 0.0
+        pair = self.interpolator.pair(image0, image1, last - first)
+        for index, made in zip(inner, self.interpolator.between(pair, times).images, strict=True):
+            largest = max(largest, float(squared_error(as_array(made), self._read(index)).mean()))
+            if largest > self.bound:
+                break
+        return largest
+
+    def error_of(self, index: int, distance: int) -> float:
+        """Return the error of an image made of those at a distance on either side; NaN where a scene ends."""
+        image0, image1 = (FrameCache(self._read(each)) for each in (index - distance, index + distance))
+        images, scene_cut = self.interpolator.between(self.interpolator.pair(image0, image1), [0.5])
+        if scene_cut:
+            return math.nan
+        return float(squared_error(as_array(next(images)), self._read(index)).mean())
+
+    def _read(self, index: int) -> Image:
+        return read_image(self.images.files[index])
+
+
+def _divide(trials: _Trials, in_order: InOrder) -> tuple[list[int], float | None]:
+    """Return which images of a preview to render, and the largest error of the others."""
+    last = len(trials.images.files) - 1
+    longest = max(LONGEST // trials.images.step, 1)
+    chosen = sorted({*range(0, last, longest), last})
+    errors: dict[tuple[int, int], float] = {}
+    intervals = list(pairwise(chosen))
+    while intervals:
+        tried = [interval for interval in intervals if interval[1] - interval[0] > 1]
+        found = in_order(partial(trials.error_between, *interval) for interval in tried)
+        intervals = []
+        for (first, end), error in zip(tried, found, strict=True):
+            errors[first, end] = error
+            if error > trials.bound:
+                middle = (first + end) // 2
+                chosen.append(middle)
+                intervals += [(first, middle), (middle, end)]
+    kept = _without_needless(trials, sorted(chosen), longest, errors)
+    return kept, max((errors[each] for each in pairwise(kept) if each in errors), default=None)
+
+
+def _without_needless(
+    trials: _Trials, chosen: Sequence[int], longest: int, errors: dict[tuple[int, int], float]
+) -> list[int]:
+    """Leave out images without which those around them suffice: halving divides more often than it must."""
+    kept = [chosen[0]]
+    for index, following in pairwise(chosen[1:]):
+        joined = kept[-1], following
+        if following - kept[-1] <= longest and joined not in errors:
+            errors[joined] = trials.error_between(*joined)
+        if errors.get(joined, math.inf) > trials.bound:
+            kept.append(index)
+    return [*kept, chosen[-1]]
+
+
+def _between_images(trials: _Trials, chosen: Sequence[int], in_order: InOrder) -> set[int]:
+    """Return the numbers to render between images of a preview that are neighbours and both chosen."""
+    count, step = len(trials.images.files), trials.images.step
+    known, far = (
+        dict(zip(inner, in_order(partial(trials.error_of, index, distance) for index in inner), strict=True))
+        for distance, inner in ((1, range(1, count - 1)), (2, range(2, count - 2)))
+    )
+    ratios = [far[i] / known[i] for i in far if known[i] > 0 and math.isfinite(far[i] / known[i])]
+    power = math.log2(max(float(np.median(ratios)), 1.0)) if ratios else 1.0
+    added = set[int]()
+    for first, last in pairwise(chosen):
+        if last - first > 1:
+            continue
+        errors = [known[i] for i in (first, last) if i in known]
+        distance = _largest_distance(max(errors), power, step, trials.bound) if errors else step
+        parts = math.ceil(step / distance)
+        begin = trials.images.numbers[first]
+        added |= {begin + round(part * step / parts) for part in range(1, parts)}
+    return added
+
+
+def _largest_distance(error: float, power: float, step: int, bound: float) -> int:
+    """Return the largest distance of two images, up to `step`, at which an error is expected to keep a bound.
+
+    Parameters
+    ----------
+    error : float
+        The one at a distance of 2 * `step`; not a number where a scene ends.
+    power : float
+        Errors grow like the distance to this power.
+    step : int
+    bound : float
+    """
+    if math.isnan(error):
+        return 1
+    if error <= bound * 2**power:
+        return step
+    return max(1, min(step, int(2 * step * (bound / error) ** (1 / power)))) if power > 0 else 1

@@ -1,0 +1,343 @@
+"""Rendered regions put back into the frames that were made.
+
+A region fades into the made frame along its own edges, so that nothing outside of it changes; edges of the frame, and
+those where two regions meet, have no seam.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import InputError, OptionError, OutputError, explained
+from fpsboost.frame import Image, describe, has_alpha
+from fpsboost.io.images.files import (
+    IMAGE_SUFFIXES,
+    content_of,
+    decode_image,
+    encode_image,
+    extension_of,
+    needs_float,
+    unread_channels,
+)
+from fpsboost.io.images.metadata import can_pass, metadata_of
+from fpsboost.io.images.numbering import find_images
+from fpsboost.io.images.sequence import list_files
+from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.staging import write_safely
+from fpsboost.rerender.options import MergeOptions
+from fpsboost.rerender.output_folder import check_new, new_folder
+from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
+from fpsboost.rerender.tiles import Rectangle
+
+LOSSY = (".jpg", ".jpeg")
+
+
+@dataclass
+class MergeSummary:
+    """What was merged.
+
+    Attributes
+    ----------
+    frames : int
+        Frames written.
+    merged_frames : int
+        Frames with rendered regions; all others are copies.
+    regions : int
+        Regions put back.
+    remarks : list of str
+        Sentences about what was left out or could not be kept.
+    """
+
+    frames: int
+    merged_frames: int
+    regions: int
+    remarks: list[str]
+
+
+class _Rendered(NamedTuple):
+    """Where the rendered regions of one frame are."""
+
+    whole: Path | None
+    """A file with the full frame, or the only region of it."""
+    regions: Mapping[int, Path]
+    """Files of single regions, counted from 1."""
+
+
+def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) -> MergeSummary:
+    """Put rendered regions back into the frames that were made.
+
+    Parameters
+    ----------
+    made : str
+        Folder or pattern of all images of a conversion.
+    rendered : str
+        Folder with the rendered images: for frame 12 either ``NAME_0012.png`` or a file for each region in the order of
+        the plan, ``NAME_0012_1.png``. Each is of the size of the frame, or cropped to the region.
+    output : str
+        New folder. Images without regions are copied to the byte.
+    options : MergeOptions
+        The plan, and the width of seams.
+
+    Returns
+    -------
+    MergeSummary
+
+    Raises
+    ------
+    OptionError
+        There is no plan.
+    InputError
+        A planned frame or region is missing, or is unlike the others in size or type.
+    OutputError
+        The output exists, or cannot be written.
+
+    Examples
+    --------
+    >>> merge_regions("doubled/", "regions/", "final/", MergeOptions("plan/"))  # doctest: +SKIP
+    """
+    if options.plan is None:
+        raise OptionError("Rendered regions go by a plan; name its folder with `plan=DIR`.")
+    check_new(Path(output))
+    plan = RerenderPlan.read(Path(options.plan))
+    with explained(InputError, "read", made, "check that it exists and that you may read it"):
+        found = find_images(made)
+    if not found.numbers:
+        raise InputError(f"The images of {made} have no numbers in their names, by which a plan goes; number them.")
+    _refuse_inputs(Path(output), [found.files[0].parent, Path(rendered), Path(options.plan)])
+    files = dict(zip(found.numbers, found.files, strict=True))
+    planned = {frame.number: frame for frame in plan.frames if frame.regions}
+    _check_numbers(made, plan, files)
+    places, remarks = _find_rendered(Path(rendered), planned)
+    merger = _Merger(plan, options.feather, MemoryLimit())
+    with new_folder(Path(output)) as unfinished:
+        for number, path in files.items():
+            content = content_of(path)
+            if number in planned:
+                content = merger.merged(path, content, planned[number], places[number])
+            with explained(OutputError, "write", Path(output) / path.name, "check the free space and the permissions"):
+                write_safely(unfinished / path.name, content)
+    if any(extension_of(files[number].name) in LOSSY for number in planned):
+        remarks.append(
+            "JPEG is lossy: merged frames were encoded anew, which changes them a little outside of the regions too."
+        )
+    return MergeSummary(len(files), len(planned), sum(len(frame.regions) for frame in planned.values()), remarks)
+
+
+def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
+    """Return the share of the rendered image in every pixel, which rises from the edges of a mask inwards.
+
+    Parameters
+    ----------
+    mask : (height, width) bool
+        Pixels that were rendered.
+    feather : int
+        Pixels from the edge of the mask at which the share is 1.
+
+    Returns
+    -------
+    (height, width) float32
+        0 outside of the mask. The edges of the frame have no seam.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> (3 * seam_weights(np.array([[0, 0, 1, 1, 1, 1]], bool), 2)).round().astype(int).tolist()
+    [[0, 0, 1, 2, 3, 3]]
+    """
+    if not feather or mask.all():
+        return mask.astype(np.float32)
+    # beyond the frame the mask goes on, so that its border is no edge
+    padded = cv2.copyMakeBorder(mask.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+    distance = cv2.distanceTransform(padded, cv2.DIST_C, 3)[1:-1, 1:-1]
+    return np.asarray(np.minimum(distance / np.float32(feather + 1), 1), np.float32)
+
+
+def mix(made: Image, rendered: Image, weights: NDArray[Any]) -> Image:
+    """Return the weighted mean of two images; pixels of weight 0 are those of the first, of weight 1 of the second.
+
+    Parameters
+    ----------
+    made, rendered : (H, W, C) uint8, uint16 or float32
+        Of one size and type; colours of integers are not multiplied by their alpha, those of floats are.
+    weights : (H, W) float32
+        Share of `rendered`.
+
+    Returns
+    -------
+    (H, W, C)
+    """
+    share = weights[..., np.newaxis].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # of infinity times 0, where the result is not taken
+        mixed = made * (1 - share) + rendered * share
+    if has_alpha(made) and made.dtype != np.float32:
+        alphas = made[..., -1:] * (1 - share), rendered[..., -1:] * share
+        colours = made[..., :-1] * alphas[0] + rendered[..., :-1] * alphas[1]
+        total = alphas[0] + alphas[1]
+        mixed[..., :-1] = np.where(total > 0, colours / np.where(total > 0, total, 1), mixed[..., :-1])
+    rounded = mixed if made.dtype == np.float32 else np.rint(mixed)
+    result = np.where(share > 0, rounded.astype(made.dtype), made)
+    return np.ascontiguousarray(np.where(share < 1, result, rendered))
+
+
+@dataclass(frozen=True)
+class _Merger:
+    """Merges frames of one plan."""
+
+    plan: RerenderPlan
+    feather: int
+    limit: MemoryLimit
+
+    def merged(self, path: Path, content: bytes, frame: PlannedFrame, rendered: _Rendered) -> bytes:
+        """Return the content of a made file with its regions put back."""
+        made = self._decoded(path, content)
+        if made.shape[:2] != (self.plan.height, self.plan.width):
+            raise InputError(
+                f"{path} has {made.shape[1]}x{made.shape[0]} pixels and the plan {self.plan.width}x"
+                f"{self.plan.height}; name the sequence that was planned."
+            )
+        if frame.whole and rendered.whole is not None and path.suffix == rendered.whole.suffix:
+            data = content_of(rendered.whole)
+            _check_alike(rendered.whole, self._decoded(rendered.whole, data), path, made)
+            if can_pass(data):
+                return data
+        picture = self._rendered_regions(path, made, frame, rendered)
+        weights = seam_weights(frame.mask(self.plan.height, self.plan.width), self.feather)
+        return encode_image(
+            path,
+            mix(made, picture, weights),
+            half=not needs_float(path, content, made),
+            metadata=metadata_of(path, content),
+        )
+
+    def _rendered_regions(self, path: Path, made: Image, frame: PlannedFrame, rendered: _Rendered) -> Image:
+        """Return an image that shows what was rendered inside of the regions."""
+        picture = made.copy()
+        if rendered.whole is not None:
+            image = self._decoded(rendered.whole, content_of(rendered.whole))
+            for region in frame.regions:
+                picture[region.part] = _part(rendered.whole, image, region, path, made)
+            return picture
+        for place, region in enumerate(frame.regions, start=1):
+            file = rendered.regions[place]
+            picture[region.part] = _part(file, self._decoded(file, content_of(file)), region, path, made)
+        return picture
+
+    def _decoded(self, path: Path, content: bytes) -> Image:
+        others = unread_channels(path, content)
+        if others:
+            raise InputError(
+                f"{path} holds several layers ({', '.join(others[:3])}, ...), which merging would lose; save the "
+                "combined pass alone."
+            )
+        return decode_image(path, content, self.limit)
+
+
+def _part(path: Path, image: Image, region: Rectangle, made_path: Path, made: Image) -> Image:
+    """Return a region of an image that shows the full frame, or that region alone."""
+    if image.shape[:2] == (region.height, region.width) and image.shape[:2] != made.shape[:2]:
+        image_type, made_type = (image.shape[2], image.dtype), (made.shape[2], made.dtype)
+        if image_type == made_type:
+            return image
+    elif image.shape[:2] != made.shape[:2]:
+        raise InputError(
+            f"{path} has {image.shape[1]}x{image.shape[0]} pixels; render the full {made.shape[1]}x{made.shape[0]} or "
+            f"the region of {region.width}x{region.height} at {region.x},{region.y}."
+        )
+    _check_alike(path, image, made_path, made)
+    part: Image = image[region.part]
+    return part
+
+
+def _check_alike(path: Path, image: Image, made_path: Path, made: Image) -> None:
+    if (image.shape, image.dtype) != (made.shape, made.dtype):
+        raise InputError(
+            f"{path} ({describe(image)}) is unlike {made_path} ({describe(made)}); render regions as the frames were."
+        )
+
+
+def _refuse_inputs(output: Path, inputs: Sequence[Path]) -> None:
+    for each in inputs:
+        if output.exists() and each.exists() and output.samefile(each):
+            raise OutputError(f"{output} is also an input; write to another folder.")
+
+
+def _check_numbers(made: str, plan: RerenderPlan, files: Mapping[int, Path]) -> None:
+    missing = [frame.number for frame in plan.frames if frame.number not in files]
+    if missing:
+        more = f" and {len(missing) - 1} more of its frames" if len(missing) > 1 else ""
+        raise InputError(
+            f"{made} has no frame {missing[0]}{more}, which the plan counts; name the sequence that was planned."
+        )
+
+
+def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[dict[int, _Rendered], list[str]]:
+    """Find the images of every planned frame, by the numbers at the ends of their names.
+
+    Raises
+    ------
+    InputError
+        There are none for a frame or region, or several.
+    """
+    with explained(InputError, "read", folder, "check that it exists and that you may read it"):
+        names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and name[0] != "."]
+    whole: dict[int, list[str]] = {number: [] for number in planned}
+    parts: dict[int, dict[int, list[str]]] = {number: {} for number in planned}
+    extra = 0
+    for name in names:
+        number, place = _number_and_region(name, planned)
+        if number is None:
+            extra += 1
+        elif place is None:
+            whole[number].append(name)
+        else:
+            parts[number].setdefault(place, []).append(name)
+    found = {}
+    for number, frame in planned.items():
+        found[number] = _choose(folder, frame, whole[number], parts[number])
+    remark = f"{extra} image{'s' if extra > 1 else ''} of {folder} belong to no planned region and were left out."
+    return found, [remark] * (extra > 0)
+
+
+def _number_and_region(name: str, planned: Mapping[int, PlannedFrame]) -> tuple[int | None, int | None]:
+    """Read the number of a planned frame, and of its region if there is one, out of a name."""
+    stem = name[: -len(extension_of(name))]
+    region = re.fullmatch(r".*?(-?\d+)_([1-9]\d*)", stem)
+    if region is not None:
+        number, place = _planned(region[1], planned), int(region[2])
+        if number is not None and place <= len(planned[number].regions):
+            return number, place
+    whole = re.fullmatch(r".*?(-?\d+)", stem)
+    return (None if whole is None else _planned(whole[1], planned)), None
+
+
+def _planned(digits: str, planned: Mapping[int, PlannedFrame]) -> int | None:
+    """Return the planned number that digits stand for; a dash before them may be a minus or none."""
+    return next((number for number in (int(digits), abs(int(digits))) if number in planned), None)
+
+
+def _choose(folder: Path, frame: PlannedFrame, whole: Sequence[str], parts: Mapping[int, Sequence[str]]) -> _Rendered:
+    several = [*whole, *(name for names in parts.values() for name in names)]
+    if len(whole) > 1 or (whole and parts) or any(len(names) > 1 for names in parts.values()):
+        raise InputError(
+            f"{folder} holds several images for one part of frame {frame.number} ({', '.join(several[:2])}); keep one."
+        )
+    if whole:
+        if len(frame.regions) > 1 or frame.whole:
+            return _Rendered(folder / whole[0], {})
+        return _Rendered(None, {1: folder / whole[0]})
+    missing = [place for place in range(1, len(frame.regions) + 1) if place not in parts]
+    if missing:
+        what = f"region {missing[0]} of frame {frame.number}" if parts else f"frame {frame.number}"
+        at = frame.regions[missing[0] - 1]
+        raise InputError(
+            f"{folder} has no image of {what} ({at.width}x{at.height} at {at.x},{at.y}); render it, or plan less."
+        )
+    return _Rendered(None, {place: folder / names[0] for place, names in parts.items()})

@@ -1,0 +1,130 @@
+"""Plans of what to render: from images and a budget to masks and rectangles in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.interpolator import Interpolator
+from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
+from fpsboost.io.prefetch import available_cores, run_in_parallel
+from fpsboost.method_table import find_method
+from fpsboost.rerender.options import PlanOptions, RenderBudget
+from fpsboost.rerender.output_folder import check_new, new_folder
+from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
+from fpsboost.rerender.regions import RenderCost, choose_regions
+from fpsboost.rerender.score import expect_errors
+from fpsboost.rerender.tiles import Rectangle, TileGrid, partition
+
+DEFAULT_BUDGET = RenderBudget(0.1)
+MIN_IMAGES = 3
+"""An image is hidden between two others to learn how large errors are."""
+
+LEVELS = 255**2
+
+
+def plan_rerender(
+    input: str, folder: str, options: PlanOptions | None = None, *, method: str | Interpolator = "nlm"
+) -> RerenderPlan:
+    """Find the regions of the frames between rendered images that are most likely wrong, and write them to a folder.
+
+    Parameters
+    ----------
+    input : str
+        A folder or a pattern of images.
+    folder : str
+        A new folder for ``plan.json`` and a mask for every frame that is made.
+    options : PlanOptions, optional
+        Budget, costs and tiles.
+    method : str or Interpolator
+        The method that makes the frames; it must know its confidence, as ``nlm`` and ``dis`` do.
+
+    Returns
+    -------
+    RerenderPlan
+
+    Raises
+    ------
+    OptionError
+        The method has no confidence.
+    InputError
+        The input is no folder of images, or these cannot be read or are fewer than three.
+    OutputError
+        The folder exists and is not empty, or cannot be written.
+
+    Examples
+    --------
+    >>> plan_rerender("renders/", "plan/")  # doctest: +SKIP
+    """
+    options = options or PlanOptions()
+    interpolator = find_method(method) if isinstance(method, str) else method
+    check_input(input)
+    check_new(Path(folder))
+    with ImageSource(input, ASSUMED_IMAGE_RATE) as source:
+        images, info = source.images, source.info
+        if len(images.files) < MIN_IMAGES:
+            raise InputError(
+                f"{input} holds {len(images.files)} images, and a plan needs {MIN_IMAGES} at least: it hides one "
+                "between two others to learn how large errors are."
+            )
+        factor = options.factor or (images.step if images.step > 1 else 2)
+        first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
+        numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]
+        if interpolator.needs_every_frame:
+            raise OptionError(
+                "This `method` needs vectors from each frame to the next and cannot be planned; take nlm."
+            )
+        interpolator, _ = interpolator.with_vectors_for(numbers, must_match=images.step > 1)
+        interpolator = replace(interpolator, duplicates=None)
+        interpolator.compile_for(next(iter(source)).image)
+        grid = TileGrid(info.height, info.width, options.tile)
+        threads = MemoryLimit().affordable_threads(info.width, info.height, available_cores())
+        with run_in_parallel(threads) as in_order:
+            expected = expect_errors(source, interpolator, factor, grid, in_order)
+    pixels = info.height * info.width
+    cost = _cost(options, pixels, len(expected.errors))
+    masks = choose_regions(expected.errors, grid, cost, expected.scenes)
+    made = [number for place, number in enumerate(numbers) if place % factor]
+    frames = []
+    for number, errors, mask in zip(made, expected.errors * grid.areas * LEVELS / pixels, masks, strict=True):
+        regions = tuple(map(grid.in_pixels, partition(mask)))
+        whole = regions == (Rectangle(0, 0, info.width, info.height),)
+        frames.append(PlannedFrame(number, regions, whole, float(errors.sum()), float(errors[~mask].sum())))
+    seconds = None
+    if options.cost is not None:
+        areas = np.array([sum(region.area for region in frame.regions) for frame in frames])
+        seconds = round(float(RenderCost(options.cost / pixels, options.overhead, 0).of(areas).sum()), 3)
+    plan = RerenderPlan(info.width, info.height, options.tile, tuple(frames), seconds)
+    with new_folder(Path(folder)) as unfinished:
+        plan.write(unfinished)
+    return plan
+
+
+def check_input(path: str) -> None:
+    """Raise an error unless a path stands for images, whose numbers a plan goes by.
+
+    Raises
+    ------
+    InputError
+        It does not exist, or is something else.
+    """
+    if stands_for_images(path):
+        return
+    if not Path(path).exists():
+        raise InputError(f"{path or 'An input without a name'} does not exist; check the name.")
+    raise InputError(f"{path} is no folder or pattern of images, which plans are made for; write its frames as images.")
+
+
+def _cost(options: PlanOptions, pixels: int, frames: int) -> RenderCost:
+    """Return costs in seconds if they are known, else in pixels."""
+    budget = options.budget or DEFAULT_BUDGET
+    if budget.unit == "share":  # starting a frame costs nothing of a budget of pixels
+        return RenderCost(1, 0, budget.amount * pixels * frames)
+    assert options.cost is not None
+    return RenderCost(options.cost / pixels, options.overhead, budget.amount)

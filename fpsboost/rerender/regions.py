@@ -1,0 +1,201 @@
+"""Which tiles of the frames between are to be rendered within a budget.
+
+Tiles are taken by the squared error that they are expected to have, the largest first: a tile costs its pixels. What is
+taken is then made clean: holes in time and in space are filled, single tiles dropped, and tiles joined to few
+rectangles. As that changes what a number of tiles costs, the number is found by bisection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.rerender.tiles import TileGrid, simplified
+
+WHOLE_SHARE = 0.8
+"""Share of a frame from which on all of it is rendered: one plain render without seams."""
+
+SMALLEST_GRID = 16
+"""Number of tiles of a frame below which single tiles are kept."""
+
+LARGER = (1.25, 1.5, 2, 3, 4, 8, 16, 32, 64)
+"""Multiples of the number of tiles that fits, of which some frames are tried where starting a frame costs something."""
+
+
+@dataclass(frozen=True)
+class RenderCost:
+    """What rendering costs, in any unit.
+
+    Attributes
+    ----------
+    pixel : float
+        Of one pixel.
+    frame : float
+        Of every frame of which anything is rendered, beside its pixels.
+    budget : float
+        Maximum of all.
+    """
+
+    pixel: float
+    frame: float
+    budget: float
+
+    def of(self, areas: NDArray[Any]) -> NDArray[Any]:
+        """Return the cost of frames of which so many pixels are rendered, (F,) float64."""
+        return np.where(areas > 0, self.frame + self.pixel * areas, 0.0)
+
+
+class _Choice(NamedTuple):
+    """Masks of all frames, and what follows from them."""
+
+    masks: NDArray[Any]
+    """(F, rows, columns) bool."""
+    costs: NDArray[Any]
+    """(F,)"""
+    gains: NDArray[Any]
+    """(F,), squared error that is taken away."""
+
+
+def choose_regions(
+    errors: NDArray[Any], grid: TileGrid, cost: RenderCost, scenes: Sequence[int] | None = None
+) -> NDArray[Any]:
+    """Choose the tiles to render.
+
+    Parameters
+    ----------
+    errors : (F, rows, columns) float64
+        Expected mean squared error of every tile of every frame, in the order of time.
+    grid : TileGrid
+    cost : RenderCost
+        Its budget is never exceeded.
+    scenes : sequence of int, optional
+        Number of the scene of every frame, between which nothing is smoothed; one scene without it.
+
+    Returns
+    -------
+    (F, rows, columns) bool
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> errors = np.zeros((1, 8, 8))
+    >>> errors[0, 2:4, 2:5] = 1
+    >>> chosen = choose_regions(errors, TileGrid(64, 64, 8), RenderCost(1, 0, 0.1 * 64 * 64))
+    >>> bool((chosen == (errors > 0)).all())
+    True
+    """
+    belongs = np.zeros(len(errors), int) if scenes is None else np.asarray(scenes)
+    steady = smooth_over_time(errors, belongs)
+    order = np.argsort(-steady, axis=None, kind="stable")
+
+    def choose(count: int) -> _Choice:
+        masks = np.zeros(steady.size, bool)
+        masks[order[:count]] = True
+        masks = clean(masks.reshape(steady.shape), belongs)
+        areas = (masks * grid.areas).sum(axis=(1, 2))
+        return _Choice(masks, cost.of(areas), (masks * steady * grid.areas).sum(axis=(1, 2)))
+
+    fits, too_many = 0, int((steady > 0).sum()) + 1
+    while too_many - fits > 1:
+        middle = (fits + too_many) // 2
+        if choose(middle).costs.sum() <= cost.budget:
+            fits = middle
+        else:
+            too_many = middle
+    best = choose(fits)
+    largest = int((steady > 0).sum())
+    counts = {min(largest, int((fits + 1) * factor)) for factor in LARGER[: None if cost.frame else 2]}
+    options = [choose(count) for count in sorted(counts)]
+    candidates = [_filled_up(best, options, cost.budget)]
+    if cost.frame:
+        nothing = _Choice(np.zeros_like(best.masks), np.zeros_like(best.costs), np.zeros_like(best.gains))
+        candidates += [_filled_up(nothing, [each, *options], cost.budget) for each in (best, *options)]
+    return max(candidates, key=lambda each: float(each.gains.sum())).masks
+
+
+def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> _Choice:
+    """Take frames of other choices instead, those first that gain most for what they cost, as long as they fit."""
+    masks, costs, gains = (each.copy() for each in base)
+    for option in options:
+        more_cost, more_gain = option.costs - costs, option.gains - gains
+        useful = np.flatnonzero(more_gain > 0)
+        ratios = more_gain[useful] / np.maximum(more_cost[useful], 1e-12)
+        for frame in useful[np.argsort(-ratios, kind="stable")]:
+            others = costs.sum() - costs[frame]
+            if others + option.costs[frame] <= budget:
+                masks[frame], costs[frame], gains[frame] = (each[frame] for each in option)
+    return _Choice(masks, costs, gains)
+
+
+def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
+    """Return the errors with the weights 1, 2, 1 over each frame and its neighbours in the same scene.
+
+    Parameters
+    ----------
+    errors : (F, rows, columns)
+    scenes : (F,) int
+
+    Returns
+    -------
+    (F, rows, columns) float64
+    """
+    after = np.concatenate([errors[1:], errors[-1:]])
+    before = np.concatenate([errors[:1], errors[:-1]])
+    same = scenes[1:] == scenes[:-1]
+    goes_on = np.append(same, False)[:, np.newaxis, np.newaxis]
+    came = np.insert(same, 0, False)[:, np.newaxis, np.newaxis]
+    smooth: NDArray[Any] = (2 * errors + np.where(goes_on, after, errors) + np.where(came, before, errors)) / 4
+    return smooth
+
+
+def clean(masks: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
+    """Return masks with fewer and simpler regions that do not flicker.
+
+    Parameters
+    ----------
+    masks : (F, rows, columns) bool
+    scenes : (F,) int
+
+    Returns
+    -------
+    (F, rows, columns) bool
+    """
+    if len(masks) > 2:
+        same = (scenes[:-2] == scenes[2:])[:, np.newaxis, np.newaxis]
+        masks = masks.copy()
+        masks[1:-1] |= masks[:-2] & masks[2:] & same
+    return np.stack([_clean_frame(mask) for mask in masks])
+
+
+def _clean_frame(mask: NDArray[Any]) -> NDArray[Any]:
+    if not mask.any():
+        return mask
+    kept = _without_crumbs(_without_holes(mask))
+    if not kept.any():
+        return kept
+    kept = _without_holes(simplified(kept))
+    return np.ones_like(kept) if kept.mean() >= WHOLE_SHARE else kept
+
+
+def _without_holes(mask: NDArray[Any]) -> NDArray[Any]:
+    """Fill what the mask encloses; the edge of the frame encloses nothing."""
+    padded = cv2.copyMakeBorder((~mask).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
+    _, labels = cv2.connectedComponents(padded, connectivity=4)
+    filled: NDArray[Any] = (labels != labels[0, 0])[1:-1, 1:-1]
+    return filled
+
+
+def _without_crumbs(mask: NDArray[Any]) -> NDArray[Any]:
+    """Drop single tiles."""
+    if mask.size < SMALLEST_GRID:
+        return mask
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    large = stats[:, cv2.CC_STAT_AREA] > 1
+    large[0] = False
+    kept: NDArray[Any] = large[labels] if count > 1 else mask
+    return kept

@@ -1,0 +1,302 @@
+"""How wrong the frames between are expected to be, tile by tile, without their truth.
+
+Each image that was rendered is hidden and made again of the images before and after it, at twice the distance: there
+the error is known. This shows two things without any training: which squared error comes with which confidence in this
+clip, and where the clip is hard to predict. Images hidden at four times the distance show how far the first of them,
+learned at one distance, is off at half of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import OptionError
+from fpsboost.frame import Frame, Image, Pixels, as_array, has_alpha
+from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.interpolator import Interpolator, Pair, with_neighbours
+from fpsboost.motion.colour import normalised
+from fpsboost.rerender.tiles import TileGrid
+from fpsboost.synthesis import FramePair, FusesHypotheses
+
+GAMMA = 2.2
+"""Exponent by which a display shows linear values."""
+
+MIN_ERROR = 1e-7
+"""Added to squared errors that are multiplied, for white = 1: a tenth of the error of rounding to 8 bits."""
+
+BINS = 256
+"""Number of bins of equally many tiles that a curve is fitted to."""
+
+Tiles = NDArray[Any]
+"""One number for every tile of a frame, (rows, columns) float64."""
+
+InOrder = Callable[[Iterable[Callable[[], "Trial"]]], Iterator["Trial"]]
+
+
+class Trial(NamedTuple):
+    """What is known of the frames made between two images."""
+
+    scene_cut: bool
+    doubts: list[Tiles]
+    """1 - confidence of each frame; half the squared difference of the two images across a scene cut."""
+    error: Tiles | None
+    """Squared error of the only frame, where its truth was hidden and no scene ends."""
+
+
+class ExpectedErrors(NamedTuple):
+    """Expected errors of all frames between the images of a clip, in order."""
+
+    errors: NDArray[Any]
+    """Mean squared error of each tile, (F, rows, columns) float64, for white = 1."""
+    scenes: list[int]
+    """Number of the scene of each frame; one that is made across a cut is a scene of its own."""
+
+
+class _Shown(NamedTuple):
+    """Two images, and the hidden one in their middle if there is one."""
+
+    pair: Pair
+    truth: Image | None
+
+
+@dataclass(frozen=True)
+class _Keeping:
+    """Synthesizer that also keeps the confidence of each frame."""
+
+    inner: FusesHypotheses
+    kept: list[NDArray[Any]]
+
+    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
+        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
+        for fused in self.inner.fuse(frame_pair, times):
+            self.kept.append(fused.confidence)
+            yield fused.image
+
+
+@dataclass(frozen=True)
+class ErrorCurve:
+    """Squared error that comes with a doubt, which never falls as the doubt rises (isotonic regression).
+
+    Attributes
+    ----------
+    doubts, errors : (N,) float64
+        Points of the curve, between which it is straight; constant beyond them.
+    """
+
+    doubts: NDArray[Any]
+    errors: NDArray[Any]
+
+    @classmethod
+    def fitted(cls, trials: Sequence[Trial]) -> Self:
+        """Fit a curve to the tiles of frames whose error is known; there must be one.
+
+        Parameters
+        ----------
+        trials : sequence of Trial
+        """
+        doubts, errors = _tiles_of(trials)
+        order = np.argsort(doubts, kind="stable")
+        bins = np.array_split(order, min(BINS, len(order)))
+        return cls(
+            np.array([doubts[each].mean() for each in bins]),
+            rising([errors[each].mean() for each in bins], [len(each) for each in bins]),
+        )
+
+    def at(self, doubts: NDArray[Any]) -> NDArray[Any]:
+        """Return the errors that are expected for doubts of any shape."""
+        expected: NDArray[Any] = np.interp(doubts, self.doubts, self.errors)
+        return expected
+
+    def bias(self, trials: Sequence[Trial]) -> float:
+        """Return the mean of the expected errors of frames over that of their true ones; 1 where these are none."""
+        doubts, errors = _tiles_of(trials)
+        true, expected = float(errors.mean()), float(self.at(doubts).mean())
+        return expected / true if true > 0 and expected > 0 else 1.0
+
+
+def rising(values: Sequence[float], weights: Sequence[int]) -> NDArray[Any]:
+    """Return the sequence nearest to values that does not fall, by pooling adjacent violators.
+
+    Parameters
+    ----------
+    values : sequence of float
+    weights : sequence of int
+        Of the squared distances.
+
+    Returns
+    -------
+    (N,) float64
+
+    Examples
+    --------
+    >>> rising([1, 3, 1, 5], [1, 1, 1, 1]).tolist()
+    [1.0, 2.0, 2.0, 5.0]
+    """
+    pools: list[tuple[float, float, int]] = []
+    for value, weight in zip(values, weights, strict=True):
+        total, size, count = float(value) * weight, float(weight), 1
+        while pools and pools[-1][0] / pools[-1][1] >= total / size:
+            before = pools.pop()
+            total, size, count = total + before[0], size + before[1], count + before[2]
+        pools.append((total, size, count))
+    return np.repeat([total / size for total, size, _ in pools], [count for _, _, count in pools])
+
+
+def expect_errors(
+    frames: Iterable[Frame], interpolator: Interpolator, factor: int, grid: TileGrid, in_order: InOrder
+) -> ExpectedErrors:
+    """Predict the squared error of the frames that a conversion makes.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+        The rendered images of a clip, three at least; iterated several times.
+    interpolator : Interpolator
+        Its synthesizer knows its confidence.
+    factor : int
+        Output frames per image.
+    grid : TileGrid
+    in_order : callable
+        Runs jobs and yields their results in order; see `fpsboost.io.prefetch.run_in_parallel`.
+
+    Returns
+    -------
+    ExpectedErrors
+
+    Raises
+    ------
+    OptionError
+        The method does not know its confidence.
+    """
+    if not isinstance(interpolator.synthesizer, FusesHypotheses):
+        raise OptionError("A plan goes by the confidence of its `method`, and this one has none; take nlm or dis.")
+
+    def trials(distance: int, first: int) -> list[Trial]:
+        shown = _shown(frames, interpolator, factor, distance, first)
+        times = [Fraction(1, 2)] if distance > 1 else [Fraction(step, factor) for step in range(1, factor)]
+        return list(in_order(partial(_try, interpolator, each, times, grid) for each in with_neighbours(shown)))
+
+    made = trials(1, 0)
+    hidden: list[Trial | None] = [None] * (len(made) + 1)
+    hidden[1:-1:2], hidden[2:-1:2] = trials(2, 0), trials(2, 1)
+    doubts = np.stack([doubt for trial in made for doubt in trial.doubts])
+    nearby = np.stack(
+        [
+            _error_nearby(hidden[place : place + 2], step / factor, grid)
+            for place in range(len(made))
+            for step in range(1, factor)
+        ]
+    )
+    cut = np.repeat([trial.scene_cut for trial in made], factor - 1)
+    scenes = np.repeat(np.cumsum([trial.scene_cut for trial in made]) * 2, factor - 1) - cut
+    known = [trial for trial in hidden if trial is not None and trial.error is not None]
+    if not known:  # scenes of two images each
+        return ExpectedErrors(np.where(cut[:, np.newaxis, np.newaxis], doubts, 0), scenes.tolist())
+    expected = ErrorCurve.fitted(known).at(doubts)
+    farther = [trial for trial in trials(4, 0) if trial.error is not None]
+    if farther:
+        expected /= ErrorCurve.fitted(farther).bias(known)
+    follows = ~cut & np.isfinite(nearby).all(axis=(1, 2))
+    expected[follows] = _geometric_mean(expected[follows], nearby[follows])
+    expected[cut] = doubts[cut]
+    return ExpectedErrors(expected, scenes.tolist())
+
+
+def displayed(image: Image) -> NDArray[Any]:
+    """Return an image as its errors are seen, for white = 1.
+
+    Float images are linear: they are clipped to white, and follow a display's curve. Colours that are not multiplied by
+    their alpha are, because what is transparent does not show.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32
+
+    Returns
+    -------
+    (H, W, C) float32
+    """
+    values = normalised(image)
+    if image.dtype == np.float32:
+        return np.asarray(np.clip(values, 0, 1) ** np.float32(1 / GAMMA))
+    if has_alpha(image):
+        values[..., :-1] *= values[..., -1:]
+    return values
+
+
+def squared_error(image0: Image, image1: Image) -> NDArray[Any]:
+    """Return the squared difference of two images as they are `displayed`, mean of the channels, (H, W) float32."""
+    difference = displayed(image0) - displayed(image1)
+    return np.asarray(np.einsum("yxc,yxc->yx", difference, difference) / np.float32(difference.shape[2]))
+
+
+def _shown(
+    frames: Iterable[Frame], interpolator: Interpolator, factor: int, distance: int, first: int
+) -> Iterator[_Shown]:
+    """Yield pairs of images a distance apart, with the truth in their middle."""
+    before: FrameCache | None = None
+    truth: Image | None = None
+    for index, frame in enumerate(frames):
+        place = index - first
+        if place < 0 or place % distance:
+            if place > 0 and place % distance == distance // 2:
+                truth = frame.array
+            continue
+        position = SourcePosition(index, frame.time)
+        shown = FrameCache(frame.array, Fraction(index * factor), position)
+        if before is not None:
+            yield _Shown(interpolator.pair(before, shown), truth)
+        before = shown
+
+
+def _try(
+    interpolator: Interpolator,
+    neighbourhood: tuple[_Shown | None, _Shown, _Shown | None],
+    times: Sequence[Fraction],
+    grid: TileGrid,
+) -> Trial:
+    before, shown, after = neighbourhood
+    assert isinstance(interpolator.synthesizer, FusesHypotheses)
+    pair, kept = shown.pair, list[NDArray[Any]]()
+    keeping = replace(interpolator, synthesizer=_Keeping(interpolator.synthesizer, kept))
+    images, scene_cut = keeping.between(pair, times, before and before.pair, after and after.pair)
+    made = [as_array(image) for image in images]
+    if not kept:  # across a scene cut or a flash the nearer frame is repeated, and as often the other one is right
+        apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
+        return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
+    error = None if shown.truth is None else grid.means(squared_error(made[0], shown.truth))
+    return Trial(scene_cut, [grid.means(1 - confidence) for confidence in kept], error)
+
+
+def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return doubts and errors of all tiles."""
+    known = [trial for trial in trials if trial.error is not None]
+    doubts = np.concatenate([trial.doubts[0].ravel() for trial in known])
+    return doubts, np.concatenate([trial.error.ravel() for trial in known if trial.error is not None])
+
+
+def _error_nearby(sides: Sequence[Trial | None], t: float, grid: TileGrid) -> Tiles:
+    """Return the error of the images on both sides, when they were made, at time t; NaN where neither was."""
+    known = [
+        (weight, trial.error)
+        for weight, trial in zip((1 - t, t), sides, strict=True)
+        if trial is not None and trial.error is not None
+    ]
+    if not known:
+        return np.full(grid.shape, np.nan)
+    return np.asarray(sum(weight * error for weight, error in known) / sum(weight for weight, _ in known))
+
+
+def _geometric_mean(expected: NDArray[Any], nearby: NDArray[Any]) -> NDArray[Any]:
+    """Return the geometric mean of two estimates, both taken for equally large in all, with the sum of the first."""
+    product = np.sqrt((expected + MIN_ERROR) * (nearby + MIN_ERROR))
+    total = product.sum()
+    mean: NDArray[Any] = product * (expected.sum() / total) if total > 0 else product
+    return mean

@@ -1,0 +1,292 @@
+"""Plans of what to render: where frames are wrong is found without their truth, and no plan exceeds its budget."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.io.images.exr import write_exr
+from fpsboost.io.images.files import read_image
+from fpsboost.rerender.options import PlanOptions, RenderBudget, parse_budget
+from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
+from fpsboost.rerender.planning import plan_rerender
+from fpsboost.rerender.regions import RenderCost, choose_regions, smooth_over_time
+from fpsboost.rerender.score import ErrorCurve, Trial, displayed, rising
+from fpsboost.rerender.tiles import Rectangle, TileGrid, partition, simplified
+
+HEIGHT, WIDTH, TILE = 64, 96, 16
+UNPREDICTABLE = Rectangle(48, 16, 32, 32)
+"""Where every frame of `unpredictable_clip` shows something else."""
+
+masks = arrays.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
+score_maps = arrays.arrays(
+    np.float64,
+    st.tuples(st.integers(1, 5), st.integers(1, 7), st.integers(1, 8)),
+    elements=st.one_of(st.just(0.0), st.just(1.0), st.floats(0, 100)),
+)
+
+
+def unpredictable_clip(folder: Path, numbers: range, name: str = "{:04d}.png") -> Path:
+    """A texture that pans by a pixel a number, with a square of noise that is new in every frame."""
+    folder.mkdir()
+    texture = np.random.default_rng(3).integers(60, 200, (HEIGHT, WIDTH + 64, 3)).astype(np.uint8)
+    texture = cv2.GaussianBlur(texture, (0, 0), 2)
+    for number in numbers:
+        image = texture[:, number : number + WIDTH].copy()
+        noise = np.random.default_rng(100 + number).integers(0, 256, (4, 4, 3)).astype(np.uint8)
+        image[UNPREDICTABLE.part] = cv2.resize(noise, (UNPREDICTABLE.width, UNPREDICTABLE.height))
+        path = folder / name.format(number)
+        if path.suffix == ".exr":
+            write_exr(path, dict(zip("BGR", np.moveaxis(image / np.float32(255), -1, 0), strict=True)))
+        else:
+            path.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+    return folder
+
+
+@pytest.mark.parametrize("name", ["{:04d}.png", "shot_{:03d}.exr"])
+def test_what_cannot_be_predicted_is_rendered(tmp_path, name):
+    """The budget of the square that changes goes to that square, in every frame, and hardly anything else."""
+    clip = unpredictable_clip(tmp_path / "in", range(1, 14, 2), name)
+    share = UNPREDICTABLE.area / (HEIGHT * WIDTH)
+    plan = plan_rerender(str(clip), str(tmp_path / "plan"), PlanOptions(RenderBudget(share)), method="nlm-fast")
+    assert [frame.number for frame in plan.frames] == [2, 4, 6, 8, 10, 12]
+    for frame in plan.frames:
+        mask = frame.mask(HEIGHT, WIDTH)
+        assert mask[UNPREDICTABLE.part].mean() >= 0.75
+    assert plan.remaining_error < 0.3 * plan.expected_error
+
+
+def test_a_plan_is_a_folder(tmp_path):
+    """Masks and rectangles say the same, and reading gives what was written."""
+    clip = unpredictable_clip(tmp_path / "in", range(10, 17, 2))
+    plan = plan_rerender(str(clip), str(tmp_path / "plan"), PlanOptions(tile=8), method="nlm-fast")
+    names = sorted(path.name for path in (tmp_path / "plan").iterdir())
+    assert names == ["mask_0011.png", "mask_0013.png", "mask_0015.png", "plan.json"]
+    data = json.loads((tmp_path / "plan" / "plan.json").read_bytes())
+    assert data["numbers"] == [11, 13, 15]
+    assert data["totals"]["rendered_share"] <= 0.1
+    for frame in data["frames"]:
+        mask = read_image(tmp_path / "plan" / f"mask_{frame['number']:04d}.png")
+        drawn = np.zeros_like(mask)
+        for x, y, width, height in frame["regions"]:
+            drawn[y : y + height, x : x + width] = 255
+        assert (mask == drawn).all()
+    assert [frame.regions for frame in RerenderPlan.read(tmp_path / "plan").frames] == [
+        frame.regions for frame in plan.frames
+    ]
+
+
+def test_consecutive_images_are_numbered_like_the_output(tmp_path):
+    """Twice the frames of 1, 2, 3 are 1 to 5, of which 2 and 4 are made."""
+    clip = unpredictable_clip(tmp_path / "in", range(1, 4))
+    plan = plan_rerender(str(clip), str(tmp_path / "plan"), method="nlm-fast")
+    assert [frame.number for frame in plan.frames] == [2, 4]
+
+
+def test_several_frames_between_two_images(tmp_path):
+    """A step of 3 leaves two frames, and each has its own regions; `factor` may make fewer."""
+    clip = unpredictable_clip(tmp_path / "in", range(1, 12, 3))
+    plan = plan_rerender(str(clip), str(tmp_path / "plan"), method="nlm-fast")
+    assert [frame.number for frame in plan.frames] == [2, 3, 5, 6, 8, 9]
+    plan = plan_rerender(str(clip), str(tmp_path / "two"), PlanOptions(factor=2), method="nlm-fast")
+    assert [frame.number for frame in plan.frames] == [2, 4, 6]  # numbered anew, as a conversion does
+
+
+def test_a_scene_cut_is_rendered(tmp_path):
+    """The frame across a cut repeats a neighbour, which is as often wrong as right."""
+    clip = unpredictable_clip(tmp_path / "in", range(1, 10, 2))
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    board = (255 * ((x // 7 + y // 11) % 2)).astype(np.uint8)
+    for number in (7, 9):
+        (clip / f"{number:04d}.png").write_bytes(cv2.imencode(".png", cv2.merge([board] * 3))[1].tobytes())
+    plan = plan_rerender(str(clip), str(tmp_path / "plan"), PlanOptions(RenderBudget(0.25)), method="nlm-fast")
+    assert max(plan.frames, key=lambda frame: frame.expected_error).number == 6
+
+
+@given(errors=score_maps, share=st.floats(0.001, 1), tile=st.integers(1, 9), cut=st.integers(0, 5))
+def test_no_budget_is_exceeded(errors, share, tile, cut):
+    """Whatever the errors: the pixels of all rectangles stay within the share."""
+    grid = TileGrid(errors.shape[1] * tile, errors.shape[2] * tile, tile)
+    budget = share * grid.height * grid.width * len(errors)
+    chosen = choose_regions(errors, grid, RenderCost(1, 0, budget), np.arange(len(errors)) >= cut)
+    assert (chosen * grid.areas).sum() <= budget * (1 + 1e-9)
+
+
+@given(errors=score_maps, budget=st.floats(0.1, 100), overhead=st.floats(0, 20))
+def test_no_time_is_exceeded(errors, budget, overhead):
+    """With seconds a pixel and seconds for each frame that is started."""
+    grid = TileGrid(errors.shape[1], errors.shape[2], 1)
+    cost = RenderCost(0.5, overhead, budget)
+    chosen = choose_regions(errors, grid, cost)
+    assert cost.of((chosen * grid.areas).sum(axis=(1, 2))).sum() <= budget * (1 + 1e-9)
+
+
+def test_costly_starts_concentrate_on_few_frames():
+    """Where starting a frame costs as much as rendering it, a few frames get more, and one may be rendered whole."""
+    errors = np.random.default_rng(1).uniform(1, 2, (8, 6, 6))
+    errors[3] += 5
+    grid = TileGrid(6, 6, 1)
+    free, costly = (choose_regions(errors, grid, RenderCost(1, start, 72)) for start in (0, 36))
+    assert costly.any(axis=(1, 2)).sum() == 1
+    assert costly[3].all()
+    assert free.any(axis=(1, 2)).sum() > 1
+
+
+def test_regions_do_not_flicker():
+    """A tile whose error drops for one frame is rendered with its neighbours in time."""
+    errors = np.full((7, 8, 8), 0.01)
+    errors[:, 2:5, 2:5] = 1
+    errors[3, 2:5, 4] = 0.4
+    chosen = choose_regions(errors, TileGrid(8, 8, 1), RenderCost(1, 0, 7 * 9))
+    assert (chosen == (errors > 0.1)).all()
+
+
+def test_scenes_are_not_smoothed_together():
+    """The weights 1, 2, 1 end at a cut."""
+    errors = np.array([0.0, 0.0, 4.0, 8.0]).reshape(4, 1, 1)
+    smooth = smooth_over_time(errors, np.array([0, 0, 1, 1]))
+    assert smooth.ravel().tolist() == [0, 0, 5, 7]
+
+
+@given(mask=masks)
+def test_rectangles_cover_exactly_the_mask(mask):
+    """Each tile of the mask lies in one rectangle, and no other tile in any."""
+    count = np.zeros(mask.shape, int)
+    for rectangle in partition(mask):
+        count[rectangle.part] += 1
+    assert (count == mask).all()
+
+
+@given(mask=masks)
+def test_simple_masks_hold_the_mask(mask):
+    """Joining rectangles only adds tiles."""
+    assert (simplified(mask) >= mask).all()
+
+
+def test_nearby_rectangles_are_joined():
+    """Two halves of a square with a missing corner become the square."""
+    mask = np.zeros((8, 8), bool)
+    mask[1:5, 1:5] = True
+    mask[1, 4] = False
+    assert partition(simplified(mask)) == [Rectangle(1, 1, 4, 4)]
+
+
+@given(size=st.tuples(st.integers(1, 40), st.integers(1, 40)), tile=st.integers(1, 50))
+@settings(max_examples=30)
+def test_means_of_tiles(size, tile):
+    """Each is the mean of its pixels, at the right and the bottom of fewer."""
+    values = np.random.default_rng(2).uniform(size=size)
+    grid = TileGrid(*size, tile)
+    means = grid.means(values)
+    for y, x in np.ndindex(*grid.shape):
+        part = grid.in_pixels(Rectangle(x, y, 1, 1)).part
+        assert means[y, x] == pytest.approx(values[part].mean())
+        assert grid.areas[y, x] == values[part].size
+
+
+@given(values=st.lists(st.floats(0, 100), min_size=1, max_size=30))
+def test_rising_sequences(values):
+    """What rises already stays; the result never falls and keeps the sum."""
+    found = rising(values, [1] * len(values))
+    assert (np.diff(found) >= -1e-9).all()
+    assert found.sum() == pytest.approx(sum(values), abs=1e-6)
+    assert rising(sorted(values), [1] * len(values)) == pytest.approx(sorted(values))
+
+
+def test_the_curve_learns_errors_by_doubt():
+    """Of tiles whose error is ten times their doubt it says so, and how far it is off on others."""
+    doubt = np.linspace(0, 1, 600).reshape(20, 30)
+    curve = ErrorCurve.fitted([Trial(False, [doubt], 10 * doubt)])
+    assert curve.at(np.array([0.25, 0.75])) == pytest.approx([2.5, 7.5], rel=0.02)
+    assert curve.bias([Trial(False, [doubt], 5 * doubt)]) == pytest.approx(2, rel=0.02)
+
+
+def test_what_is_transparent_does_not_show():
+    """Colours of straight alpha count by their alpha, and linear white ends at 1."""
+    pixel = np.array([[[200, 100, 50, 0]]], np.uint8)
+    assert (displayed(pixel) == 0).all()
+    assert displayed(np.full((1, 1, 3), 9, np.float32)).max() == 1
+
+
+@pytest.mark.parametrize("text", ["10", "0%", "120%", "-5%", "0s", "a lot", "nans", "infs"])
+def test_budgets_that_are_none(text):
+    """They are refused, with an example."""
+    with pytest.raises(OptionError, match="10%"):
+        parse_budget(text, "`budget`")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"tile": 0},
+        {"factor": 1},
+        {"cost": 0},
+        {"overhead": -1},
+        {"overhead": 5},
+        {"budget": RenderBudget(300, "seconds")},
+    ],
+)
+def test_options_out_of_range(options):
+    """One sentence for each; seconds need to know what a frame costs."""
+    with pytest.raises(OptionError):
+        PlanOptions(**options)
+
+
+def test_what_cannot_be_planned(tmp_path, snapshot):
+    """Two images, a method without confidence, a video, a folder that is not empty: refused, nothing written."""
+    clip = unpredictable_clip(tmp_path / "in", range(1, 6, 2))
+    few = unpredictable_clip(tmp_path / "few", range(1, 3))
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "note.txt").write_text("mine")
+    (tmp_path / "clip.mp4").write_bytes(b"")
+    before = snapshot(tmp_path)
+    with pytest.raises(InputError, match="3 at least"):
+        plan_rerender(str(few), str(tmp_path / "plan"))
+    with pytest.raises(OptionError, match="confidence"):
+        plan_rerender(str(clip), str(tmp_path / "plan"), method="blend")
+    with pytest.raises(OutputError, match="not empty"):
+        plan_rerender(str(clip), str(full))
+    with pytest.raises(InputError, match="does not exist"):
+        plan_rerender(str(tmp_path / "nothing"), str(tmp_path / "plan"))
+    with pytest.raises(InputError, match="images"):
+        plan_rerender(str(tmp_path / "clip.mp4"), str(tmp_path / "plan"))
+    assert snapshot(tmp_path) == before
+
+
+def test_a_damaged_plan_is_refused(tmp_path):
+    """No JSON, another version, a rectangle outside of the frame, a mask of another size or of other pixels."""
+    frame = PlannedFrame(2, (Rectangle(0, 0, 4, 4),), whole=False, expected_error=2, remaining_error=1)
+    RerenderPlan(8, 6, 4, (frame,)).write(tmp_path)
+    assert RerenderPlan.read(tmp_path).frames == (frame,)
+    text, mask = (tmp_path / "plan.json").read_text(), (tmp_path / "mask_0002.png").read_bytes()
+    for changed in ("{", text.replace('"version": 1', '"version": 9'), text.replace("4\n", "40\n", 1)):
+        (tmp_path / "plan.json").write_text(changed)
+        with pytest.raises(InputError, match="plan again"):
+            RerenderPlan.read(tmp_path)
+    (tmp_path / "plan.json").write_text(text)
+    for image in (np.zeros((6, 9), np.uint8), np.zeros((6, 8), np.uint8)):
+        (tmp_path / "mask_0002.png").write_bytes(cv2.imencode(".png", image)[1].tobytes())
+        with pytest.raises(InputError, match="plan again"):
+            RerenderPlan.read(tmp_path)
+    (tmp_path / "mask_0002.png").write_bytes(mask)
+    assert RerenderPlan.read(tmp_path).rendered_share == pytest.approx(1 / 3)
+
+
+def test_the_command_says_what_it_planned(tmp_path, fpsboost_):
+    """Frames, regions and errors on standard output; nothing with --quiet."""
+    unpredictable_clip(tmp_path / "in", range(1, 8, 2))
+    told = fpsboost_("plan", "in", "plan", "--budget", "20%", "--cost", "10", "-m", "nlm-fast")
+    assert (told.code, told.err) == (0, "")
+    assert "of 3 that are made" in told.out
+    assert "expected" in told.out
+    assert fpsboost_("plan", "in", "more", "-m", "nlm-fast", "--quiet").out == ""
+    assert fpsboost_("plan", "in", "third", "--budget", "300s").err.count("--cost") == 1
