@@ -19,7 +19,7 @@ from fpsboost.rerender.options import PlanOptions, RenderBudget, parse_budget
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.planning import plan_rerender
 from fpsboost.rerender.regions import RenderCost, choose_regions, smooth_over_time
-from fpsboost.rerender.score import ErrorCurve, Trial, displayed, rising
+from fpsboost.rerender.score import ErrorCurve, Trial, displayed
 from fpsboost.rerender.tiles import Rectangle, TileGrid, partition, simplified
 
 HEIGHT, WIDTH, TILE = 64, 96, 16
@@ -190,15 +190,6 @@ def test_means_of_tiles(size, tile):
         part = grid.in_pixels(Rectangle(x, y, 1, 1)).part
         assert means[y, x] == pytest.approx(values[part].mean())
         assert grid.areas[y, x] == values[part].size
-
-
-@given(values=st.lists(st.floats(0, 100), min_size=1, max_size=30))
-def test_rising_sequences(values):
-    """What rises already stays; the result never falls and keeps the sum."""
-    found = rising(values, [1] * len(values))
-    assert (np.diff(found) >= -1e-9).all()
-    assert found.sum() == pytest.approx(sum(values), abs=1e-6)
-    assert rising(sorted(values), [1] * len(values)) == pytest.approx(sorted(values))
 
 
 def test_the_curve_learns_errors_by_doubt():

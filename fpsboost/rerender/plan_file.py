@@ -1,8 +1,8 @@
 """Plans as folders: ``plan.json`` with rectangles, and a mask for every frame that is made.
 
 Rectangles are ``[x, y, width, height]`` in pixels from the upper left corner, y down. Blender's render border is in
-fractions of the frame with y up. In a frame of W x H pixels it is ``min_x = x / W``, ``max_x = (x + width) / W``,
-``min_y = 1 - (y + height) / H`` and ``max_y = 1 - y / H``.
+fractions of the frame with y up, whose fractions of a pixel it cuts off. In a frame of W x H pixels it is ``min_x = (x +
+0.5) / W``, ``max_x = (x + width + 0.5) / W``, ``min_y = (H - y - height + 0.5) / H`` and ``max_y = (H - y + 0.5) / H``.
 """
 
 from __future__ import annotations

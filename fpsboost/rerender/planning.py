@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import InputError
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
 from fpsboost.io.prefetch import available_cores, run_in_parallel
+from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.rerender.options import PlanOptions, RenderBudget
 from fpsboost.rerender.output_folder import check_new, new_folder
@@ -76,11 +79,7 @@ def plan_rerender(
         factor = options.factor or (images.step if images.step > 1 else 2)
         first, step = images.numbers_for(Fraction(factor)) or (images.first_number, 1)
         numbers = [first + step * place for place in range((len(images.files) - 1) * factor + 1)]
-        if interpolator.needs_every_frame:
-            raise OptionError(
-                "This `method` needs vectors from each frame to the next and cannot be planned; take nlm."
-            )
-        interpolator, _ = interpolator.with_vectors_for(numbers, must_match=images.step > 1)
+        interpolator, _ = interpolator.with_vectors(partial(_match, numbers, must_match=images.step > 1))
         interpolator = replace(interpolator, duplicates=None)
         interpolator.compile_for(next(iter(source)).image)
         grid = TileGrid(info.height, info.width, options.tile)
@@ -104,6 +103,10 @@ def plan_rerender(
     with new_folder(Path(folder)) as unfinished:
         plan.write(unfinished)
     return plan
+
+
+def _match(numbers: Sequence[int], vectors: VectorFolder, *, must_match: bool) -> VectorFolder:
+    return vectors.matched(numbers, must_match=must_match)
 
 
 def check_input(path: str) -> None:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame, Image, Pixels, as_array, has_alpha
@@ -106,7 +107,7 @@ class ErrorCurve:
         bins = np.array_split(order, min(BINS, len(order)))
         return cls(
             np.array([doubts[each].mean() for each in bins]),
-            rising([errors[each].mean() for each in bins], [len(each) for each in bins]),
+            isotonic_regression([errors[each].mean() for each in bins], weights=[len(each) for each in bins]).x,
         )
 
     def at(self, doubts: NDArray[Any]) -> NDArray[Any]:
@@ -119,34 +120,6 @@ class ErrorCurve:
         doubts, errors = _tiles_of(trials)
         true, expected = float(errors.mean()), float(self.at(doubts).mean())
         return expected / true if true > 0 and expected > 0 else 1.0
-
-
-def rising(values: Sequence[float], weights: Sequence[int]) -> NDArray[Any]:
-    """Return the sequence nearest to values that does not fall, by pooling adjacent violators.
-
-    Parameters
-    ----------
-    values : sequence of float
-    weights : sequence of int
-        Of the squared distances.
-
-    Returns
-    -------
-    (N,) float64
-
-    Examples
-    --------
-    >>> rising([1, 3, 1, 5], [1, 1, 1, 1]).tolist()
-    [1.0, 2.0, 2.0, 5.0]
-    """
-    pools: list[tuple[float, float, int]] = []
-    for value, weight in zip(values, weights, strict=True):
-        total, size, count = float(value) * weight, float(weight), 1
-        while pools and pools[-1][0] / pools[-1][1] >= total / size:
-            before = pools.pop()
-            total, size, count = total + before[0], size + before[1], count + before[2]
-        pools.append((total, size, count))
-    return np.repeat([total / size for total, size, _ in pools], [count for _, _, count in pools])
 
 
 def expect_errors(
