@@ -1,8 +1,9 @@
 """Plans as folders: ``plan.json`` with rectangles, and a mask for every frame that is made.
 
 Rectangles are ``[x, y, width, height]`` in pixels from the upper left corner, y down. Blender's render border is in
-fractions of the frame with y up, whose fractions of a pixel it cuts off. In a frame of W x H pixels it is ``min_x = (x +
-0.5) / W``, ``max_x = (x + width + 0.5) / W``, ``min_y = (H - y - height + 0.5) / H`` and ``max_y = (H - y + 0.5) / H``.
+fractions of the frame with y up, and fractions of a pixel are cut off. In a frame of W x H pixels it is
+``min_x = (x + 0.5) / W``, ``max_x = (x + width + 0.5) / W``, ``min_y = (H - y - height + 0.5) / H`` and
+``max_y = (H - y + 0.5) / H``.
 """
 
 from __future__ import annotations
