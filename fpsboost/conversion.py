@@ -111,6 +111,7 @@ def convert(
         in_place=run.in_place,
         limit=run.limit,
     ) as whole:
+        _check_layers(whole.stream_info.images, interpolator)
         may_skip = not counts_frames(interpolator.cuts)
         source, window = trim_source(whole, decoding.trim, may_skip=may_skip, stretch=output_rate.stretch)
         info, stream = source.info, whole.stream_info
@@ -164,6 +165,23 @@ def convert(
             f"it is 24/{images.step}, or 24 with `fill_gaps`."
         )
     return summary
+
+
+def _check_layers(images: NumberedImages | None, interpolator: Interpolator) -> None:
+    """Raise `OptionError` if images have layers that a method does not make."""
+    if images is None or not images.layers or interpolator.takes_layers:
+        return
+    first = images.files[0].name
+    names = ", ".join(layer.name for layer in images.layers[:3]) + (", ..." if len(images.layers) > 3 else "")
+    if interpolator.at_cuts == "extrapolate":
+        raise OptionError(
+            f"`at_cuts='extrapolate'` makes no layers, and {first} has some ({names}); give `at_cuts='repeat'`, or "
+            "`passes='beauty'` for the picture alone."
+        )
+    raise OptionError(
+        f"The method makes no layers, and {first} has some ({names}); choose nlm, nlm-fast, dis, farneback, tvl1, "
+        "blend or nearest, or give `passes='beauty'` for the picture alone."
+    )
 
 
 def _resolve_rate(factor: Fraction | int | None, rate: OutputRate | None) -> OutputRate:

@@ -41,6 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
+from fpsboost.layered import LayeredImage
 from fpsboost.ycbcr import YCbCrImage
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
@@ -49,7 +50,10 @@ Image = NDArray[Any]
 """(height, width, channels) uint8, uint16 or float32; see the module's conventions."""
 
 Pixels = Image | YCbCrImage
-"""Image data of a frame: an array, or planes of luma and chroma."""
+"""Image data that motion is found on: an array, or planes of luma and chroma."""
+
+FrameImage = Pixels | LayeredImage
+"""Image data of a frame: pixels, or an array with further layers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +62,7 @@ class Frame:
 
     Attributes
     ----------
-    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
+    image : (H, W, C) uint8, uint16 or float32, YCbCrImage or LayeredImage
     time : Fraction
         Presentation time in seconds.
     duration : Fraction
@@ -68,10 +72,15 @@ class Frame:
         None for interpolated frames.
     """
 
-    image: Pixels
+    image: FrameImage
     time: Fraction
     duration: Fraction = Fraction(0)
     original: object | None = None
+
+    @property
+    def pixels(self) -> Pixels:
+        """The image without further layers."""
+        return self.image.colour if isinstance(self.image, LayeredImage) else self.image
 
     @property
     def array(self) -> Image:
@@ -141,14 +150,16 @@ def check_pair(image0: Pixels, image1: Pixels) -> None:
         )
 
 
-def as_array(image: Pixels) -> Image:
-    """Return an image that must be an array, for functions that cannot work on planes.
+def as_array(image: FrameImage) -> Image:
+    """Return an image that must be an array, for functions that cannot work on planes; further layers are left out.
 
     Raises
     ------
     InputError
         The image is a `YCbCrImage`.
     """
+    if isinstance(image, LayeredImage):
+        return image.colour
     if isinstance(image, YCbCrImage):
         raise InputError(f"An image must be an array here, not {describe(image)}; read its video without keeps_planes.")
     return image
@@ -159,7 +170,7 @@ def has_alpha(image: Pixels) -> bool:
     return image.shape[2] in {2, 4}
 
 
-def describe(image: Pixels) -> str:
+def describe(image: FrameImage) -> str:
     """Return an image's size and type as readable text: ``640x360, 3 channels, 8-bit``."""
     height, width, channels = image.shape
     if isinstance(image, YCbCrImage):

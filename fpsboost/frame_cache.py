@@ -8,7 +8,8 @@ from fractions import Fraction
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
-from fpsboost.frame import Image, Pixels, as_array
+from fpsboost.frame import FrameImage, Image, Pixels, as_array
+from fpsboost.layered import LayeredImage
 
 Result = TypeVar("Result")
 
@@ -62,13 +63,18 @@ class FrameCache:
 
     Parameters
     ----------
-    pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
+    image : (H, W, C) uint8, uint16 or float32, YCbCrImage or LayeredImage
         Must not be written to afterwards.
     output_position : Fraction, optional
         Position of the image among the output frames, counted from 0: for motion that was rendered for each output
         frame.
     source_position : SourcePosition, optional
         Position of the image in the source.
+
+    Attributes
+    ----------
+    pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
+        The image without further layers.
 
     Examples
     --------
@@ -79,9 +85,10 @@ class FrameCache:
     """
 
     def __init__(
-        self, pixels: Pixels, output_position: Fraction | None = None, source_position: SourcePosition | None = None
+        self, image: FrameImage, output_position: Fraction | None = None, source_position: SourcePosition | None = None
     ) -> None:
-        self.pixels = pixels
+        self.image = image
+        self.pixels: Pixels = image.colour if isinstance(image, LayeredImage) else image
         self.output_position = output_position
         self.source_position = source_position
         self._results = Results()

@@ -16,10 +16,11 @@ from fpsboost.analysis.illumination import IlluminationModel, compensate_either,
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
-from fpsboost.frame import Image, Pixels, as_array, check_pair
+from fpsboost.frame import FrameImage, Image, Pixels, as_array, check_pair
 from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.io.vector_folder import UsesVectors, VectorFolder
 from fpsboost.io.video.planes import bgr_of
+from fpsboost.layered import Layer, LayeredImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
@@ -27,6 +28,7 @@ from fpsboost.motion.trajectory import Neighbour
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
+from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.ycbcr import YCbCrImage
 
@@ -52,7 +54,7 @@ CUT_WARNINGS: Mapping[AtCuts, str] = MappingProxyType(
 class InBetween(NamedTuple):
     """Frames between two frames, and whether a scene ends there."""
 
-    images: Iterator[Pixels]
+    images: Iterator[FrameImage]
     scene_cut: bool
 
 
@@ -84,6 +86,14 @@ class Pair:
         self.image0, self.image1, self.duration = image0, image1, duration
         self._interpolator = interpolator
         self._results = Results()
+
+    @property
+    def layered(self) -> tuple[LayeredImage, LayeredImage] | None:
+        """The two frames with their further layers; None if they have none."""
+        image0, image1 = self.image0.image, self.image1.image
+        if isinstance(image0, LayeredImage) and isinstance(image1, LayeredImage):
+            return image0, image1
+        return None
 
     @property
     def illumination(self) -> IlluminationModel | None:
@@ -236,6 +246,12 @@ class Interpolator:
         return all(bool(getattr(part, "takes_planes", False)) for part in parts)
 
     @property
+    def takes_layers(self) -> bool:
+        """Whether images may be `LayeredImage`."""
+        parts = self.synthesizer, CUT_SYNTHESIZERS[self.at_cuts]
+        return all(isinstance(part, MixesLayers) for part in parts)
+
+    @property
     def needs_every_frame(self) -> bool:
         """Whether motion was rendered from each frame to the next one, so that no frame may be skipped."""
         parts = self.estimator, self.synthesizer
@@ -320,13 +336,15 @@ class Interpolator:
 
     def _images(
         self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None, after: Pair | None
-    ) -> Iterator[Pixels]:
+    ) -> Iterator[FrameImage]:
         inner = [float(t) for t in times if 0 < t < 1]
         made = self._synthesize(pair, inner, before, after) if inner else iter(())
         for t in times:
-            yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
+            yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).image.copy()
 
-    def _synthesize(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Pixels]:
+    def _synthesize(
+        self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None
+    ) -> Iterator[FrameImage]:
         is_discontinuous = pair.is_discontinuous(before, after)
         # the pairs beyond these two are not known here
         before = None if before is None or before.is_discontinuous(after=pair) else before
@@ -335,12 +353,15 @@ class Interpolator:
             onward = self.at_cuts == "extrapolate"
             fields = _extrapolate(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (_as_bgr(pair.image0), _as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
-            return CUT_SYNTHESIZERS[self.at_cuts].synthesize(FramePair(image0, image1, *fields), times)
+            return _generate(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), pair, times)
         # the next pair's motion first: the thread that makes its frames waits for it
         following = _neighbour(after, pair) if self.curved else None
         fields = pair.fields
         neighbours = (_neighbour(before, pair), following) if self.curved else ()
-        images = self.synthesizer.synthesize(FramePair(*pair.compensated, *fields, *neighbours), times)
+        frame_pair = FramePair(*pair.compensated, *fields, *neighbours)
+        if pair.layered is not None:  # mixed as the frames are, so that sums of layers stay sums
+            return _generate(self.synthesizer, frame_pair, pair, times)
+        images = self.synthesizer.synthesize(frame_pair, times)
         if pair.illumination is not None:
             images = _with_illumination(images, times, pair.illumination, pair.image0.pixels.dtype)
         elif self.overlays and (before or after):
@@ -369,17 +390,17 @@ class Interpolator:
                 remarks += [remark for remark in vectors.remarks if remark not in remarks]
         return replace(self, **matched), remarks
 
-    def compile_for(self, image: Pixels) -> None:
+    def compile_for(self, image: FrameImage) -> None:
         """Compile the kernels for images of this type, or load them from the cache, by interpolating a tiny clip.
 
         Parameters
         ----------
-        image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
+        image : (H, W, C) uint8, uint16 or float32, YCbCrImage or LayeredImage
             Any image of the clip; only its type and channels matter.
         """
         # long enough for a pyramid with all kinds of levels
         size, random = (48, 480), np.random.default_rng(0)
-        noise: Pixels
+        noise: FrameImage
         if isinstance(image, YCbCrImage):
             down, across = image.subsampling
             halves = size[0] // down, size[1] // across
@@ -387,6 +408,8 @@ class Interpolator:
             noise = replace(image, planes=(y, cb, cr))
         else:
             noise = random.integers(0, 256, (*size, image.shape[2])).astype(image.dtype)
+        if isinstance(image, LayeredImage):
+            noise = LayeredImage(as_array(noise), tuple(_still(layer, size) for layer in image.layers))
         first, second, third = (FrameCache(noise) for _ in range(3))
         rehearsal = self._without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
@@ -410,6 +433,22 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
         before, item = item, after
     if item is not None:
         yield before, item, None
+
+
+def _generate(
+    synthesizer: Synthesizer, frame_pair: FramePair, pair: Pair, times: Sequence[float]
+) -> Iterator[FrameImage]:
+    """Generate images, with the layers that the frames of the pair have."""
+    if pair.layered is None:
+        return synthesizer.synthesize(frame_pair, times)
+    if not isinstance(synthesizer, MixesLayers):
+        raise OptionError("The method makes no layers beside the picture; choose nlm, or give `passes='beauty'`.")
+    return synthesizer.synthesize_layers(frame_pair, pair.layered, times)
+
+
+def _still(layer: Layer, size: tuple[int, int]) -> Layer:
+    """Return a layer like this one, of another size and with nothing in it."""
+    return replace(layer, planes={name: np.zeros(size, plane.dtype) for name, plane in layer.planes.items()})
 
 
 def _as_bgr(image: FrameCache) -> FrameCache:

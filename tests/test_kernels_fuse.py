@@ -88,7 +88,7 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
     blend_hypotheses(
         SampledImage(samples(image0), chroma0),
         SampledImage(samples(image1), chroma1),
-        1 if chroma is None else -(-len(image0) // len(chroma[0])),
+        (1, 1) if chroma is None else (-(-len(image0) // len(chroma[0])), 2),
         np.float32(t),
         listed(candidates),
         Weighting(*numbers, window_shape(), patch_shares()),

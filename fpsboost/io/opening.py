@@ -14,6 +14,7 @@ from fpsboost.io.animation.source import AnimationSource, animation_format
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.numbering import is_pattern
+from fpsboost.io.images.passes import ALL, BEAUTY
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.staging import JobFingerprint, fingerprint_files, fingerprint_options
 from fpsboost.io.video.capture import CaptureSource
@@ -47,6 +48,8 @@ class TargetRequirements:
         Images must say how fast they play.
     planes : bool
         Pictures of Y, Cb and Cr may stay as they are.
+    layers : bool
+        It can hold layers beside the picture.
     """
 
     pictures_alone: bool = False
@@ -54,6 +57,7 @@ class TargetRequirements:
     alpha: bool = False
     needs_rate: bool = False
     planes: bool = False
+    layers: bool = False
 
 
 def open_source(
@@ -102,6 +106,8 @@ def open_source(
         is_images = stands_for_images(path)
         if fill_gaps and not is_images:
             check_images(path, "`fill_gaps`")
+        if decoding.passes is not None and not is_images:
+            check_images(path, "`passes`")
         if path in PIPES:
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")
             _check_has_own_rate(input_fps, "standard input")
@@ -114,7 +120,13 @@ def open_source(
                 )
             rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
             return ImageSource(
-                path, rate, upright=requirements.upright, fill_gaps=fill_gaps, in_place=in_place, limit=limit
+                path,
+                rate,
+                upright=requirements.upright,
+                fill_gaps=fill_gaps,
+                in_place=in_place,
+                passes=_passes(path, decoding, requirements),
+                limit=limit,
             )
         if decoding.decoder == "opencv":
             _check_has_own_rate(input_fps, path)
@@ -122,6 +134,16 @@ def open_source(
                 raise OptionError(f"{' and '.join(decoding.given)} do not go together; OpenCV reads a video as it is.")
             return CaptureSource(path, limit=limit)
         return _open_file(path, input_fps, requirements, decoding, limit)
+
+
+def _passes(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> str:
+    """Return which layers are read beside the picture."""
+    if not requirements.layers and decoding.passes not in (None, BEAUTY):
+        raise OptionError(
+            f"`passes` makes layers of OpenEXR images, which the output of {path} cannot hold; name a folder or a "
+            "pattern such as shot_####.exr, or leave it out."
+        )
+    return decoding.passes or (ALL if requirements.layers else BEAUTY)
 
 
 def stands_for_images(path: str) -> bool:

@@ -74,6 +74,11 @@ class Target:
         """Whether the output says how fast its frames play."""
         return self.kind != "images"
 
+    @property
+    def holds_layers(self) -> bool:
+        """Whether the output can hold layers beside the picture, if the images of its source can."""
+        return self.kind == "images" and (not is_pattern(self.path) or extension_of(self.path) == ".exr")
+
     def holds_alpha(self, encoding: Encoding) -> bool:
         """Return whether the output can hold alpha."""
         if self.kind == "pipe":
@@ -99,6 +104,7 @@ class Target:
             alpha=self.holds_alpha(encoding),
             needs_rate=self.has_rate or needs_rate,
             planes=self.has_clock and takes_planes,
+            layers=self.holds_layers,
         )
 
     def check_encoding(self, encoding: Encoding) -> None:

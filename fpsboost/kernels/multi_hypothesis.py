@@ -51,8 +51,9 @@ class SampledImage(NamedTuple):
 
     full: Samples
     """Planes at full resolution."""
-    chroma: Samples
-    """Planes that have one sample for two columns of pixels; empty without chroma subsampling."""
+    further: Samples
+    """Planes that are sampled along, if any: subsampled chroma, with one sample for two columns of pixels, whose
+    differences weigh like those of the full planes; or layers of full resolution, which have no say in the weights."""
 
 
 class Plane(NamedTuple):
@@ -137,8 +138,8 @@ class Blended(NamedTuple):
 
     image: NDArray[Any]
     """Planes at full resolution, (C, height, width)."""
-    chroma: NDArray[Any]
-    """Planes of subsampled chroma, (0 or 2, rows, columns)."""
+    further: NDArray[Any]
+    """Planes that are sampled along, (any number, rows, columns)."""
     confidence: NDArray[Any]
     """(height, width) float32; has no columns if the confidence is not requested."""
 
@@ -209,7 +210,7 @@ class Work(NamedTuple):
     """Weight of each sample of a window, (AREA,) float32."""
     values: NDArray[Any]
     """Sums of each sample of a window, (AREA,) float32."""
-    chroma_motion: NDArray[Any]
+    further_motion: NDArray[Any]
     """(VALUES_PER_MOTION,) float32."""
 
 
@@ -692,16 +693,16 @@ def make_layer(samples0, samples1, across, down, wide, band_planes, width):
 
 
 @njit(inline="always", **FINITE_JIT)
-def locate_chroma(place, motion, down, scaled):
-    """Return the position of a window in chroma, and write its motion in chroma samples.
+def locate_further(place, motion, down, across, scaled):
+    """Return the position of a window in further planes, and write its motion in their samples.
 
     The chroma siting has no influence on displacements.
     """
-    margin, by_row, half = np.float32(MARGIN), np.float32(1) / np.float32(down), np.float32(0.5)
+    margin, by_row, by_column = np.float32(MARGIN), np.float32(1) / np.float32(down), np.float32(1) / np.float32(across)
     y0, y1 = (place.y0 - margin) * by_row + margin, (place.y1 - margin) * by_row + margin
-    x0, x1 = (place.x0 - margin) * half + margin, (place.x1 - margin) * half + margin
+    x0, x1 = (place.x0 - margin) * by_column + margin, (place.x1 - margin) * by_column + margin
     scaled[4], scaled[7] = motion[4], motion[7]
-    scaled[5], scaled[6] = motion[5] * by_row * 2, motion[6] * down * half
+    scaled[5], scaled[6] = motion[5] * by_row * across, motion[6] * down * by_column
     return WindowPlace(y0, x0, y1, x1, place.t, place.within)
 
 
@@ -728,12 +729,12 @@ def add_samples(mixed, weight, across, down, upsampled, total):
 
 
 @njit(inline="always", **FINITE_JIT)
-def sum_candidates(full, chroma, window, t, motions, priors, weighting, work, sums):
+def sum_candidates(full, further, window, t, motions, priors, weighting, work, sums):
     """Sum the samples of a window over the candidates of its node.
 
     Parameters
     ----------
-    full, chroma : Layer
+    full, further : Layer
     window : Window
     t : float32
     motions : (candidates, VALUES_PER_MOTION) float32
@@ -743,19 +744,19 @@ def sum_candidates(full, chroma, window, t, motions, priors, weighting, work, su
     work : Work
     sums : NodeSums
     """
-    room, squared, padded, half_way, similarity, weight, upsampled, _, chroma_motion = work
+    room, squared, padded, half_way, similarity, weight, upsampled, _, further_motion = work
     top, left, height, width = window
-    distance, mixed, total, chroma_mixed, chroma_total = (
+    distance, mixed, total, further_mixed, further_total = (
         full.distance,
         full.mixed,
         full.total,
-        chroma.mixed,
-        chroma.total,
+        further.mixed,
+        further.total,
     )
     weights, similarities, most_similar = sums
     marks, patch_shares = room.marks, weighting.patch_shares
     total[:] = 0
-    chroma_total[:] = 0
+    further_total[:] = 0
     weights[:] = MIN_WEIGHT_SUM
     similarities[:] = 0
     most_similar[:] = 0
@@ -772,17 +773,19 @@ def sum_candidates(full, chroma, window, t, motions, priors, weighting, work, su
         squared[:] = 0
         for j in range(SQUARES_PER_ROW):
             pool_row(distance, 2 * j * WINDOW, WINDOW, np.float32(0.25), squared, j * SQUARES_PER_ROW)
-        if chroma_mixed.shape[0]:
-            sample_layer(chroma, locate_chroma(place, motion, chroma.down, chroma_motion), chroma_motion, room)
-            pool_chroma(chroma.distance, chroma.down, squared)
+        if further_mixed.shape[0]:
+            there = locate_further(place, motion, further.down, further.across, further_motion)
+            sample_layer(further, there, further_motion, room)
+            if further.across > 1:
+                pool_chroma(further.distance, further.down, squared)
         for i in range(SQUARES_PER_WINDOW):
             squared[i] = decay(squared[i] * weighting.scale)
         sum_patches(squared, padded, half_way, similarity)
         weigh_squares(prior, weighting.sharpness, similarity, patch_shares, weight, sums)
         least_weight, least_similar = smallest(weights, squared), smallest(most_similar, squared)
         add_samples(mixed, weight, full.across, full.down, upsampled, total)
-        if chroma_mixed.shape[0]:
-            add_samples(chroma_mixed, weight, chroma.across, chroma.down, upsampled, chroma_total)
+        if further_mixed.shape[0]:
+            add_samples(further_mixed, weight, further.across, further.down, upsampled, further_total)
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -823,14 +826,14 @@ def finish_layer(layer, first, last, top, rows, value_range, image):
 
 
 @njit(cache=True, **FINITE_JIT)
-def blend_hypotheses(frame0, frame1, down, t, candidates, weighting, value_range, blended):
+def blend_hypotheses(frame0, frame1, subsampling, t, candidates, weighting, value_range, blended):
     """Write the in-between frame, one row of nodes at a time.
 
     Parameters
     ----------
     frame0, frame1 : SampledImage
-    down : int
-        Rows of pixels per row of chroma, 1 or 2.
+    subsampling : (int, int)
+        Rows and columns of pixels per sample of the further planes: (1, 1) for layers, (1 or 2, 2) for chroma.
     t : float32
     candidates : fpsboost.kernels.candidates.Candidates
     weighting : Weighting
@@ -839,13 +842,16 @@ def blend_hypotheses(frame0, frame1, down, t, candidates, weighting, value_range
         Written.
     """
     (channels, height, width), (rows, columns) = blended.image.shape, candidates.listed.shape
+    down, across = subsampling
     marks = np.empty((4, WINDOW), np.float32)
     # not constants, for which all kernels above would be compiled again
     pixels, one = marks.shape[1], marks.shape[1] // WINDOW
     has_confidence = 1 if blended.confidence.shape[1] else 0
     full = make_layer(frame0.full, frame1.full, one, one, pixels, channels + 1 + has_confidence, width)
-    chroma_planes, chroma_width = blended.chroma.shape[0], blended.chroma.shape[2]
-    chroma = make_layer(frame0.chroma, frame1.chroma, 2 * one, down, pixels // 2, chroma_planes + 1, chroma_width)
+    further_planes, further_width = blended.further.shape[0], blended.further.shape[2]
+    further = make_layer(
+        frame0.further, frame1.further, across, down, pixels // across, further_planes + 1, further_width
+    )
     work = make_work(marks)
     sums = NodeSums(
         np.empty(SQUARES_PER_WINDOW, np.float32),
@@ -858,17 +864,17 @@ def blend_hypotheses(frame0, frame1, down, t, candidates, weighting, value_range
             window = Window(top, column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2, height, width)
             count = candidates.listed[row, column]
             motions, priors = candidates.motions[row, column, :count], candidates.weights[row, column, :count]
-            sum_candidates(full, chroma, window, t, motions, priors, weighting, work, sums)
+            sum_candidates(full, further, window, t, motions, priors, weighting, work, sums)
             weigh_window(weighting.window_shape, sums.weights, work.weight)
             add_node(full, window, work.weight, sums, work.upsampled, work.values)
-            add_node(chroma, window, work.weight, sums, work.upsampled, work.values)
+            add_node(further, window, work.weight, sums, work.upsampled, work.values)
         # the windows of the next row of nodes overlap the lower half
         first, last = max(-top, 0), NODE_SPACING if row < rows - 1 else min(height - top, WINDOW)
         if has_confidence:
             finish_confidence(full.band[channels], full.band[channels + 1], first, last, top, blended.confidence)
         finish_layer(full, first, last, top, pixels // 2, value_range, blended.image)
-        if chroma_planes:
-            finish_layer(chroma, first, last, top, pixels // 2, value_range, blended.chroma)
+        if further_planes:
+            finish_layer(further, first, last, top, pixels // 2, value_range, blended.further)
 
 
 def window_shape() -> np.ndarray:

@@ -8,9 +8,12 @@ from functools import partial
 from typing import ClassVar
 
 import cv2
+import numpy as np
 
 from fpsboost.frame import Image, Pixels, as_array
+from fpsboost.layered import LayeredImage
 from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.layers import Mixed, Planes, Sources, mix_layers
 from fpsboost.ycbcr import YCbCrImage
 
 
@@ -29,6 +32,25 @@ class Blend:
             else:
                 yield _mixed(t, as_array(image0), as_array(image1))
 
+    def synthesize_layers(
+        self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
+    ) -> Iterator[LayeredImage]:
+        """Generate blended images with all layers; see `fpsboost.synthesis.layers.MixesLayers`."""
+        for t in times:
+            yield mix_layers(layered, partial(_mix_planes, t), partial(_at_rest, layered[0].shape, t))
+
+
+def _at_rest(shape: tuple[int, ...], t: float) -> Sources:
+    """Return the pixel's own place, in the frame that is nearer in time."""
+    place = np.indices(shape[:2])
+    here = place[0], place[1]
+    return Sources(here, here, np.full(shape[:2], t > 0.5), np.zeros(shape[:2], bool))
+
+
+def _mix_planes(t: float, planes0: Planes, planes1: Planes) -> Mixed:
+    mixed = np.stack([_mixed(t, *pair) for pair in zip(planes0, planes1, strict=True)])
+    return Mixed(mixed, mixed)
+
 
 def _mixed(t: float, image0: Image, image1: Image) -> Image:
     return cv2.addWeighted(image0, 1 - t, image1, t, 0).reshape(image0.shape)
@@ -45,3 +67,10 @@ class Nearest:
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         for t in times:
             yield (image0 if t <= 0.5 else image1).copy()
+
+    def synthesize_layers(
+        self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
+    ) -> Iterator[LayeredImage]:
+        """Generate copies of the nearer frame with all layers; see `fpsboost.synthesis.layers.MixesLayers`."""
+        for t in times:
+            yield layered[0 if t <= 0.5 else 1].copy()

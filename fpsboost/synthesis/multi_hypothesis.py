@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import cv2
@@ -27,6 +28,7 @@ from fpsboost.kernels.candidates import (
     collect_candidates,
     list_candidates,
 )
+from fpsboost.kernels.dominant_motion import find_dominant_motion
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.multi_hypothesis import (
     CONFIDENCE_POWER,
@@ -41,10 +43,12 @@ from fpsboost.kernels.multi_hypothesis import (
     window_shape,
 )
 from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
+from fpsboost.layered import LayeredImage
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
 from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accelerations_at_points
 from fpsboost.synthesis import FramePair, InterpolatedImage
+from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
 from fpsboost.synthesis.rounding import as_image, colour_unseen, premultiplied, rounding_offset, value_range
 from fpsboost.ycbcr import YCbCrImage
@@ -196,6 +200,86 @@ class MultiHypothesis:
         similarity += share * (agreement - similarity)
         return _Surfaces(motion, mixed, share, similarity ** np.float32(CONFIDENCE_POWER))
 
+    def synthesize_layers(
+        self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
+    ) -> Iterator[LayeredImage]:
+        """Generate images with all layers; see `fpsboost.synthesis.layers.MixesLayers`."""
+        for candidates, t in self._listed(frame_pair, times):
+            surfaces = None
+            if self.vectors is not None:
+                confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
+                self._fused(frame_pair, candidates, t, confidence)
+                surfaces = self._find_surfaces(confidence, frame_pair, t, self.vectors)
+            mix = partial(self._mix_planes, frame_pair, candidates, t, surfaces)
+            yield mix_layers(layered, mix, partial(self._find_sources, frame_pair, candidates, t, surfaces))
+
+    def _mix_planes(
+        self,
+        frame_pair: FramePair,
+        candidates: Candidates,
+        t: float,
+        surfaces: _Surfaces | None,
+        planes0: Planes,
+        planes1: Planes,
+    ) -> Mixed:
+        """Mix planes of both frames with the weights of the pictures."""
+        pictures = [image.cached(_samples).full for image in (frame_pair.image0, frame_pair.image1)]
+        samples = [_array_samples(np.dstack(planes)) for planes in (planes0, planes1)]
+        height, width = planes0[0].shape
+        nobody_asks, numbers = np.empty((0, 0), np.float32), np.finfo(np.float32)
+        mixed = []
+        for sampled in (samples, [each._replace(coefficients=each.planes) for each in samples]):
+            _, pixels, _ = _blank(frame_pair.image0.pixels)
+            made = np.empty((len(planes0), height, width), np.float32)
+            blend_hypotheses(
+                *(SampledImage(picture, each) for picture, each in zip(pictures, sampled, strict=True)),
+                (1, 1),
+                np.float32(t),
+                candidates,
+                self._weighting(frame_pair.image0.pixels),
+                ValueRange(np.float32(1), np.float32(0), numbers.min, numbers.max, False),
+                Blended(pixels, made, nobody_asks),
+            )
+            if surfaces is not None:
+                along, _ = surfaces.motion.mix(*(each.coefficients for each in sampled))
+                made += surfaces.share * (along - made)
+            mixed.append(made)
+        return Mixed(*mixed)
+
+    def _find_sources(
+        self, frame_pair: FramePair, candidates: Candidates, t: float, surfaces: _Surfaces | None
+    ) -> Sources:
+        """Find the frame that has each pixel along the motion with the largest weight."""
+        height, width = frame_pair.image0.pixels.shape[:2]
+        places = np.empty((4, height, width), np.float32)
+        places[::2], places[1::2] = np.arange(width), np.arange(height)[:, np.newaxis]
+        find_dominant_motion(
+            *(image.cached(_samples).full for image in (frame_pair.image0, frame_pair.image1)),
+            np.float32(t),
+            candidates,
+            self._weighting(frame_pair.image0.pixels),
+            np.zeros((height, width), np.float32),
+            places,
+        )
+        if surfaces is not None:
+            follows = surfaces.share > 0.5
+            for first, (motion, _) in ((0, surfaces.motion.to_frame0), (2, surfaces.motion.to_frame1)):
+                for axis in (0, 1):
+                    here = np.arange(width) if axis == 0 else np.arange(height)[:, np.newaxis]
+                    places[first + axis] = np.where(follows, here + motion[..., axis], places[first + axis])
+        return find_sources(places, (frame_pair.field01.flow, frame_pair.field10.flow), t)
+
+    def _weighting(self, image: Pixels) -> Weighting:
+        """Return how candidates are weighted in images of this type."""
+        return Weighting(
+            np.float32(0.5 / self.bandwidth**2 * _difference_factor(image)),
+            np.float32(self.sharpness),
+            np.float32(self.sufficient_similarity),
+            np.float32(self.min_vote_share),
+            window_shape(),
+            patch_shares(),
+        )
+
     def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
         """Yield the candidates at each time, and the time."""
         votes_of_both = self._collect_votes(frame_pair)
@@ -207,21 +291,13 @@ class MultiHypothesis:
         sampled0, sampled1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
         made, pixels, chroma = _blank(image0)
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
-        weighting = Weighting(
-            np.float32(0.5 / self.bandwidth**2 * _difference_factor(image0)),
-            np.float32(self.sharpness),
-            np.float32(self.sufficient_similarity),
-            np.float32(self.min_vote_share),
-            window_shape(),
-            patch_shares(),
-        )
         blend_hypotheses(
             sampled0,
             sampled1,
-            image0.subsampling[0] if isinstance(image0, YCbCrImage) else 1,
+            image0.subsampling if isinstance(image0, YCbCrImage) else (1, 1),
             np.float32(t),
             candidates,
-            weighting,
+            self._weighting(image0),
             ValueRange(_white(image0), rounding_offset(image0), *_value_range(frame_pair), straight_alpha),
             Blended(pixels, chroma, confidence),
         )

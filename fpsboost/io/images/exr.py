@@ -1,75 +1,50 @@
-"""OpenEXR files: planes of numbers with names, read as float32 and written as half or float.
+"""OpenEXR files: planes of numbers with names, read as float32 or in their own types, and written.
 
-The header is read here, before anything is decoded: a few bytes can promise any size, so a file must hold the beginning
-of every one of its chunks before memory is taken for what is in them, which neither of OpenEXR's readers asks for.
-Measured: the older one ends the process where a name in the header is no UTF-8; the newer one does not say how precise
-channels are before it has decoded them. The older one decodes, because it raises where a file is damaged; the newer one
-prints to stdout and goes on.
+Measured: OpenEXR's older reader ends the process where a name in the header is no UTF-8; the newer one does not say how
+precise channels are before it has decoded them. The older one decodes, because it raises where a file is damaged; the
+newer one prints to stdout and goes on. It knows one part only, so that each of several is handed to it as a file. The
+newer one writes; its header is then replaced by that of the source, because it would change the types of attributes.
 """
 
 from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OutputError, explained
+from fpsboost.io.images.exr_header import (
+    LONG_NAMES,
+    MAGIC,
+    SEVERAL_PARTS,
+    TILED,
+    Channel,
+    ExrHeader,
+    ExrPart,
+    Precision,
+    Window,
+    channel_bytes,
+    chunk_head,
+    damaged,
+    header_bytes,
+    numbers_at,
+    parse_exr_header,
+)
 from fpsboost.io.memory_limit import MemoryLimit
 
-MAGIC = b"v/1\x01"
-MAX_CHANNELS = 1024
+LEVEL = "dwaCompressionLevel"
+"""Attribute that says how strongly DWAA and DWAB compress."""
 
-TILED, DEEP, SEVERAL_PARTS = 0x200, 0x800, 0x1000
-"""Flags of the version."""
-
-Precision = Literal["uint", "half", "float"]
-_precisions: tuple[Precision, ...] = ("uint", "half", "float")
-_kept_attributes = ("chromaticities", "whiteLuminance", "pixelAspectRatio")
-_lines_per_chunk = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256, 11: 32}
-"""By compression, as numbered in the format."""
-
-
-class Window(NamedTuple):
-    """A rectangle of pixels, both ends included."""
-
-    left: int
-    top: int
-    right: int
-    bottom: int
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.bottom - self.top + 1, self.right - self.left + 1
-
-
-@dataclass(frozen=True)
-class ExrHeader:
-    """What a file says of itself.
-
-    Attributes
-    ----------
-    channels : mapping of str to {'uint', 'half', 'float'}
-        Names as they are stored, by the alphabet, and how precise each is.
-    subsampled : frozenset of str
-        Channels that have fewer pixels than the image.
-    data, display : Window
-        Where there are pixels, and what is to be shown.
-    attributes : mapping of str to tuple of float
-        What it says of its colours and of the shape of its pixels, unless that is square: what `encode_exr` takes.
-    """
-
-    channels: Mapping[str, Precision]
-    subsampled: frozenset[str]
-    data: Window
-    display: Window
-    attributes: Mapping[str, tuple[float, ...]]
+numpy_types: Mapping[Precision, type[np.generic]] = MappingProxyType(
+    {"uint": np.uint32, "half": np.float16, "float": np.float32}
+)
+"""Types of channels in memory."""
 
 
 def read_exr(
@@ -77,7 +52,7 @@ def read_exr(
     choose: Callable[[Collection[str]], Collection[str]] = lambda names: names,
     limit: MemoryLimit | None = None,
 ) -> dict[str, NDArray[Any]]:
-    """Read channels of a file with one part, in scanlines or tiles.
+    """Read channels of a file, in scanlines or tiles.
 
     Parameters
     ----------
@@ -90,7 +65,8 @@ def read_exr(
     Returns
     -------
     dict of str to (H, W) float32
-        As large as the display window; zero where the file has no data. Infinity and NaN are as they are stored.
+        By the names of channels, in a file of several parts with that of their part before it. As large as the display
+        window; zero where the file has no data. Infinity and NaN are as they are stored.
 
     Raises
     ------
@@ -108,14 +84,40 @@ def decode_exr(
 ) -> dict[str, NDArray[Any]]:
     """Read channels from the content of a file; see `read_exr`."""
     header = parse_exr_header(path, data)
+    planes = decode_channels(path, data, header, list(choose(list(header.channels))), limit)
+    return {name: plane.astype(np.float32) for name, plane in planes.items()}
+
+
+def decode_channels(
+    path: Path, data: bytes, header: ExrHeader, names: Sequence[str], limit: MemoryLimit | None
+) -> dict[str, NDArray[Any]]:
+    """Read channels from the content of a file in their own types.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    data : bytes
+        The content of the file.
+    header : ExrHeader
+        What it says of itself.
+    names : sequence of str
+        Full names of channels, in any order.
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
+
+    Returns
+    -------
+    dict of str to (H, W) float16, float32 or uint32
+        In the order of the names; otherwise as for `read_exr`.
+    """
     limit = limit or MemoryLimit()
-    for window in (header.data, header.display):
+    for window in (header.display, *(part.data for part in header.parts)):
         limit.check(path, *reversed(window.size))
-    names = list(choose(list(header.channels)))
     if header.subsampled.intersection(names):
         raise InputError(f"{path} has channels with fewer pixels than the image; save it as RGB or gray.")
-    planes = _decode(data, names, header.data, path)
-    return {name: _in_display_window(plane, header) for name, plane in zip(names, planes, strict=True)}
+    planes = _decode(data, header, names, path)
+    return {name: _in_display_window(planes[name], header.places[name][0].data, header.display) for name in names}
 
 
 def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> None:
@@ -167,6 +169,84 @@ def encode_exr(
     return stream.getvalue()
 
 
+def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> bytes:
+    """Turn planes into the content of a file that says the same as another one, in the same parts.
+
+    Parts, names, types, compression, line order, tiles and all attributes are those of the other file, except that it
+    has data for the whole display window, no smaller copies of its images, and no channels without a plane.
+
+    Parameters
+    ----------
+    header : ExrHeader
+        Of the other file.
+    planes : mapping of str to (H, W)
+        By the full names of channels that the other file has, all of the size of its display window.
+
+    Returns
+    -------
+    bytes
+    """
+    import OpenEXR  # noqa: PLC0415
+
+    parts, written = [], []
+    for part in header.parts:
+        own = {name: each for name, each in part.channels.items() if part.full_name(name) in planes}
+        if not own:
+            continue
+        channels = {}
+        for name, each in own.items():
+            with np.errstate(over="ignore"):
+                plane = np.ascontiguousarray(planes[part.full_name(name)], numpy_types[each.precision])
+            channels[name] = OpenEXR.Channel(name, plane, 1, 1, each.is_linear)
+        parts.append((part, own))
+        written.append(OpenEXR.Part(_coding(part), channels, part.name or "image"))
+    stream = io.BytesIO()
+    with OpenEXR.File(written) as file:
+        file.write(stream)
+    return _with_headers(stream.getvalue(), header, parts)
+
+
+def _coding(part: ExrPart) -> dict[str, Any]:
+    """Return the attributes of a part that its pixels are coded by."""
+    import OpenEXR  # noqa: PLC0415
+
+    stored = part.attributes
+    window = np.array(part.display[:2], np.int32), np.array(part.display[2:], np.int32)
+    coding = {
+        "type": OpenEXR.tiledimage if part.is_tiled else OpenEXR.scanlineimage,
+        "compression": OpenEXR.Compression(stored["compression"].value[0]),
+        "lineOrder": OpenEXR.LineOrder(stored["lineOrder"].value[0]),
+        "dataWindow": window,
+        "displayWindow": window,
+    }
+    if part.is_tiled:
+        tiles = OpenEXR.TileDescription()
+        tiles.xSize, tiles.ySize = struct.unpack_from("<II", stored["tiles"].value)
+        coding["tiles"] = tiles
+    if LEVEL in stored:
+        (coding[LEVEL],) = struct.unpack("<f", stored[LEVEL].value)
+    return coding
+
+
+def _with_headers(data: bytes, source: ExrHeader, parts: Sequence[tuple[ExrPart, Mapping[str, Channel]]]) -> bytes:
+    """Put the headers of another file into a file that has the same parts, and move its chunks accordingly."""
+    header = parse_exr_header(Path("new.exr"), data)
+    heads = b""
+    for new, (part, channels) in zip(header.parts, parts, strict=True):
+        changed = {"channels": channel_bytes(channels), "dataWindow": struct.pack("<4i", *part.display)}
+        if new.chunks is not None:
+            changed["chunkCount"] = struct.pack("<i", len(new.chunks))
+        if part.is_tiled:
+            changed["tiles"] = part.attributes["tiles"].value[:8] + b"\0"  # one level
+        kept = part.attributes.items()
+        heads += header_bytes({name: each._replace(value=changed.get(name, each.value)) for name, each in kept})
+    version = header.version | (source.version & LONG_NAMES)
+    heads = MAGIC + struct.pack("<I", version) + heads + b"\0" * bool(version & SEVERAL_PARTS)
+    tables = np.concatenate([part.chunks for part in header.parts if part.chunks is not None])
+    moved = (tables + (len(heads) - header.tables)).astype("<u8").tobytes()
+    return heads + moved + data[header.tables + len(moved) :]
+
+
 def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None:
     """Find the name prefix of the only layer that has all these channels.
 
@@ -198,132 +278,48 @@ def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None
     return found[0] if len(found) == 1 else None
 
 
-def parse_exr_header(path: Path, data: bytes) -> ExrHeader:
-    """Read what a file says of itself, nothing decoded.
-
-    Parameters
-    ----------
-    path : Path
-        For messages.
-    data : bytes
-        The content of the file, whole: it must have all its chunks.
-
-    Raises
-    ------
-    InputError
-        It is damaged, or of a kind that holds no plain image.
-    """
-    if data[:4] != MAGIC:
-        raise _damaged(path)
-    (version,) = struct.unpack("<I", data[4:8].ljust(4, b"\0"))
-    if version & (DEEP | SEVERAL_PARTS):
-        kind = "deep pixels" if version & DEEP else "several parts"
-        raise InputError(f"{path} has {kind}; save it as one flat image.")
-    try:
-        attributes, end = _attributes(data)
-        channels, subsampled = _channels(attributes["channels"])
-        header = ExrHeader(
-            channels,
-            subsampled,
-            Window(*struct.unpack("<4i", attributes["dataWindow"])),
-            Window(*struct.unpack("<4i", attributes["displayWindow"])),
-            _kept(attributes),
-        )
-        if min(header.data.size + header.display.size) < 1:
-            raise ValueError("a window without pixels")
-        is_whole = _has_all_chunks(data, end, header.data, attributes, bool(version & TILED))
-    except (KeyError, IndexError, ValueError, ZeroDivisionError, struct.error) as error:
-        raise _damaged(path) from error
-    if not is_whole:
-        raise _damaged(path)
-    return header
-
-
-def _damaged(path: Path) -> InputError:
-    return InputError(f"{path} is damaged or no OpenEXR file; replace it.")
-
-
-def _attributes(data: bytes) -> tuple[dict[str, bytes], int]:
-    """Return all attributes by name, and where the table of chunks begins."""
-    attributes, place = {}, 8
-    while data[place] != 0:
-        name, place = _word(data, place)
-        _, place = _word(data, place)
-        (size,) = struct.unpack_from("<i", data, place)
-        if not 0 <= size <= len(data) - place - 4:
-            raise ValueError("an attribute ends behind the file")
-        attributes[name] = data[place + 4 : place + 4 + size]
-        place += 4 + size
-    return attributes, place + 1
-
-
-def _kept(attributes: Mapping[str, bytes]) -> dict[str, tuple[float, ...]]:
-    """Return the attributes to copy to output files, without the default pixel aspect ratio of 1."""
-    kept = {name: attributes[name] for name in _kept_attributes if len(attributes.get(name, b"-")) % 4 == 0}
-    values = {name: struct.unpack(f"<{len(value) // 4}f", value) for name, value in kept.items()}
-    return {name: value for name, value in values.items() if (name, value) != ("pixelAspectRatio", (1.0,))}
-
-
-def _word(data: bytes, place: int) -> tuple[str, int]:
-    """Read a null-terminated string; return it and the position after it."""
-    end = data.index(b"\0", place)
-    return data[place:end].decode("utf-8"), end + 1
-
-
-def _channels(data: bytes) -> tuple[dict[str, Precision], frozenset[str]]:
-    channels, subsampled, place = {}, set(), 0
-    while data[place] != 0:
-        name, place = _word(data, place)
-        kind, _, *sampling = struct.unpack_from("<iIii", data, place)
-        channels[name] = _precisions[kind]
-        if sampling != [1, 1]:
-            subsampled.add(name)
-        place += 16
-        if len(channels) > MAX_CHANNELS:
-            raise ValueError("more channels than any program writes")
-    return channels, frozenset(subsampled)
-
-
-def _has_all_chunks(data: bytes, table: int, window: Window, attributes: Mapping[str, bytes], is_tiled: bool) -> bool:
-    """Return whether every chunk of the full image lies within the file, by the table and by what each one says."""
-    if is_tiled:
-        tile_width, tile_height = struct.unpack_from("<II", attributes["tiles"])
-        count, before_size = -(-window.size[0] // tile_height) * -(-window.size[1] // tile_width), 16
-    elif attributes["compression"][0] in _lines_per_chunk:
-        count, before_size = -(-window.size[0] // _lines_per_chunk[attributes["compression"][0]]), 4
-    else:  # of a later time: the decoder will know
-        return True
-    behind_table = table + 8 * count
-    if behind_table > len(data):
-        return False
-    chunks = np.frombuffer(data, "<u8", count, table)
-    if chunks.min() < behind_table or chunks.max() > len(data) - before_size - 4:
-        return False
-    places = chunks.astype(np.int64) + before_size
-    content = np.frombuffer(data, np.uint8)
-    sizes = np.ascontiguousarray(content[places[:, np.newaxis] + np.arange(4)]).view("<i4")[:, 0]
-    return bool(sizes.min() >= 0 and (places + 4 + sizes <= len(data)).all())
-
-
-def _decode(data: bytes, names: list[str], window: Window, path: Path) -> list[NDArray[Any]]:
-    """Return the channels as they are stored, (height, width) of the data window, float32."""
-    import Imath  # noqa: PLC0415
+def _decode(data: bytes, header: ExrHeader, names: Sequence[str], path: Path) -> dict[str, NDArray[Any]]:
+    """Return channels as they are stored, (height, width) of their part's data window."""
     import OpenEXR  # noqa: PLC0415
 
-    try:
-        file = OpenEXR.InputFile(io.BytesIO(data))
-        planes = file.channels(names, Imath.PixelType(Imath.PixelType.FLOAT))
-        file.close()
-    except (OSError, RuntimeError, TypeError, ValueError) as error:
-        raise _damaged(path) from error
-    return [np.frombuffer(plane, np.float32).reshape(window.size) for plane in planes]
+    found: dict[str, NDArray[Any]] = {}
+    for number, part in enumerate(header.parts):
+        own = {part.full_name(name): name for name in part.channels if part.full_name(name) in names}
+        if not own:
+            continue
+        whole = data if len(header.parts) == 1 and not header.version & SEVERAL_PARTS else _alone(data, header, number)
+        try:
+            file = OpenEXR.InputFile(io.BytesIO(whole))
+            planes = file.channels(list(own.values()))
+            file.close()
+        except (OSError, RuntimeError, TypeError, ValueError) as error:
+            raise damaged(path) from error
+        for (name, stored), plane in zip(own.items(), planes, strict=True):
+            kind = numpy_types[part.channels[stored].precision]
+            found[name] = np.frombuffer(plane, kind).reshape(part.data.size)
+    return found
 
 
-def _in_display_window(plane: NDArray[Any], header: ExrHeader) -> NDArray[Any]:
-    data, display = header.data, header.display
+def _alone(data: bytes, header: ExrHeader, number: int) -> bytes:
+    """Return one part of several as a file of its own, not decoded, for the decoder that knows one part only."""
+    part = header.parts[number]
+    if part.chunks is None:
+        raise ValueError("a part always has its chunks")
+    version = (header.version & ~SEVERAL_PARTS) | (TILED if part.is_tiled else 0)
+    head = MAGIC + struct.pack("<I", version) + header_bytes(part.attributes)
+    before = chunk_head(part.is_tiled, has_several=True)
+    ends = part.chunks + before + 4 + numbers_at(data, part.chunks + before)
+    lengths = ends - part.chunks - 4  # without the number of the part
+    begins = len(head) + 8 * len(lengths) + np.concatenate([[0], np.cumsum(lengths)[:-1]])
+    content = memoryview(data)
+    chunks = [content[begin + 4 : end] for begin, end in zip(part.chunks.tolist(), ends.tolist(), strict=True)]
+    return b"".join([head, begins.astype("<u8").tobytes(), *chunks])
+
+
+def _in_display_window(plane: NDArray[Any], data: Window, display: Window) -> NDArray[Any]:
     if data == display:
         return plane
-    shown = np.zeros(display.size, np.float32)
+    shown = np.zeros(display.size, plane.dtype)
     left, right = max(data.left, display.left), min(data.right, display.right) + 1
     top, bottom = max(data.top, display.top), min(data.bottom, display.bottom) + 1
     if left < right and top < bottom:

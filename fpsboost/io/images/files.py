@@ -15,17 +15,20 @@ of JPEG and PNG, and refuses profiles that are odd or longer than a segment.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OutputError, explained
 from fpsboost.frame import ClipInfo, Image, describe, type_names
-from fpsboost.io.images.exr import decode_exr, encode_exr, find_layer, parse_exr_header
+from fpsboost.io.images.exr import decode_channels, encode_exr
+from fpsboost.io.images.exr_header import ExrHeader, parse_exr_header
+from fpsboost.io.images.exr_layers import contents_of
 from fpsboost.io.images.jpeg_segments import START_OF_SCAN, segments_in
 from fpsboost.io.images.kinds import as_stored
 from fpsboost.io.images.metadata import ImageMetadata, pillow_options, with_metadata
@@ -110,27 +113,33 @@ def decode_image(path: Path, data: bytes, limit: MemoryLimit | None = None) -> I
 
 
 def _decode_exr_image(path: Path, data: bytes, limit: MemoryLimit | None) -> Image:
-    def choose(names: Collection[str]) -> list[str]:
-        chosen = _choose_colours(names)
-        if not chosen:
-            raise InputError(
-                f"{path} has no colours among its channels ({', '.join(names)}); save R, G and B, or Y, in one layer."
-            )
-        return chosen
+    header = parse_exr_header(path, data)
+    return picture_of(decode_channels(path, data, header, picture_channels(path, header), limit))
 
-    planes = list(decode_exr(path, data, choose, limit).values())
-    if len(planes) == 2:  # gray and alpha
+
+def picture_channels(path: Path, header: ExrHeader) -> list[str]:
+    """Return the channels of the picture in an OpenEXR file, in the order B, G, R, A or Y, A.
+
+    Raises
+    ------
+    InputError
+        It holds no picture.
+    """
+    chosen = contents_of(header).picture
+    if not chosen:
+        raise InputError(
+            f"{path} has no colours among its channels ({', '.join(header.channels)}); save R, G and B, or Y, in one "
+            "layer."
+        )
+    return chosen
+
+
+def picture_of(channels: Mapping[str, NDArray[Any]]) -> Image:
+    """Return the channels of a picture as an image, (H, W, C) float32; gray with alpha becomes BGRA."""
+    planes = [plane.astype(np.float32) for plane in channels.values()]
+    if len(planes) == 2:
         planes = [planes[0]] * 3 + planes[1:]
     return np.stack(planes, axis=-1)
-
-
-def _choose_colours(names: Collection[str]) -> list[str]:
-    """Return the channels of a picture in the order B, G, R, A or Y, A; none if there is no picture."""
-    for colours in ("BGR", "Y"):
-        layer = find_layer(names, colours, "Combined")
-        if layer is not None:
-            return [layer + each for each in f"{colours}A" if layer + each in names]
-    return list(names) if len(names) == 1 else []
 
 
 def needs_float(path: Path, data: bytes, image: Image) -> bool:
@@ -146,17 +155,17 @@ def needs_float(path: Path, data: bytes, image: Image) -> bool:
     """
     if extension_of(path.name) != ".exr":
         return image.dtype == np.float32
-    channels = parse_exr_header(path, data).channels
-    return any(channels[name] != "half" for name in _choose_colours(list(channels)))
+    header = parse_exr_header(path, data)
+    return any(header.channels[name] != "half" for name in contents_of(header).picture)
 
 
 def unread_channels(path: Path, data: bytes) -> list[str]:
     """Return the channels of a file that `read_image` leaves out: other layers, depth, motion."""
     if extension_of(path.name) != ".exr":
         return []
-    names = list(parse_exr_header(path, data).channels)
-    chosen = _choose_colours(names)
-    return [name for name in names if name not in chosen]
+    header = parse_exr_header(path, data)
+    chosen = contents_of(header).picture
+    return [name for name in header.channels if name not in chosen]
 
 
 def _ends_early(data: bytes) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 from fpsboost.frame import Image
 from fpsboost.io.images import tiff_tags, webp_chunks
 from fpsboost.io.images.exact_reads import DamagedError
-from fpsboost.io.images.exr import MAGIC, parse_exr_header
+from fpsboost.io.images.exr_header import MAGIC, parse_exr_header
 from fpsboost.io.images.jpeg_segments import components_of, segments_in
 from fpsboost.io.images.png_chunks import SIGNATURE, Chunk, chunk_bytes, chunks_in
 from fpsboost.io.images.tiff_tags import Tag

@@ -20,9 +20,11 @@ from types import TracebackType
 from typing import Self
 
 from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
-from fpsboost.frame import ClipInfo, Frame, Image, describe
+from fpsboost.frame import ClipInfo, Frame, Image, as_array, describe
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import ClosesOnExit
+from fpsboost.io.images.exr_header import ExrHeader, parse_exr_header
+from fpsboost.io.images.exr_layers import contents_of
 from fpsboost.io.images.files import (
     IMAGE_SUFFIXES,
     check_format,
@@ -38,11 +40,13 @@ from fpsboost.io.images.files import (
 from fpsboost.io.images.kinds import holds_more_pictures, stored_otherwise
 from fpsboost.io.images.metadata import ImageMetadata, can_pass, lost_metadata, metadata_of, upright
 from fpsboost.io.images.numbering import find_images, is_pattern
+from fpsboost.io.images.passes import ALL, BEAUTY, Passes, encode_like, losses_like
 from fpsboost.io.images.sequence import FileSequence, NumberedImages, Numbering
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output
 from fpsboost.io.staging import StagingDirectory, hidden_place, sync, write_safely
 from fpsboost.io.stream_info import StreamInfo
+from fpsboost.layered import LayeredImage
 
 MAX_GAP = 1000
 """Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
@@ -76,6 +80,8 @@ class ImageSource(ClosesOnExit):
         Take the numbers for the clock, `rate` of them a second, so that images may be missing.
     in_place : bool
         Frames are to be made beside the images: those that a stopped run has begun to put there do not count.
+    passes : str
+        Layers of OpenEXR files that are read beside the picture; see `Passes.chosen`.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
 
@@ -87,10 +93,11 @@ class ImageSource(ClosesOnExit):
     Raises
     ------
     OptionError
-        The rate is not above 0, or there are gaps to fill among names without numbers.
+        The rate is not above 0, there are gaps to fill among names without numbers, or layers are named and the files
+        are no OpenEXR.
     InputError
         No images, several sequences, a gap, or an unreadable first image; while iterating, an unreadable image or one
-        that differs from the first in size or type.
+        that differs from the first in size, type or layers.
     """
 
     def __init__(
@@ -101,6 +108,7 @@ class ImageSource(ClosesOnExit):
         upright: bool = False,
         fill_gaps: bool = False,
         in_place: bool = False,
+        passes: str = BEAUTY,
         limit: MemoryLimit | None = None,
     ) -> None:
         if rate <= 0:
@@ -122,6 +130,7 @@ class ImageSource(ClosesOnExit):
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
         self._upright, self._limit = upright, limit or MemoryLimit()
         data = content_of(found.files[0])
+        self._passes = _passes_of(found.files[0], data, passes)
         first = self._decoded(found.files[0], data)
         self.images = NumberedImages(
             found.files,
@@ -130,9 +139,12 @@ class ImageSource(ClosesOnExit):
             1 if fill_gaps else found.step,
             numbers[0] if numbers else 1,
             fills_gaps=fill_gaps,
-            needs_float=needs_float(found.files[0], data, first),
+            needs_float=needs_float(found.files[0], data, as_array(first)),
+            layers=() if self._passes is None else self._passes.layers,
         )
-        self._unread = unread_channels(found.files[0], data)
+        made = [name for layer in self.images.layers for name in layer.channels]
+        self._unread = [name for name in unread_channels(found.files[0], data) if name not in made]
+        self._pictures = [] if self._passes is None else self._passes.pictures
         self._holds_more = holds_more_pictures(data)
         height, width, _ = first.shape
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(found.files), self._duration(rate))
@@ -160,6 +172,10 @@ class ImageSource(ClosesOnExit):
                 f"The numbers of {name} rise by {images.step}: taken for a sequence rendered with that step."
             )
         first, names = self.images.files[0].name, self._unread
+        if len(self._pictures) > 1:
+            remarks.append(
+                f"{first} and its like hold several pictures ({', '.join(self._pictures)}), the first of which leads."
+            )
         if self._holds_more:
             remarks.append(f"{first} and its like hold several pictures, the first of which was read.")
         if names:
@@ -181,7 +197,9 @@ class ImageSource(ClosesOnExit):
             original = None if self._upright else ImageFile(path)
             yield Frame(image, (place - self._places[0]) / self.info.rate, 1 / self.info.rate, original)
 
-    def _decoded(self, path: Path, data: bytes) -> Image:
+    def _decoded(self, path: Path, data: bytes) -> Image | LayeredImage:
+        if self._passes is not None and self._passes.layers:
+            return self._passes.decode(path, data, self._limit)
         image = decode_image(path, data, self._limit)
         return upright(image, metadata_of(path, data).orientation) if self._upright else image
 
@@ -206,6 +224,15 @@ class ImageSource(ClosesOnExit):
 
     def close(self) -> None:
         """Do nothing: no file stays open."""
+
+
+def _passes_of(path: Path, data: bytes, names: str) -> Passes | None:
+    """Return the layers that are read beside the picture of OpenEXR files; None for others."""
+    if extension_of(path.name) == ".exr":
+        return Passes.chosen(path, data, names)
+    if names not in (ALL, BEAUTY):
+        raise OptionError(f"`passes` names layers of OpenEXR files, and {path} is another type of file; leave it out.")
+    return None
 
 
 def _check_gaps(path: str, found: FileSequence) -> None:
@@ -263,9 +290,14 @@ class ImageSink:
         self._overwrite, self._in_place = output.overwrite, output.in_place
         self._half = images is None or not images.needs_float
         kept = None if images is None or factor is None else images.numbers_for(factor)
+        self._anew = kept is None
         self._next, self._step = kept or (1 if images is None else images.first_number, 1)
         self._originals = {file.name for file in images.files} if images is not None and output.in_place else set[str]()
-        self._metadata = ImageMetadata() if images is None else metadata_of(*_read_again(images.files[0]))
+        self._metadata = ImageMetadata()
+        self._exr: ExrHeader | None = None
+        self._layers = () if images is None else images.layers
+        if images is not None:
+            self._follow(*_read_again(images.files[0]))
         self._names: list[str] = []
         self._frames = 0
         self._frames_there = 0
@@ -448,7 +480,7 @@ class ImageSink:
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
             _, data = _read_again(path)
-            self._metadata = metadata_of(path, data)
+            self._follow(path, data)
             self._remark_on_kind(path, data, frame.array, passes=True)
             return
         check_format(path, frame.array)
@@ -463,16 +495,39 @@ class ImageSink:
         """Return the bytes to write: of an original into a file of its own type that file, else an encoded image."""
         if isinstance(frame.original, ImageFile):
             source, data = _read_again(frame.original.path)
-            self._metadata = metadata_of(source, data)
+            self._follow(source, data)
             is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
-            passes = is_same and can_pass(data) and not unread_channels(source, data)
+            passes = is_same and can_pass(data)
             self._remark_on_kind(source, data, frame.array, passes=passes)
             if passes:
                 return data
         for lost in lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2]):
             remark = f"{self._path} cannot hold the {lost} of its source; left out."
             self._remarks += [remark] * (remark not in self._remarks)
+        if self._exr is not None and extension_of(path.name) == ".exr":
+            self._remark_on_layers(self._exr)
+            return encode_like(self._exr, frame.image)
         return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
+
+    def _follow(self, source: Path, data: bytes) -> None:
+        """Have the frames made from here on say what an original says."""
+        self._metadata = metadata_of(source, data)
+        if extension_of(source.name) == ".exr":
+            self._exr = parse_exr_header(source, data)
+
+    def _remark_on_layers(self, header: ExrHeader) -> None:
+        """Remark, once, what the frames between do not have of the originals."""
+        lost = [f"The originals {each}." for each in losses_like(header)]
+        made = {name for layer in self._layers for name in layer.channels}
+        contents = contents_of(header)
+        left_out = [layer.name for layer in contents.layers if not made.issuperset(layer.channels)]
+        if left_out:
+            lost.append("The originals passed with all their layers, of which the frames between have fewer.")
+        if self._anew and any(layer.has_vectors for layer in self._layers):
+            lost.append(
+                "Motion vectors lead from one original to the next, also in the frames between, as the originals' do."
+            )
+        self._remarks += [remark for remark in lost if remark not in self._remarks]
 
     def _remark_on_kind(self, source: Path, data: bytes, image: Image, *, passes: bool) -> None:
         """Remark, once per storage kind, that frames are written differently from the originals."""

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Self
 
 from fpsboost.errors import InputError, OptionError
+from fpsboost.io.images.exr_layers import LayerNames
 
 
 def find_placeholder(name: str) -> re.Match[str] | None:
@@ -168,6 +169,8 @@ class NumberedImages:
         Whether the numbers are the clock, so that images may be missing.
     needs_float : bool
         Whether OpenEXR's half would lose some of their precision.
+    layers : tuple of LayerNames
+        Layers that are read beside the picture.
     """
 
     files: list[Path]
@@ -178,6 +181,7 @@ class NumberedImages:
     skipped: int = 0
     fills_gaps: bool = False
     needs_float: bool = False
+    layers: tuple[LayerNames, ...] = ()
 
     def numbers_for(self, factor: Fraction) -> tuple[int, int] | None:
         """Return which numbers the frames of the output have if the images keep theirs.

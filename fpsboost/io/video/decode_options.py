@@ -36,6 +36,10 @@ class DecodeOptions:
     decoder : {'ffmpeg', 'opencv'}
         Library that reads videos: PyAV's FFmpeg, or the installed OpenCV, which may open what FFmpeg cannot (cameras,
         GStreamer pipelines) but gives 8-bit pictures only.
+    passes : str, optional
+        Layers of OpenEXR images that are made beside the picture, in OpenEXR images: ``all``, ``beauty`` for the
+        picture alone, or their names with commas between them. By default all, or the picture alone where the output
+        cannot hold more.
 
     Raises
     ------
@@ -49,6 +53,9 @@ class DecodeOptions:
     deinterlace: bool = option(False, "Make one frame per field: 50 per second from 25i.")
     size_change: SizeChange = option("stop", "At a change of size: stop or scale.")
     decoder: Decoder = option("ffmpeg", "Read videos by ffmpeg or opencv.")
+    passes: str | None = option(
+        None, "Layers of OpenEXR: all, beauty or their names.", metavar="NAMES", group="Streams"
+    )
 
     def __post_init__(self) -> None:
         check_choice("`size_change`", self.size_change, get_args(SizeChange))
@@ -59,5 +66,5 @@ class DecodeOptions:
     @property
     def given(self) -> list[str]:
         """Names of the options for video files that differ from the defaults."""
-        ours = [field for field in fields(self) if field.name not in ("trim", "input_fps")]
+        ours = [field for field in fields(self) if field.name not in ("trim", "input_fps", "passes")]
         return [f"`{field.name}`" for field in ours if getattr(self, field.name) != field.default]

@@ -414,7 +414,7 @@ class PipeSink:
             )
         header = self._header
         if header is None:
-            header = self._header = self._choose_header(frame.image)
+            header = self._header = self._choose_header(frame.pixels)
             self._start = frame.time
             self._send(header.line())
         self._remark_on(frame)

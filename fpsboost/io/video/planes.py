@@ -78,7 +78,7 @@ def as_picture(
     keeps_original : bool
         Whether the target's colour tags are those of the source.
     """
-    image, original = frame.image, frame.original
+    image, original = frame.pixels, frame.original
     if original is None and isinstance(image, YCbCrImage):
         original = picture_of(image)
         if image.coding.pixel_format != pixel_format:

@@ -150,7 +150,7 @@ class VideoSink:
             )
         with self._explained():
             if self._encoder is None:
-                self._start(traits_of_image(frame.image))
+                self._start(traits_of_image(frame.pixels))
             assert self._encoder is not None
             if frame.image.dtype == np.float32:
                 self._remark_on_floats(frame.array)

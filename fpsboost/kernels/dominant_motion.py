@@ -1,0 +1,122 @@
+"""The candidate motion with the largest weight at each pixel of an in-between frame.
+
+For values that must not be averaged, such as object numbers. Candidates are weighted as by
+`fpsboost.kernels.multi_hypothesis`, but the weights of a motion that several nodes list are not added up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from fpsboost.kernels.candidates import NODE_SPACING
+from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.multi_hypothesis import (
+    MIN_WEIGHT_SUM,
+    SQUARES_PER_WINDOW,
+    WINDOW,
+    NodeSums,
+    decay,
+    is_rigid,
+    locate_window,
+    make_layer,
+    make_work,
+    sample_layer,
+    smallest,
+    sum_patches,
+    upsample_squares,
+    weigh_squares,
+)
+from fpsboost.kernels.window_rows import SQUARES_PER_ROW, pool_row
+
+
+@njit(**FINITE_JIT)
+def keep_heavier(weight, motion, t, top, left, weights, places):
+    """Write where a window's pixels lie in both frames along a motion, wherever its weight is the largest so far.
+
+    Parameters
+    ----------
+    weight : (AREA,) float32
+    motion : (VALUES_PER_MOTION,) float32
+    t : float32
+    top, left : int
+        First pixel of the window, may be outside of the frame.
+    weights : (height, width) float32
+        The largest weights so far; updated in place.
+    places : (4, height, width) float32
+        Column and row in frame 0, and in frame 1; updated in place.
+    """
+    height, width = weights.shape
+    one, half = np.float32(1), np.float32(0.5)
+    curve, centre = t * (one - t) * half, np.float32((WINDOW - 1) * 0.5)
+    turns = np.float32(0) if is_rigid(motion) else one
+    for j in range(max(-top, 0), min(height - top, WINDOW)):
+        v = (np.float32(j) - centre) * turns
+        for i in range(max(-left, 0), min(width - left, WINDOW)):
+            y, x = top + j, left + i
+            if weight[j * WINDOW + i] <= weights[y, x]:
+                continue
+            weights[y, x] = weight[j * WINDOW + i]
+            u = (np.float32(i) - centre) * turns
+            dx, dy = motion[0] + u * motion[4] + v * motion[6], motion[1] + u * motion[5] + v * motion[7]
+            places[0, y, x] = np.float32(x) + curve * motion[2] - t * dx
+            places[1, y, x] = np.float32(y) + curve * motion[3] - t * dy
+            places[2, y, x] = places[0, y, x] + dx
+            places[3, y, x] = places[1, y, x] + dy
+
+
+@njit(cache=True, **FINITE_JIT)
+def find_dominant_motion(samples0, samples1, t, candidates, weighting, weights, places):
+    """Write where each pixel lies in both frames along the candidate with the largest weight.
+
+    Parameters
+    ----------
+    samples0, samples1 : fpsboost.kernels.multi_hypothesis.Samples
+        Planes that are compared.
+    t : float32
+    candidates : fpsboost.kernels.candidates.Candidates
+    weighting : fpsboost.kernels.multi_hypothesis.Weighting
+    weights : (height, width) float32
+        Zero at first; the largest weights.
+    places : (4, height, width) float32
+        Column and row in frame 0, and in frame 1; not written where no candidate has any weight.
+    """
+    (height, width), (rows, columns) = weights.shape, candidates.listed.shape
+    marks = np.empty((4, WINDOW), np.float32)
+    pixels, one = marks.shape[1], marks.shape[1] // WINDOW  # no constants; see `blend_hypotheses`
+    layer = make_layer(samples0, samples1, one, one, pixels, 1, 1)
+    work = make_work(marks)
+    sums = NodeSums(
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+    )
+    for row in range(rows):
+        top = row * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
+        for column in range(columns):
+            left = column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
+            sums.weights[:] = MIN_WEIGHT_SUM
+            sums.similarities[:] = 0
+            sums.most_similar[:] = 0
+            least_weight, least_similar = np.float32(0), np.float32(0)
+            for k in range(candidates.listed[row, column]):
+                motion, prior = candidates.motions[row, column, k], candidates.weights[row, column, k]
+                if prior <= 0:
+                    continue
+                if prior < weighting.min_vote_share * least_weight or least_similar >= weighting.sufficient_similarity:
+                    break
+                place = locate_window(top, left, motion, t, height, width, marks)
+                sample_layer(layer, place, motion, work.room)
+                squared = work.squared
+                squared[:] = 0
+                for j in range(SQUARES_PER_ROW):
+                    pool_row(layer.distance, 2 * j * WINDOW, WINDOW, np.float32(0.25), squared, j * SQUARES_PER_ROW)
+                for i in range(SQUARES_PER_WINDOW):
+                    squared[i] = decay(squared[i] * weighting.scale)
+                sum_patches(squared, work.padded, work.half_way, work.similarity)
+                weigh_squares(prior, weighting.sharpness, work.similarity, weighting.patch_shares, work.weight, sums)
+                least_weight, least_similar = smallest(sums.weights, squared), smallest(sums.most_similar, squared)
+                for i in range(SQUARES_PER_WINDOW):
+                    work.weight[i] *= weighting.window_shape[i]
+                upsample_squares(work.weight, one, one, work.upsampled)
+                keep_heavier(work.upsampled, motion, t, top, left, weights, places)

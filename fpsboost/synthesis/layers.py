@@ -1,0 +1,209 @@
+"""Layers of in-between frames: each mixed, or taken from one of the frames, as what it is.
+
+Linear layers share their weights and everything else with the picture, so that what is composed of them by sums is the
+same before and after. A spline overshoots at edges; where a layer would leave the range of its two frames, *all* linear
+layers of that pixel are moved towards samples that cannot, by one share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.layered import Layer, LayeredImage
+from fpsboost.motion.colour import normalised
+from fpsboost.synthesis import FramePair
+
+PLANES_AT_ONCE = 8
+"""Planes that are mixed at a time: their samples take 32 bytes per pixel each."""
+
+Planes = Sequence[NDArray[Any]]
+
+AGREEMENT = np.float32(1)
+"""Largest difference between a motion and that of a frame's own pixel for the two to agree, pixels."""
+
+
+@runtime_checkable
+class MixesLayers(Protocol):
+    """Contract: synthesizer that makes layers beside the picture."""
+
+    def synthesize_layers(
+        self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
+    ) -> Iterator[LayeredImage]:
+        """Generate one image with all layers for every time; see `fpsboost.synthesis.Synthesizer.synthesize`.
+
+        Parameters
+        ----------
+        frame_pair : FramePair
+            The frames that motion was found on, and that weights are found on: perhaps under equal illumination.
+        layered : (LayeredImage, LayeredImage)
+            The frames as they are, with the same layers.
+        times : sequence of float
+            Each in (0, 1).
+        """
+        ...
+
+
+class Mixed(NamedTuple):
+    """Planes of an in-between frame, each (planes, H, W) float32, with the same weights."""
+
+    sharp: NDArray[Any]
+    """Of spline samples, which overshoot at edges."""
+    smooth: NDArray[Any]
+    """Of samples that lie between those of the frames."""
+
+
+class Sources(NamedTuple):
+    """Where each pixel of an in-between frame is taken from."""
+
+    place0: tuple[NDArray[Any], NDArray[Any]]
+    """Rows and columns in frame 0, (H, W) int."""
+    place1: tuple[NDArray[Any], NDArray[Any]]
+    """Rows and columns in frame 1."""
+    is_second: NDArray[Any]
+    """Whether frame 1 has the pixel rather than frame 0, (H, W) bool."""
+    have_both: NDArray[Any]
+    """Whether both have it, (H, W) bool."""
+
+    def nearest(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
+        """Return the values of the frame that has the pixel, unmixed."""
+        values: NDArray[Any] = np.where(self.is_second, plane1[self.place1], plane0[self.place0])
+        return values
+
+    def depth(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
+        """Return distances like `nearest`, the smaller one where both frames have the pixel."""
+        value0, value1 = plane0[self.place0], plane1[self.place1]
+        is_second = np.where(self.have_both, np.abs(value1) < np.abs(value0), self.is_second)
+        values: NDArray[Any] = np.where(is_second, value1, value0)
+        return values
+
+
+def mix_layers(
+    layered: tuple[LayeredImage, LayeredImage],
+    mix: Callable[[Planes, Planes], Mixed],
+    find_sources: Callable[[], Sources],
+) -> LayeredImage:
+    """Return an in-between frame with all layers.
+
+    Parameters
+    ----------
+    layered : (LayeredImage, LayeredImage)
+        Two frames with the same layers.
+    mix : callable
+        Mixes planes of both frames, (H, W) float32 each, at most PLANES_AT_ONCE at a time.
+    find_sources : callable
+        Finds the frame that has each pixel; called only if a layer needs it.
+    """
+    colours = [list(np.moveaxis(normalised(each.colour), -1, 0)) for each in layered]
+    linear = [
+        (layer0.planes[name], layer1.planes[name])
+        for layer0, layer1 in _pairs(layered)
+        if layer0.kind == "linear"
+        for name in layer0.planes
+    ]
+    mixed = _mix_linear([*zip(*colours, strict=True), *linear], mix)
+    colour = np.stack(mixed[: len(colours[0])], axis=-1)
+    linear_made = iter(mixed[len(colours[0]) :])
+    sources = find_sources() if any(layer.kind in ("depth", "nearest") for layer in layered[0].layers) else None
+    made = []
+    for layer0, layer1 in _pairs(layered):
+        planes = [(layer0.planes[name], layer1.planes[name]) for name in layer0.planes]
+        values: Planes = []
+        if layer0.kind == "linear":
+            values = [next(linear_made) for _ in planes]
+        elif layer0.kind == "normals":
+            values = _mix_normals(planes, mix)
+        elif sources is not None:
+            choose = sources.depth if layer0.kind == "depth" else sources.nearest
+            values = [choose(*each) for each in planes]
+        made.append(_like(layer0, values))
+    return LayeredImage(colour, tuple(made))
+
+
+def _pairs(layered: tuple[LayeredImage, LayeredImage]) -> Iterator[tuple[Layer, Layer]]:
+    return zip(layered[0].layers, layered[1].layers, strict=True)
+
+
+def _like(layer: Layer, values: Planes) -> Layer:
+    """Return a layer with these values in the types of a frame's."""
+    planes = zip(layer.planes.items(), values, strict=True)
+    return replace(layer, planes={name: each.astype(plane.dtype, copy=False) for (name, plane), each in planes})
+
+
+def _mix_linear(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:
+    """Return mixed planes, none of which leaves the range of its two frames, and all of which are moved by one share.
+
+    Largest share of the spline s for which ``smooth + s (sharp - smooth)`` is within the range of every plane.
+    """
+    share, results, ranges = None, list[Mixed](), list[tuple[np.float32, np.float32]]()
+    for begin in range(0, len(pairs), PLANES_AT_ONCE):
+        group = [(_numbers(plane0), _numbers(plane1)) for plane0, plane1 in pairs[begin : begin + PLANES_AT_ONCE]]
+        mixed = mix([plane0 for plane0, _ in group], [plane1 for _, plane1 in group])
+        results.append(mixed)
+        share = np.ones(mixed.sharp.shape[1:], np.float32) if share is None else share
+        for (plane0, plane1), sharp, smooth in zip(group, *mixed, strict=True):
+            lowest, highest = min(plane0.min(), plane1.min()), max(plane0.max(), plane1.max())
+            ranges.append((lowest, highest))
+            beyond = (sharp < lowest) | (sharp > highest)
+            if beyond.any():
+                limit = np.where(sharp[beyond] > highest, highest, lowest)
+                span = sharp[beyond] - smooth[beyond]
+                allowed = np.divide(limit - smooth[beyond], span, out=np.zeros_like(span), where=span != 0)
+                share[beyond] = np.minimum(share[beyond], allowed.clip(0, 1))
+    made = list[NDArray[Any]]()
+    for mixed in results:
+        for sharp, smooth in zip(*mixed, strict=True):
+            values = smooth + share * (sharp - smooth)
+            made.append(values.clip(*ranges[len(made)]))  # only what rounding adds
+    return made
+
+
+def _mix_normals(pairs: Sequence[tuple[NDArray[Any], NDArray[Any]]], mix: Callable[[Planes, Planes], Mixed]) -> Planes:
+    """Return mixed directions that are as long as the frames' are: 1 on surfaces, 0 where nothing is."""
+    planes0, planes1 = ([_numbers(plane) for plane in planes] for planes in zip(*pairs, strict=True))
+    lengths = [np.sqrt(sum(plane * plane for plane in planes)) for planes in (planes0, planes1)]
+    *directions, length = mix([*planes0, lengths[0]], [*planes1, lengths[1]]).sharp
+    length = length.clip(min(each.min() for each in lengths), max(each.max() for each in lengths))
+    found = np.sqrt(sum(each * each for each in directions))
+    factor = length / np.maximum(found, np.float32(1e-6))
+    return [each * factor for each in directions]
+
+
+def _numbers(plane: NDArray[Any]) -> NDArray[Any]:
+    """Return a plane as float32 without infinity and NaN, which would spread."""
+    return normalised(plane.astype(np.float32, copy=False))
+
+
+def find_sources(places: NDArray[Any], flows: tuple[NDArray[Any], NDArray[Any]], t: float) -> Sources:
+    """Decide which frame has each pixel of an in-between frame.
+
+    A frame has it if the pixel's place is inside of it, and if what is there moves along: what is hidden in a frame has
+    something else in its place, which moves differently. Where both frames have it, it is that nearer in time.
+
+    Parameters
+    ----------
+    places : (4, H, W) float32
+        Column and row in frame 0, and in frame 1.
+    flows : two of (H, W, 2) float32
+        Motion of the pixels of frame 0 to frame 1, and back.
+    t : float
+        Time of the in-between frame, 0 to 1.
+    """
+    height, width = places.shape[1:]
+    motion, apart, found = places[2:] - places[:2], [], []
+    for (column, row), flow, sign in zip((places[:2], places[2:]), flows, (1, -1), strict=True):
+        x, y = np.rint(column).astype(np.intp), np.rint(row).astype(np.intp)
+        is_inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        place = y.clip(0, height - 1), x.clip(0, width - 1)
+        difference = np.moveaxis(flow[place], -1, 0) * np.float32(sign) - motion
+        apart.append(np.where(is_inside, np.hypot(*difference), np.float32(np.inf)))
+        found.append(place)
+    have = [each <= AGREEMENT for each in apart]
+    alike = have[0] == have[1]
+    have_both = have[0] & have[1]
+    is_nearer = np.where(have_both | (apart[0] == apart[1]), t > 0.5, apart[1] < apart[0])
+    return Sources(found[0], found[1], np.where(alike, is_nearer, have[1]), have_both)
