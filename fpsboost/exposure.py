@@ -1,0 +1,56 @@
+"""Scene-linear colours as they are compared: on a logarithmic scale, independent of exposure.
+
+A renderer's numbers are proportional to light. A difference of 0.1 is nothing in a highlight and everything in a shadow,
+and the same scene with another exposure has other numbers. So frames are compared on a scale of ratios: their
+log-average is shown as middle gray (Reinhard, Stark, Shirley, Ferwerda 2002, doi:10.1145/566654.566575), and the curve is
+a logarithm above, with the slope of sRGB in the darkest shadows. What is mixed are the numbers as they are.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+MIDDLE_GRAY = np.float32(0.18)
+"""Value that the log-average of a frame is scaled to."""
+
+STEEPNESS = np.float32(51)
+"""Curvature of the scale: the slope at black is then 12.9, that of sRGB."""
+
+MAX_RATIO = np.float32(1e6)
+"""Maximum of the scaled values; damaged files hold the largest numbers of their type."""
+
+
+def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
+    """Return scene-linear colours on the scale on which they are compared.
+
+    Parameters
+    ----------
+    image : (H, W, C) float32
+        Gray or BGR, with or without associated alpha. Negative values and NaN count as black, infinity as the maximum.
+
+    Returns
+    -------
+    (H, W, C) float32
+        Middle gray is 0.58; alpha stays as it is.
+
+    Examples
+    --------
+    >>> light = np.random.default_rng(1).random((4, 6, 3), np.float32)
+    >>> bool(np.allclose(compared_colours(light), compared_colours(light * 1024), atol=1e-5))
+    True
+    """
+    channels = image.shape[2]
+    colours = np.nan_to_num(image[..., : channels - (channels in {2, 4})], nan=0.0, posinf=MAX_RATIO, neginf=0.0)
+    colours = np.maximum(colours, 0)
+    light = colours.mean(axis=2)
+    light = light[light > 0]
+    exposure = MIDDLE_GRAY / np.exp(cv2.log(light).mean()) if light.size else np.float32(1)
+    compared = np.empty_like(image, np.float32)
+    scaled = np.minimum(colours * np.float32(exposure), MAX_RATIO)
+    compared[..., : colours.shape[2]] = cv2.log(1 + STEEPNESS * scaled).reshape(scaled.shape) / np.log1p(STEEPNESS)
+    compared[..., colours.shape[2] :] = image[..., colours.shape[2] :]
+    return compared
