@@ -136,7 +136,9 @@ def convert(
         )
         threads = run.threads
         if threads is None:
-            threads = (run.limit or MemoryLimit()).affordable_threads(info.width, info.height, available_cores())
+            planes = 0 if images is None else images.planes
+            limit = run.limit or MemoryLimit()
+            threads = limit.affordable_threads(info.width, info.height, available_cores(), planes)
         observer = run.observer or SilentObserver()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:

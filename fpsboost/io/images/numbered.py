@@ -146,7 +146,8 @@ class ImageSource(ClosesOnExit):
         self._unread = [name for name in unread_channels(found.files[0], data) if name not in made]
         self._pictures = [] if self._passes is None else self._passes.pictures
         self._holds_more = holds_more_pictures(data)
-        height, width, _ = first.shape
+        height, width = first.shape[:2]
+        self._limit.check(path, width, height, self.images.planes)
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(found.files), self._duration(rate))
 
     def _duration(self, rate: Fraction) -> Fraction | None:
