@@ -97,6 +97,8 @@ def test_blenders_layers():
         ("VRayZDepth", 1, "depth"),
         ("sh_normal", 3, "normals"),
         ("shape_index", 1, "nearest"),
+        ("ViewLayer.Object Index", 1, "nearest"),
+        ("ViewLayer.Material Index", 1, "nearest"),
         ("Depth", 3, "linear"),
     ],
 )
