@@ -21,7 +21,7 @@ from fpsboost.io.images.numbering import find_images
 from fpsboost.method_table import find_method
 from fpsboost.rerender.frame_choice import choose_frames
 from fpsboost.rerender.regions import RenderCost, choose_regions
-from fpsboost.rerender.score import expect_errors, squared_error
+from fpsboost.rerender.score import comparable, expect_errors, squared_error
 from fpsboost.rerender.tiles import TileGrid, partition
 from fpsboost.timing.rate import OutputRate
 
@@ -170,7 +170,9 @@ def choose_and_measure(path: str, quality: float, step: int, method: str, place:
         return ["100%", "-", "-", "-"]
     convert(str(place / "rendered"), str(place / "made"), rate=OutputRate(fill_gaps=True), method=method)
     errors = [
-        squared_error(read_image(place / "made" / files[number].name), read_image(files[number])).mean()
+        squared_error(
+            *(comparable(read_image(path)) for path in (place / "made" / files[number].name, files[number]))
+        ).mean()
         for number in others
     ]
     psnrs = [-10 * np.log10(error) for error in errors]

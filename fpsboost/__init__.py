@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fpsboost.io.memory_limit import MemoryLimit
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
+    from fpsboost.layered import Layer, LayeredImage
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
     from fpsboost.observer import Observer, Summary
@@ -64,6 +65,8 @@ __all__ = [
     "InputError",
     "InterpolatedImage",
     "Interpolator",
+    "Layer",
+    "LayeredImage",
     "MemoryLimit",
     "MergeOptions",
     "MergeSummary",
@@ -116,6 +119,8 @@ _homes = {
     "InputError": "errors",
     "InterpolatedImage": "synthesis",
     "Interpolator": "interpolator",
+    "Layer": "layered",
+    "LayeredImage": "layered",
     "MemoryLimit": "io.memory_limit",
     "MergeOptions": "rerender.options",
     "MergeSummary": "rerender.merging",

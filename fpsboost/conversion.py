@@ -102,6 +102,7 @@ def convert(
         encoding,
         needs_rate=output_rate.fps is not None or decoding.trim.needs_rate,
         takes_planes=interpolator.takes_planes,
+        takes_layers=interpolator.takes_layers,
     )
     with open_source(
         input,
@@ -141,7 +142,9 @@ def convert(
         )
         threads = run.threads
         if threads is None:
-            threads = (run.limit or MemoryLimit()).affordable_threads(info.width, info.height, available_cores())
+            planes = 0 if images is None else images.planes
+            limit = run.limit or MemoryLimit()
+            threads = limit.affordable_threads(info.width, info.height, available_cores(), planes)
         observer = run.observer or SilentObserver()
         observer.opened(info, count_frames(schedule, info, sink.holds_last_frame))
         with sink:

@@ -1,9 +1,9 @@
 """Scene-linear colours as they are compared: on a logarithmic scale, independent of exposure.
 
-A renderer's numbers are proportional to light. A difference of 0.1 is nothing in a highlight and everything in a shadow,
-and the same scene with another exposure has other numbers. So frames are compared on a scale of ratios: their
-log-average is shown as middle gray (Reinhard, Stark, Shirley, Ferwerda 2002, doi:10.1145/566654.566575), and the curve is
-a logarithm above, with the slope of sRGB in the darkest shadows. What is mixed are the numbers as they are.
+A renderer's numbers are proportional to light. A difference of 0.1 is nothing in a highlight and everything in a
+shadow, and the same scene with another exposure has other numbers. So frames are compared on a scale of ratios: their
+log-average is shown as middle gray (Reinhard, Stark, Shirley, Ferwerda 2002, doi:10.1145/566654.566575), and the curve
+is a logarithm above, with the slope of sRGB in the darkest shadows. What is mixed are the numbers as they are.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
     Returns
     -------
     (H, W, C) float32
-        Middle gray is 0.58; alpha stays as it is.
+        Middle gray is 0.59; alpha stays as it is.
 
     Examples
     --------
@@ -44,7 +44,7 @@ def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
     True
     """
     channels = image.shape[2]
-    colours = np.nan_to_num(image[..., : channels - (channels in {2, 4})], nan=0.0, posinf=MAX_RATIO, neginf=0.0)
+    colours = np.nan_to_num(image[..., : channels - (channels in {2, 4})], nan=0.0, posinf=float(MAX_RATIO), neginf=0.0)
     colours = np.maximum(colours, 0)
     light = colours.mean(axis=2)
     light = light[light > 0]

@@ -3,7 +3,8 @@
 Images
     Arrays of shape (height, width, channels), C-contiguous, channels 1 (gray), 2 (gray and alpha), 3 (BGR) or 4 (BGRA)
     in OpenCV's order; uint8 and uint16 use their whole range, float32 has 1.0 for white. Indexed ``[y, x]``, sizes
-    given as (height, width). Video converted to video keeps its own planes; see `fpsboost.ycbcr`.
+    given as (height, width). Video converted to video keeps its own planes; see `fpsboost.ycbcr`. Images of a renderer
+    may have further layers; see `fpsboost.layered`.
 Motion
     ``flow01[y, x] = (dx, dy)`` in pixels, float32: ``image1[y + dy, x + dx]`` looks like ``image0[y, x]``. The
     direction is in the name: ``flow01`` from frame 0 to frame 1, ``flow10`` back.
@@ -23,6 +24,9 @@ Words
     *hypotheses* motions that may lead through a pixel of an in-between frame, called *candidates* where they are
     listed for a neighbourhood; their *votes* and similarity weigh them; *confidence* how far the result can be
     trusted, 0 to 1. *warp* gathers, *splat* scatters and leaves holes.
+
+    *layers* channels of an image that belong together, such as the *passes* that a renderer writes beside its picture;
+    their *kind* says whether they may be mixed. *planes* single channels.
 
     *plan* the *regions* of made frames that are worth rendering, rectangles of whole *tiles* within a *budget*;
     *rerender* to render them; *merge* to put them back, with seams that *feather* into the made frame.

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future
 from fractions import Fraction
+from functools import cached_property
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
+from fpsboost.exposure import compared_colours
 from fpsboost.frame import FrameImage, Image, Pixels, as_array
 from fpsboost.layered import LayeredImage
 
@@ -74,7 +76,8 @@ class FrameCache:
     Attributes
     ----------
     pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-        The image without further layers.
+        What motion and weights are found on: the image itself; of images with layers, whose colours are scene-linear,
+        these colours as they are compared, see `fpsboost.exposure`.
 
     Examples
     --------
@@ -88,12 +91,16 @@ class FrameCache:
         self, image: FrameImage, output_position: Fraction | None = None, source_position: SourcePosition | None = None
     ) -> None:
         self.image = image
-        self.pixels: Pixels = image.colour if isinstance(image, LayeredImage) else image
         self.output_position = output_position
         self.source_position = source_position
         self._results = Results()
         self._lock = Lock()
         self._asked_once: set[Hashable] = set()
+
+    @cached_property
+    def pixels(self) -> Pixels:
+        """See the class."""
+        return compared_colours(self.image.colour) if isinstance(self.image, LayeredImage) else self.image
 
     @property
     def array(self) -> Image:

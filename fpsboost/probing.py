@@ -20,7 +20,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair, with_neighbours
 from fpsboost.io import FrameSource, Stoppable
 from fpsboost.io.animation.source import animation_format
-from fpsboost.io.opening import open_source
+from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
@@ -211,7 +211,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     # A size that changes is to be reported, though a conversion would stop there.
     may_change = Path(path).is_file() and animation_format(Path(path)) is None
     decoding = DecodeOptions(input_fps=input_fps, stream=stream, size_change="scale" if may_change else "stop")
-    with open_source(path, decoding=decoding) as source:
+    with open_source(path, requirements=TargetRequirements(layers=True), decoding=decoding) as source:
         beside = source.stream_info
         has_clock = beside.images is None
         schedule, refused = _plan(source.info, has_clock=has_clock)

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from truth import noise, waves
-from twins import fading, finished, fused, spline_coefficients, spline_window, uncompiled
+from twins import fading, finished, fused, heaviest, spline_coefficients, spline_window, uncompiled
 
 from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION, Candidates
+from fpsboost.kernels.dominant_motion import find_dominant_motion
 from fpsboost.kernels.multi_hypothesis import (
     AREA,
     BLOCK,
@@ -77,7 +78,7 @@ def split(image):
 
 
 def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0, chroma=None):
-    """Call the kernels; the mean as an image, and the confidence; with chroma of both, its mean, too."""
+    """Call the kernels; the mean as an image, and the confidence; with chroma or layers of both, their mean, too."""
     image = np.full(image0.shape, np.nan, np.float32)
     confidence = np.full(image0.shape[:2], np.nan, np.float32)
     numbers = [np.float32(each) for each in (scale, sharpness, enough, negligible)]
@@ -88,7 +89,9 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
     blend_hypotheses(
         SampledImage(samples(image0), chroma0),
         SampledImage(samples(image1), chroma1),
-        (1, 1) if chroma is None else (-(-len(image0) // len(chroma[0])), 2),
+        (1, 1)
+        if chroma is None
+        else tuple(-(-a // b) for a, b in zip(image0.shape[:2], chroma[0].shape[:2], strict=True)),
         np.float32(t),
         listed(candidates),
         Weighting(*numbers, window_shape(), patch_shares()),
@@ -139,6 +142,48 @@ def test_fusing_equals_its_slow_twin(size, channels, t, largest, most):
     expected_mean, expected_confidence = fused(split(image0), split(image1), t, candidates, **options)
     np.testing.assert_allclose(mean, np.dstack(expected_mean), atol=2e-4)
     np.testing.assert_allclose(confidence, expected_confidence, atol=2e-4)
+
+
+@pytest.mark.parametrize(("size", "t", "largest"), [((40, 36), 0.5, 3), ((19, 33), 0.3, 9)])
+def test_layers_are_mixed_by_the_weights_of_others(size, t, largest):
+    """Planes of full size that are sampled along have no say in the weights."""
+    random = np.random.default_rng(5)
+    y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
+    image0, image1 = (waves(x + k, y, 1, seed=2).astype(np.float32) for k in (0, 1.5))
+    layers = [(10 * waves(x - k, y, 3, seed=3)).astype(np.float32) for k in (0, 1.5)]
+    candidates = random_candidates(random, size, 2, largest)
+    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
+    mean, mean_of_layers, _ = fuse(image0, image1, t, candidates, **options, chroma=layers)
+    planes = [split(image) + split(layer) for image, layer in zip((image0, image1), layers, strict=True)]
+    expected, _ = fused(*planes, t, candidates, **options, compared=1)
+    np.testing.assert_allclose(mean[..., 0], expected[0], atol=2e-4)
+    np.testing.assert_allclose(mean_of_layers, np.dstack(expected[1:]), atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("size", "channels", "t", "largest"), [((40, 36), 3, 0.5, 3), ((19, 9), 1, 0.3, 6), ((5, 34), 4, 0.75, 40)]
+)
+def test_the_dominant_motion_equals_its_slow_twin(size, channels, t, largest):
+    """The largest weight of every pixel, and where the pixel lies along that motion."""
+    random = np.random.default_rng(channels)
+    y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
+    image0, image1 = (waves(x + k, y, channels, seed=2).astype(np.float32) for k in (0, 1.5))
+    candidates = random_candidates(random, size, 2, largest)
+    weights, places = np.zeros(size, np.float32), np.zeros((4, *size), np.float32)
+    numbers = [np.float32(each) for each in (4, 10, 2, 0)]
+    find_dominant_motion(
+        samples(image0),
+        samples(image1),
+        np.float32(t),
+        listed(candidates),
+        Weighting(*numbers, window_shape(), patch_shares()),
+        weights,
+        places,
+    )
+    expected, expected_places = heaviest(split(image0), split(image1), t, candidates, scale=4.0, sharpness=10.0)
+    np.testing.assert_allclose(weights, expected, atol=2e-4)
+    apart = np.abs(places - expected_places).max(axis=0) > 1e-3
+    assert apart.mean() < 0.01  # where two weigh the same to rounding
 
 
 @pytest.mark.parametrize("down", [1, 2])

@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, OutputError
-from fpsboost.io.images.exr import write_exr
+from fpsboost.io.images.exr import read_exr, write_exr
 from fpsboost.io.images.files import encode_image, read_image
 from fpsboost.io.images.metadata import ImageMetadata, metadata_of
 from fpsboost.rerender.merging import merge_regions, mix, seam_weights
@@ -171,18 +171,25 @@ def test_what_does_not_fit_is_refused(tmp_path, snapshot, said):
     assert snapshot(tmp_path) == before
 
 
-def test_layers_are_not_lost(tmp_path):
-    """A file with other passes is refused, as made frame and as render."""
+def test_layers_are_merged_as_what_they_are(tmp_path):
+    """Linear layers have a seam like the picture, depth has none; a layer that was not rendered is named."""
     made, rendered, out, options = round_trip(tmp_path, np.float32)
-    planes = dict(zip("BGR", np.moveaxis(picture(2, np.float32), -1, 0), strict=True))
-    for folder, name in (("rendered", "r002.exr"), ("made", "shot_0002.exr")):
-        path = tmp_path / folder / name
-        content = path.read_bytes()
-        write_exr(path, {**planes, "Depth.Z": planes["B"]})
-        with pytest.raises(InputError, match="several layers"):
-            merge_regions(made, rendered, out, options)
-        path.write_bytes(content)
-    assert not Path(out).exists()
+    whole = tmp_path / "rendered" / "r002.exr"
+    for folder, name, seed in (("made", "shot_0002.exr", 2), ("rendered", "r002.exr", 102)):
+        planes = dict(zip("BGR", np.moveaxis(picture(seed, np.float32), -1, 0), strict=True))
+        layers = {f"AO.{each}": planes[each] for each in "RGB"} | {"Depth.Z": planes["B"] + np.float32(seed)}
+        write_exr(tmp_path / folder / name, planes | layers, half=False)
+    merge_regions(made, rendered, out, options)
+    files = [Path(out) / "shot_0002.exr", tmp_path / "made" / "shot_0002.exr", whole]
+    merged, before, after = map(read_exr, files)
+    mask = next(frame for frame in RerenderPlan.read(Path(options.plan)).frames if frame.number == 2).mask(24, 32)
+    for name in "RGB":
+        np.testing.assert_array_equal(merged[f"AO.{name}"], merged[name])
+    np.testing.assert_array_equal(merged["Depth.Z"], np.where(mask, after["Depth.Z"], before["Depth.Z"]))
+    write_exr(whole, {name: plane for name, plane in after.items() if name != "Depth.Z"}, half=False)
+    with pytest.raises(InputError, match="has no layer Depth"):
+        merge_regions(made, rendered, str(tmp_path / "again"), options)
+    assert not (tmp_path / "again").exists()
 
 
 def test_inputs_are_not_replaced(tmp_path):

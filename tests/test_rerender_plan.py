@@ -19,7 +19,7 @@ from fpsboost.rerender.options import PlanOptions, RenderBudget, parse_budget
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.planning import plan_rerender
 from fpsboost.rerender.regions import RenderCost, choose_regions, smooth_over_time
-from fpsboost.rerender.score import ErrorCurve, Trial, displayed
+from fpsboost.rerender.score import ErrorCurve, Trial, comparable, squared_error
 from fpsboost.rerender.tiles import Rectangle, TileGrid, partition, simplified
 
 HEIGHT, WIDTH, TILE = 64, 96, 16
@@ -201,10 +201,16 @@ def test_the_curve_learns_errors_by_doubt():
 
 
 def test_what_is_transparent_does_not_show():
-    """Colours of straight alpha count by their alpha, and linear white ends at 1."""
-    pixel = np.array([[[200, 100, 50, 0]]], np.uint8)
-    assert (displayed(pixel) == 0).all()
-    assert displayed(np.full((1, 1, 3), 9, np.float32)).max() == 1
+    """Colours of straight alpha count by their alpha."""
+    pixels = np.array([[[200, 100, 50, 0]], [[0, 0, 0, 0]]], np.uint8)
+    assert (squared_error(pixels[:1], pixels[1:]) == 0).all()
+
+
+def test_exposure_does_not_matter():
+    """Errors of linear images are the same in a darker render."""
+    light, other = np.random.default_rng(1).random((2, 8, 9, 3), np.float32)
+    bright, dark = (squared_error(comparable(light * scale), comparable(other * scale)) for scale in (16, 0.01))
+    np.testing.assert_allclose(bright, dark, atol=1e-5)
 
 
 @pytest.mark.parametrize("text", ["10", "0%", "120%", "-5%", "0s", "a lot", "nans", "infs"])

@@ -24,9 +24,9 @@ def words(text: str) -> set[str]:
 
 FIELD = words(
     """
-    area audio base bgr bitrate bits block cb chroma codec coding color cr crf cut decode decoder decoding
+    area audio base bgr bitrate bits block cb chroma codec coding color colour cr crf cut decode decoder decoding
     deinterlace drop encoder encoding factor fps frame gaps gradual image interpolate interpolated interpolator
-    interval levels location lossless mask motion noise overlay pixel planes preset preview quality rate
+    interval layered levels location lossless mask motion noise overlay pixel planes preset preview quality rate
     rectangle render rendered scene shape sound stream stretch subsampling subtitles synthesize synthesizer t
     thumbnail timing trim vectors x y
     """

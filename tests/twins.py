@@ -426,12 +426,14 @@ def fused(
     sharpness: float,
     enough: float,
     negligible: float = 0,
+    compared: int | None = None,
 ) -> tuple[list[Array], Array]:
     """The mean of each plane over all windows and candidates, weighed by patch similarity at t, and similarity ** 8.
 
     Windows have 16 x 16 squares of 2 x 2 pixels and fade into those of their neighbours 8 squares away; patches have
     5 x 5 squares, of which the outer ones count three quarters, and end with their window; edges repeat. The first
-    plane has all pixels, others may have half the columns, and half the rows. ``candidates[row, column]`` are lists of
+    plane has all pixels, others may have half the columns, and half the rows; only the first `compared` have a say in
+    the weights. ``candidates[row, column]`` are lists of
     ``[weight, dx, dy, ax, ay]``, tried one by one, until one weighs less than `negligible` of the least weight of a
     square.
     """
@@ -458,8 +460,8 @@ def fused(
             starts, distance, mixed = (start, start + motion), np.zeros((16, 16)), []
             for plane0, plane1, step in zip(*splines, steps, strict=True):
                 both, apart = _along((plane0, plane1), starts, (height, width), beyond, t, step)
+                distance += apart if compared is None or len(mixed) < compared else 0
                 mixed.append(both)
-                distance += apart
             equal = np.exp(-scale * distance)
             alike = _means_around(equal)
             weight = prior * np.exp(-sharpness * (1 - alike))
@@ -480,6 +482,38 @@ def fused(
         _add_within(similarities, _of_samples(share, (1, 1)) * _of_samples(alike_sum, (1, 1)), at)
     means = [plane / plane_weights for plane, plane_weights in zip(sums, all_weights, strict=True)]
     return means, (similarities / all_weights[0]) ** 8
+
+
+def heaviest(
+    planes0: list[Array], planes1: list[Array], t: float, candidates: Array, *, scale: float, sharpness: float
+) -> tuple[Array, Array]:
+    """The largest weight at each pixel, and where it lies along that motion: x and y in frame 0, and in frame 1.
+
+    Weights are those of `fused`, times how much the pixel's square counts in its window.
+    """
+    height, width = planes0[0].shape
+    beyond = 48
+    splines = [[spline_coefficients(plane, beyond) for plane in planes] for planes in (planes0, planes1)]
+    weights, places = np.zeros((height, width)), np.zeros((4, height, width))
+    shape = np.outer([fading(y) for y in range(16)], [fading(x) for x in range(16)])
+    for row, column in np.ndindex(*candidates.shape):
+        corner = np.array([16 * column - 8, 16 * row - 8])
+        for prior, *numbers in candidates[row, column]:
+            motion, acceleration = np.array(numbers[:2]), np.array(numbers[2:])
+            away = t * (1 - t) / 2 * acceleration - t * motion
+            starts = corner + away, corner + away + motion
+            distance = sum(
+                _along((plane0, plane1), starts, (height, width), beyond, t, (1, 1))[1]
+                for plane0, plane1 in zip(*splines, strict=True)
+            )
+            alike = _means_around(np.exp(-scale * distance))
+            weight = _of_samples(prior * np.exp(-sharpness * (1 - alike)) * shape, (1, 1))
+            for j, i in np.ndindex(32, 32):
+                x, y = corner[0] + i, corner[1] + j
+                if 0 <= x < width and 0 <= y < height and weight[j, i] > weights[y, x]:
+                    weights[y, x] = weight[j, i]
+                    places[:, y, x] = x + away[0], y + away[1], x + away[0] + motion[0], y + away[1] + motion[1]
+    return weights, places
 
 
 def _means_around(squares: Array) -> Array:

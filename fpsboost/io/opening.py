@@ -50,6 +50,9 @@ class TargetRequirements:
         Pictures of Y, Cb and Cr may stay as they are.
     layers : bool
         It can hold layers beside the picture.
+    linear : bool
+        The method mixes scene-linear colours with weights that it finds on another scale, so that they come as
+        `LayeredImage`.
     """
 
     pictures_alone: bool = False
@@ -58,6 +61,7 @@ class TargetRequirements:
     needs_rate: bool = False
     planes: bool = False
     layers: bool = False
+    linear: bool = False
 
 
 def open_source(
@@ -126,6 +130,7 @@ def open_source(
                 fill_gaps=fill_gaps,
                 in_place=in_place,
                 passes=_passes(path, decoding, requirements),
+                linear=requirements.linear,
                 limit=limit,
             )
         if decoding.decoder == "opencv":

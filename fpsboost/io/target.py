@@ -87,7 +87,9 @@ class Target:
             return encodes_alpha(encoding, containers[Path(self.path).suffix.lower()])
         return not is_pattern(self.path) or keeps_alpha(extension_of(self.path))
 
-    def requirements(self, encoding: Encoding, *, needs_rate: bool, takes_planes: bool) -> TargetRequirements:
+    def requirements(
+        self, encoding: Encoding, *, needs_rate: bool, takes_planes: bool, takes_layers: bool
+    ) -> TargetRequirements:
         """Return what the output asks of its source.
 
         Parameters
@@ -97,6 +99,8 @@ class Target:
             Ask for a rate also where the output has none.
         takes_planes : bool
             Whether the method can work on planes of Y, Cb and Cr.
+        takes_layers : bool
+            Whether the method can work on images with layers.
         """
         return TargetRequirements(
             pictures_alone=not self.has_clock,
@@ -105,6 +109,7 @@ class Target:
             needs_rate=self.has_rate or needs_rate,
             planes=self.has_clock and takes_planes,
             layers=self.holds_layers,
+            linear=takes_layers,
         )
 
     def check_encoding(self, encoding: Encoding) -> None:

@@ -117,6 +117,6 @@ def find_dominant_motion(samples0, samples1, t, candidates, weighting, weights, 
                 weigh_squares(prior, weighting.sharpness, work.similarity, weighting.patch_shares, work.weight, sums)
                 least_weight, least_similar = smallest(sums.weights, squared), smallest(sums.most_similar, squared)
                 for i in range(SQUARES_PER_WINDOW):
-                    work.weight[i] *= weighting.window_shape[i]
-                upsample_squares(work.weight, one, one, work.upsampled)
+                    squared[i] = work.weight[i] * weighting.window_shape[i]
+                upsample_squares(squared, one, one, work.upsampled)
                 keep_heavier(work.upsampled, motion, t, top, left, weights, places)

@@ -36,7 +36,7 @@ from fpsboost.io.vector_folder import UsesVectors
 from fpsboost.method_table import find_method
 from fpsboost.rerender.output_folder import check_new, new_folder
 from fpsboost.rerender.planning import check_input
-from fpsboost.rerender.score import squared_error
+from fpsboost.rerender.score import comparable, squared_error
 
 LONGEST = 16
 """Largest difference of two numbers between which frames are made."""
@@ -216,7 +216,7 @@ class _Trials:
         return float(squared_error(as_array(next(images)), self._read(index)).mean())
 
     def _read(self, index: int) -> Image:
-        return read_image(self.images.files[index])
+        return comparable(read_image(self.images.files[index]))
 
 
 def _divide(trials: _Trials, in_order: InOrder) -> tuple[list[int], float | None]:

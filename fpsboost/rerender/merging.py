@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, OutputError, explained
-from fpsboost.frame import Image, describe, has_alpha
+from fpsboost.frame import FrameImage, Image, as_array, describe, has_alpha
+from fpsboost.io.images.exr_header import parse_exr_header
 from fpsboost.io.images.files import (
     IMAGE_SUFFIXES,
     content_of,
@@ -25,13 +26,14 @@ from fpsboost.io.images.files import (
     encode_image,
     extension_of,
     needs_float,
-    unread_channels,
 )
 from fpsboost.io.images.metadata import can_pass, metadata_of
 from fpsboost.io.images.numbering import find_images
+from fpsboost.io.images.passes import ALL, Passes, encode_like
 from fpsboost.io.images.sequence import list_files
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.staging import write_safely
+from fpsboost.layered import Layer, LayeredImage
 from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.output_folder import check_new, new_folder
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
@@ -165,7 +167,7 @@ def mix(made: Image, rendered: Image, weights: NDArray[Any]) -> Image:
 
     Parameters
     ----------
-    made, rendered : (H, W, C) uint8, uint16 or float32
+    made, rendered : (H, W, C) uint8, uint16, float16 or float32
         Of one size and type; colours of integers are not multiplied by their alpha, those of floats are.
     weights : (H, W) float32
         Share of `rendered`.
@@ -177,12 +179,12 @@ def mix(made: Image, rendered: Image, weights: NDArray[Any]) -> Image:
     share = weights[..., np.newaxis].astype(np.float64)
     with np.errstate(invalid="ignore"):  # of infinity times 0, where the result is not taken
         mixed = made * (1 - share) + rendered * share
-    if has_alpha(made) and made.dtype != np.float32:
+    if has_alpha(made) and not np.issubdtype(made.dtype, np.floating):
         alphas = made[..., -1:] * (1 - share), rendered[..., -1:] * share
         colours = made[..., :-1] * alphas[0] + rendered[..., :-1] * alphas[1]
         total = alphas[0] + alphas[1]
         mixed[..., :-1] = np.where(total > 0, colours / np.where(total > 0, total, 1), mixed[..., :-1])
-    rounded = mixed if made.dtype == np.float32 else np.rint(mixed)
+    rounded = mixed if np.issubdtype(made.dtype, np.floating) else np.rint(mixed)
     result = np.where(share > 0, rounded.astype(made.dtype), made)
     return np.ascontiguousarray(np.where(share < 1, result, rendered))
 
@@ -197,7 +199,8 @@ class _Merger:
 
     def merged(self, path: Path, content: bytes, frame: PlannedFrame, rendered: _Rendered) -> bytes:
         """Return the content of a made file with its regions put back."""
-        made = self._decoded(path, content)
+        passes = Passes.chosen(path, content, ALL) if extension_of(path.name) == ".exr" else None
+        made = self._decoded(path, content, passes)
         if made.shape[:2] != (self.plan.height, self.plan.width):
             raise InputError(
                 f"{path} has {made.shape[1]}x{made.shape[0]} pixels and the plan {self.plan.width}x"
@@ -205,58 +208,83 @@ class _Merger:
             )
         if frame.whole and rendered.whole is not None and path.suffix == rendered.whole.suffix:
             data = content_of(rendered.whole)
-            _check_alike(rendered.whole, self._decoded(rendered.whole, data), path, made)
+            _check_alike(rendered.whole, self._decoded(rendered.whole, data, passes), path, made)
             if can_pass(data):
                 return data
-        picture = self._rendered_regions(path, made, frame, rendered)
-        weights = seam_weights(frame.mask(self.plan.height, self.plan.width), self.feather)
+        mask = frame.mask(self.plan.height, self.plan.width)
+        weights = seam_weights(mask, self.feather)
+        picture = self._rendered_regions(path, made, frame, rendered, passes)
+        mixed = mix(as_array(made), as_array(picture), weights)
+        if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):
+            layers = (_mix_layer(*pair, weights, mask) for pair in zip(made.layers, picture.layers, strict=True))
+            return encode_like(parse_exr_header(path, content), LayeredImage(mixed, tuple(layers)))
         return encode_image(
-            path,
-            mix(made, picture, weights),
-            half=not needs_float(path, content, made),
-            metadata=metadata_of(path, content),
+            path, mixed, half=not needs_float(path, content, mixed), metadata=metadata_of(path, content)
         )
 
-    def _rendered_regions(self, path: Path, made: Image, frame: PlannedFrame, rendered: _Rendered) -> Image:
+    def _rendered_regions(
+        self, path: Path, made: FrameImage, frame: PlannedFrame, rendered: _Rendered, passes: Passes | None
+    ) -> FrameImage:
         """Return an image that shows what was rendered inside of the regions."""
-        picture = made.copy()
-        if rendered.whole is not None:
-            image = self._decoded(rendered.whole, content_of(rendered.whole))
-            for region in frame.regions:
-                picture[region.part] = _part(rendered.whole, image, region, path, made)
-            return picture
+        picture = _copied(made)
         for place, region in enumerate(frame.regions, start=1):
-            file = rendered.regions[place]
-            picture[region.part] = _part(file, self._decoded(file, content_of(file)), region, path, made)
+            file = rendered.whole or rendered.regions[place]
+            image = self._decoded(file, content_of(file), passes)
+            part = _part(file, image, region, path, made)
+            for to, values in zip(_planes_of(picture), _planes_of(image), strict=True):
+                to[region.part] = values[part]
         return picture
 
-    def _decoded(self, path: Path, content: bytes) -> Image:
-        others = unread_channels(path, content)
-        if others:
-            raise InputError(
-                f"{path} holds several layers ({', '.join(others[:3])}, ...), which merging would lose; save the "
-                "combined pass alone."
-            )
-        return decode_image(path, content, self.limit)
+    def _decoded(self, path: Path, content: bytes, passes: Passes | None) -> FrameImage:
+        """Return an image, with the layers of the made files if these have any."""
+        if passes is None or extension_of(path.name) != ".exr":
+            return decode_image(path, content, self.limit)
+        return passes.decode(path, content, self.limit)
 
 
-def _part(path: Path, image: Image, region: Rectangle, made_path: Path, made: Image) -> Image:
-    """Return a region of an image that shows the full frame, or that region alone."""
+def _planes_of(image: FrameImage) -> list[NDArray[Any]]:
+    """Return all values of an image as arrays whose first two axes are rows and columns."""
+    return [as_array(image), *(image.planes().values() if isinstance(image, LayeredImage) else ())]
+
+
+def _copied(image: FrameImage) -> FrameImage:
+    """Return a copy of an image and of all its layers."""
+    if not isinstance(image, LayeredImage):
+        return image.copy()
+    layers = (
+        replace(layer, planes={name: each.copy() for name, each in layer.planes.items()}) for layer in image.layers
+    )
+    return LayeredImage(image.colour.copy(), tuple(layers))
+
+
+def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArray[Any]) -> Layer:
+    """Return a layer of the made frame with that of the rendered one in it; what must not be mixed has no seam."""
+    planes = {}
+    for name, plane in made.planes.items():
+        other = rendered.planes[name]
+        if made.kind == "linear":
+            planes[name] = mix(plane[..., np.newaxis], other[..., np.newaxis], weights)[..., 0]
+        else:
+            planes[name] = np.where(mask, other, plane)
+    return replace(made, planes=planes)
+
+
+def _part(path: Path, image: FrameImage, region: Rectangle, made_path: Path, made: FrameImage) -> tuple[slice, slice]:
+    """Return the part that a region is of an image, which shows the full frame or that region alone."""
     if image.shape[:2] == (region.height, region.width) and image.shape[:2] != made.shape[:2]:
         image_type, made_type = (image.shape[2], image.dtype), (made.shape[2], made.dtype)
         if image_type == made_type:
-            return image
+            return slice(None), slice(None)
     elif image.shape[:2] != made.shape[:2]:
         raise InputError(
             f"{path} has {image.shape[1]}x{image.shape[0]} pixels; render the full {made.shape[1]}x{made.shape[0]} or "
             f"the region of {region.width}x{region.height} at {region.x},{region.y}."
         )
     _check_alike(path, image, made_path, made)
-    part: Image = image[region.part]
-    return part
+    return region.part
 
 
-def _check_alike(path: Path, image: Image, made_path: Path, made: Image) -> None:
+def _check_alike(path: Path, image: FrameImage, made_path: Path, made: FrameImage) -> None:
     if (image.shape, image.dtype) != (made.shape, made.dtype):
         raise InputError(
             f"{path} ({describe(image)}) is unlike {made_path} ({describe(made)}); render regions as the frames were."

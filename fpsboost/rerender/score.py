@@ -19,15 +19,13 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from fpsboost.errors import OptionError
+from fpsboost.exposure import compared_colours
 from fpsboost.frame import Frame, Image, Pixels, as_array, has_alpha
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.motion.colour import normalised
 from fpsboost.rerender.tiles import TileGrid
 from fpsboost.synthesis import FramePair, FusesHypotheses
-
-GAMMA = 2.2
-"""Exponent by which a display shows linear values."""
 
 MIN_ERROR = 1e-7
 """Added to squared errors that are multiplied, for white = 1: a tenth of the error of rounding to 8 bits."""
@@ -182,32 +180,29 @@ def expect_errors(
     return ExpectedErrors(expected, scenes.tolist())
 
 
-def displayed(image: Image) -> NDArray[Any]:
-    """Return an image as its errors are seen, for white = 1.
-
-    Float images are linear: they are clipped to white, and follow a display's curve. Colours that are not multiplied by
-    their alpha are, because what is transparent does not show.
-
-    Parameters
-    ----------
-    image : (H, W, C) uint8, uint16 or float32
-
-    Returns
-    -------
-    (H, W, C) float32
-    """
-    values = normalised(image)
-    if image.dtype == np.float32:
-        return np.asarray(np.clip(values, 0, 1) ** np.float32(1 / GAMMA))
-    if has_alpha(image):
-        values[..., :-1] *= values[..., -1:]
-    return values
+def comparable(image: Image) -> Image:
+    """Return an image as it is made and compared here: float images are linear, see `fpsboost.exposure`."""
+    return compared_colours(image) if image.dtype == np.float32 else image
 
 
 def squared_error(image0: Image, image1: Image) -> NDArray[Any]:
-    """Return the squared difference of two images as they are `displayed`, mean of the channels, (H, W) float32."""
-    difference = displayed(image0) - displayed(image1)
+    """Return the squared difference of two `comparable` images for white = 1, mean of the channels.
+
+    Colours that are not multiplied by their alpha are, because what is transparent does not show.
+
+    Returns
+    -------
+    (H, W) float32
+    """
+    difference = _weighted(image0) - _weighted(image1)
     return np.asarray(np.einsum("yxc,yxc->yx", difference, difference) / np.float32(difference.shape[2]))
+
+
+def _weighted(image: Image) -> NDArray[Any]:
+    values = normalised(image)
+    if has_alpha(image) and image.dtype != np.float32:
+        values[..., :-1] *= values[..., -1:]
+    return values
 
 
 def _shown(
@@ -220,10 +215,10 @@ def _shown(
         place = index - first
         if place < 0 or place % distance:
             if place > 0 and place % distance == distance // 2:
-                truth = frame.array
+                truth = comparable(frame.array)
             continue
         position = SourcePosition(index, frame.time)
-        shown = FrameCache(frame.array, Fraction(index * factor), position)
+        shown = FrameCache(comparable(frame.array), Fraction(index * factor), position)
         if before is not None:
             yield _Shown(interpolator.pair(before, shown), truth)
         before = shown

@@ -44,7 +44,7 @@ def _at_rest(shape: tuple[int, ...], t: float) -> Sources:
     """Return the pixel's own place, in the frame that is nearer in time."""
     place = np.indices(shape[:2])
     here = place[0], place[1]
-    return Sources(here, here, np.full(shape[:2], t > 0.5), np.zeros(shape[:2], bool))
+    return Sources(here, here, np.full(shape[:2], t > 0.5), np.zeros(shape[:2], bool), t)
 
 
 def _mix_planes(t: float, planes0: Planes, planes1: Planes) -> Mixed:

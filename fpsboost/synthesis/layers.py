@@ -23,8 +23,12 @@ PLANES_AT_ONCE = 8
 
 Planes = Sequence[NDArray[Any]]
 
-AGREEMENT = np.float32(1)
-"""Largest difference between a motion and that of a frame's own pixel for the two to agree, pixels."""
+AGREEMENT = np.float32(4)
+"""Largest difference between a motion and that of a frame's own pixel for the two to agree, pixels: motion that changes
+across a surface differs by less, that of something in front of it by more."""
+
+ONE_SURFACE = 0.1
+"""Largest difference between two distances on one surface, as a share of the smaller."""
 
 
 @runtime_checkable
@@ -68,6 +72,8 @@ class Sources(NamedTuple):
     """Whether frame 1 has the pixel rather than frame 0, (H, W) bool."""
     have_both: NDArray[Any]
     """Whether both have it, (H, W) bool."""
+    t: float
+    """Time of the in-between frame, 0 to 1."""
 
     def nearest(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
         """Return the values of the frame that has the pixel, unmixed."""
@@ -75,10 +81,19 @@ class Sources(NamedTuple):
         return values
 
     def depth(self, plane0: NDArray[Any], plane1: NDArray[Any]) -> NDArray[Any]:
-        """Return distances like `nearest`, the smaller one where both frames have the pixel."""
-        value0, value1 = plane0[self.place0], plane1[self.place1]
-        is_second = np.where(self.have_both, np.abs(value1) < np.abs(value0), self.is_second)
-        values: NDArray[Any] = np.where(is_second, value1, value0)
+        """Return distances like `nearest`, but mixed by time where both frames have them on one surface.
+
+        Those on two surfaces are never mixed, which would be a point between them where nothing is.
+        """
+        value0, value1 = (
+            plane[place].astype(np.float32, copy=False)
+            for plane, place in ((plane0, self.place0), (plane1, self.place1))
+        )
+        with np.errstate(invalid="ignore"):  # where both are infinite
+            apart = np.abs(value1 - value0)
+            is_one = self.have_both & (apart <= ONE_SURFACE * np.minimum(np.abs(value0), np.abs(value1)))
+            between = value0 + np.float32(self.t) * (value1 - value0)
+        values: NDArray[Any] = np.where(is_one, between, np.where(self.is_second, value1, value0))
         return values
 
 
@@ -206,4 +221,4 @@ def find_sources(places: NDArray[Any], flows: tuple[NDArray[Any], NDArray[Any]],
     alike = have[0] == have[1]
     have_both = have[0] & have[1]
     is_nearer = np.where(have_both | (apart[0] == apart[1]), t > 0.5, apart[1] < apart[0])
-    return Sources(found[0], found[1], np.where(alike, is_nearer, have[1]), have_both)
+    return Sources(found[0], found[1], np.where(alike, is_nearer, have[1]), have_both, t)

@@ -31,8 +31,8 @@ KINDS_BY_WORD: Mapping[str, LayerKind] = MappingProxyType(
         **dict.fromkeys(("depth", "z", "zdepth", "vrayzdepth", "zbuffer", "denoisingdepth"), "depth"),
         **dict.fromkeys(("normal", "normals", "n", "ns", "ng", "vraynormals", "vraybumpnormals"), "normals"),
         **dict.fromkeys(("denoisingnormal", "shnormal", "geonormal", "bumpnormals", "worldnormal"), "normals"),
-        **dict.fromkeys(("indexob", "indexma", "id", "objectid", "objid", "materialid", "matid"), "nearest"),
-        **dict.fromkeys(("renderid", "nodeid", "instanceid", "partid", "primid"), "nearest"),
+        **dict.fromkeys(("indexob", "indexma", "objectindex", "materialindex", "id", "objectid", "objid"), "nearest"),
+        **dict.fromkeys(("materialid", "matid", "renderid", "nodeid", "instanceid", "partid", "primid"), "nearest"),
         **dict.fromkeys(("shapeindex", "primindex", "uv", "uvs", "st"), "nearest"),
         **dict.fromkeys(VECTORS, "nearest"),
     }

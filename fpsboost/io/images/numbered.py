@@ -82,6 +82,8 @@ class ImageSource(ClosesOnExit):
         Frames are to be made beside the images: those that a stopped run has begun to put there do not count.
     passes : str
         Layers of OpenEXR files that are read beside the picture; see `Passes.chosen`.
+    linear : bool
+        Say that the colours of OpenEXR are scene-linear, by images with layers, be it none.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
 
@@ -109,6 +111,7 @@ class ImageSource(ClosesOnExit):
         fill_gaps: bool = False,
         in_place: bool = False,
         passes: str = BEAUTY,
+        linear: bool = False,
         limit: MemoryLimit | None = None,
     ) -> None:
         if rate <= 0:
@@ -128,7 +131,7 @@ class ImageSource(ClosesOnExit):
         self._begins = Fraction(0)
         if found.files[0].suffix.lower() not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
-        self._upright, self._limit = upright, limit or MemoryLimit()
+        self._upright, self._linear, self._limit = upright, linear, limit or MemoryLimit()
         data = content_of(found.files[0])
         self._passes = _passes_of(found.files[0], data, passes)
         first = self._decoded(found.files[0], data)
@@ -146,7 +149,8 @@ class ImageSource(ClosesOnExit):
         self._unread = [name for name in unread_channels(found.files[0], data) if name not in made]
         self._pictures = [] if self._passes is None else self._passes.pictures
         self._holds_more = holds_more_pictures(data)
-        height, width, _ = first.shape
+        height, width = first.shape[:2]
+        self._limit.check(path, width, height, self.images.planes)
         self.info = ClipInfo(path, height, width, rate, 1 / rate, len(found.files), self._duration(rate))
 
     def _duration(self, rate: Fraction) -> Fraction | None:
@@ -201,6 +205,8 @@ class ImageSource(ClosesOnExit):
         if self._passes is not None and self._passes.layers:
             return self._passes.decode(path, data, self._limit)
         image = decode_image(path, data, self._limit)
+        if self._passes is not None and self._linear:
+            return LayeredImage(image, ())
         return upright(image, metadata_of(path, data).orientation) if self._upright else image
 
     def keep(self, first: int, last: int | None) -> None:

@@ -183,6 +183,11 @@ class NumberedImages:
     needs_float: bool = False
     layers: tuple[LayerNames, ...] = ()
 
+    @property
+    def planes(self) -> int:
+        """Planes of the layers that are read beside the picture."""
+        return sum(len(layer.channels) for layer in self.layers)
+
     def numbers_for(self, factor: Fraction) -> tuple[int, int] | None:
         """Return which numbers the frames of the output have if the images keep theirs.
 
