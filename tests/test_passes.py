@@ -347,6 +347,34 @@ def test_all_layers_are_the_default(clip, tmp_path):
         assert (tmp_path / "all" / path.name).read_bytes() == path.read_bytes()
 
 
+def test_of_several_pictures_the_first_leads_and_that_is_said(tmp_path):
+    """Two view layers, each with its combined colours."""
+    (tmp_path / "in").mkdir()
+    for number in (1, 2):
+        planes = {f"{layer}.Combined.{each}": texture(number) for layer in ("A", "B") for each in "RGB"}
+        with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes) as file:
+            file.write(str(tmp_path / "in" / f"{number}.exr"))
+    summary = convert(tmp_path / "in", tmp_path / "out")
+    assert any(
+        "hold several pictures (A.Combined, B.Combined), the first of which leads" in each for each in summary.remarks
+    )
+
+
+def test_pixels_outside_of_the_display_window_are_said_to_stay_behind(tmp_path):
+    """Frames between have theirs in the display window, all of it."""
+    (tmp_path / "in").mkdir()
+    corners = np.array([-4, -4], np.int32), np.array([27, 27], np.int32)
+    shown = np.array([0, 0], np.int32), np.array([23, 23], np.int32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    for number in (1, 2):
+        planes = {each: texture(number, 32, 32) for each in ("R", "G", "B", "Z")}
+        with OpenEXR.File({**header, "dataWindow": corners, "displayWindow": shown}, planes) as file:
+            file.write(str(tmp_path / "in" / f"{number}.exr"))
+    summary = convert(tmp_path / "in", tmp_path / "out")
+    assert any("pixels elsewhere than in the display window" in remark for remark in summary.remarks)
+    assert content(tmp_path / "out" / "2.exr")["Z"].shape == (24, 24)
+
+
 def test_half_of_a_pass_ends_where_half_does(tmp_path):
     """Nothing becomes infinite between two frames that are not."""
     (tmp_path / "in").mkdir()

@@ -116,7 +116,7 @@ def find_dominant_motion(samples0, samples1, t, candidates, weighting, weights, 
                 sum_patches(squared, work.padded, work.half_way, work.similarity)
                 weigh_squares(prior, weighting.sharpness, work.similarity, weighting.patch_shares, work.weight, sums)
                 least_weight, least_similar = smallest(sums.weights, squared), smallest(sums.most_similar, squared)
-                for i in range(SQUARES_PER_WINDOW):
+                for i in range(SQUARES_PER_WINDOW):  # not in place: numba loses writes to an element of an attribute
                     squared[i] = work.weight[i] * weighting.window_shape[i]
                 upsample_squares(squared, one, one, work.upsampled)
                 keep_heavier(work.upsampled, motion, t, top, left, weights, places)
