@@ -21,6 +21,8 @@ from video_truth import scene
 from fpsboost.cli import app, progress
 from fpsboost.io.images.exr import write_exr
 
+collect_ignore = ["blender_round_trip.py"]  # runs in Blender
+
 COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # the threads of FLIP would spin while they wait

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from fpsboost.cli.flags import flags_of
 from fpsboost.errors import OptionError
-from fpsboost.io.vector_layout import ConventionName
+from fpsboost.io.vector_convention import ConventionName
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.options import option
@@ -43,7 +43,7 @@ class MethodOptions:
     depth: str | None = option(None, "Folder of rendered depth, for reproject-scene.", metavar="DIR")
     vector_convention: ConventionName = option(
         "auto",
-        "What their channels mean: blender, nuke, forward-up,\nforward-down, backward-up, backward-down.",
+        "Their convention: blender, nuke, ...",
         flag="vectors-as",
     )
 

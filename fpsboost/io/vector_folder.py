@@ -36,7 +36,8 @@ from fpsboost.io.images.sequence import (
     list_files,
     order_names,
 )
-from fpsboost.io.vector_layout import ConventionName, VectorConvention, conventions, find_vector_channels
+from fpsboost.io.vector_convention import ConventionName
+from fpsboost.io.vector_layout import VectorConvention, conventions, find_vector_channels
 
 KEPT_FRAMES = 4
 """Number of frames whose vectors are cached: a pair's two frames, and two between them."""

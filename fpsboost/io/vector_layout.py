@@ -1,15 +1,4 @@
-"""How renderers store motion vectors in OpenEXR: channel names, directions, and signs.
-
-Vectors are in pixels per frame. `blender`
-    Four channels X, Y, Z, W: X and Y are the position in the previous frame minus that in this one, Z and W the
-    position in this one minus that in the next, y up.
-`nuke`
-    Four channels ``forward.u``, ``forward.v``, ``backward.u``, ``backward.v``: to the next and to the previous frame,
-    y up.
-`forward-up`, `forward-down`, `backward-up`, `backward-down`
-    Two channels (R and G, X and Y, or u and v; a third is left out), as Arnold, V-Ray and others write them: motion to
-    the next or to the previous frame, y up or down. The other direction is taken for its opposite.
-"""
+"""How renderers store motion vectors in OpenEXR: channel names, directions, and signs; see `vector_convention`."""
 
 from __future__ import annotations
 
@@ -24,7 +13,6 @@ from numpy.typing import NDArray
 from fpsboost.io.images.exr import find_layer
 
 Direction = Literal["forward", "backward"]
-ConventionName = Literal["auto", "blender", "nuke", "forward-up", "forward-down", "backward-up", "backward-down"]
 
 
 class StoredVectors(NamedTuple):
