@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
@@ -25,7 +26,8 @@ from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.synthesis import FramePair, Synthesizer
+from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
+from fpsboost.synthesis.agreement import measure_agreement
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.ycbcr import YCbCrImage
@@ -54,6 +56,20 @@ class InBetween(NamedTuple):
 
     images: Iterator[Pixels]
     scene_cut: bool
+
+
+class ConfidentInBetween(NamedTuple):
+    """Frames between two frames with their confidence, and whether a scene ends there."""
+
+    images: Iterator[InterpolatedImage]
+    scene_cut: bool
+
+
+Made = tuple[Pixels, NDArray[Any] | None]
+"""In-between image, and its confidence if it was asked for and anything is known of it."""
+
+Synthesize = Callable[[Synthesizer, FramePair, Sequence[float]], Iterator[Made]]
+"""Function that generates the images of a synthesizer, with or without their confidence."""
 
 
 class Pair:
@@ -313,20 +329,77 @@ class Interpolator:
         OptionError
             A time lies outside of [0, 1].
         """
+        made = self._made(pair, times, before, after, _without_confidence)
+        return InBetween((image for image, _ in made), pair.is_cut(before, after))
+
+    def between_with_confidence(
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None = None,
+        after: Pair | None = None,
+    ) -> ConfidentInBetween:
+        """Make the same images as `between`, with the confidence of every pixel.
+
+        It is the synthesizer's own if it has one; see `fpsboost.synthesis.FusesHypotheses`. Otherwise it is the
+        agreement of the two frames; see `fpsboost.synthesis.agreement`. It is 0 where no motion connects the frames,
+        and 1 for the frames themselves.
+
+        Parameters
+        ----------
+        pair, times, before, after
+            As for `between`.
+
+        Returns
+        -------
+        ConfidentInBetween
+
+        Raises
+        ------
+        OptionError
+            A time lies outside of [0, 1].
+        """
+        made = self._made(pair, times, before, after, _with_confidence)
+        size = pair.image0.pixels.shape[:2]
+        images = (
+            InterpolatedImage(image, np.zeros(size, np.float32) if confidence is None else confidence)
+            for image, confidence in made
+        )
+        return ConfidentInBetween(images, pair.is_cut(before, after))
+
+    def _made(
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None,
+        after: Pair | None,
+        synthesize: Synthesize,
+    ) -> Iterator[Made]:
         for t in times:
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        return InBetween(self._images(pair, times, before, after), pair.is_cut(before, after))
+        return self._images(pair, times, before, after, synthesize)
 
     def _images(
-        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None, after: Pair | None
-    ) -> Iterator[Pixels]:
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None,
+        after: Pair | None,
+        synthesize: Synthesize,
+    ) -> Iterator[Made]:
         inner = [float(t) for t in times if 0 < t < 1]
-        made = self._synthesize(pair, inner, before, after) if inner else iter(())
+        made = self._synthesize(pair, inner, before, after, synthesize) if inner else iter(())
         for t in times:
-            yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).pixels.copy()
+            if 0 < t < 1:
+                yield next(made)
+            else:
+                image = (pair.image1 if t == 1 else pair.image0).pixels.copy()
+                yield image, np.ones(image.shape[:2], np.float32)
 
-    def _synthesize(self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None) -> Iterator[Pixels]:
+    def _synthesize(
+        self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None, synthesize: Synthesize
+    ) -> Iterator[Made]:
         is_discontinuous = pair.is_discontinuous(before, after)
         # the pairs beyond these two are not known here
         before = None if before is None or before.is_discontinuous(after=pair) else before
@@ -335,17 +408,17 @@ class Interpolator:
             onward = self.at_cuts == "extrapolate"
             fields = _extrapolate(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (_as_bgr(pair.image0), _as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
-            return CUT_SYNTHESIZERS[self.at_cuts].synthesize(FramePair(image0, image1, *fields), times)
+            return _without_confidence(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), times)
         # the next pair's motion first: the thread that makes its frames waits for it
         following = _neighbour(after, pair) if self.curved else None
         fields = pair.fields
         neighbours = (_neighbour(before, pair), following) if self.curved else ()
-        images = self.synthesizer.synthesize(FramePair(*pair.compensated, *fields, *neighbours), times)
+        made = synthesize(self.synthesizer, FramePair(*pair.compensated, *fields, *neighbours), times)
         if pair.illumination is not None:
-            images = _with_illumination(images, times, pair.illumination, pair.image0.pixels.dtype)
+            made = _with_illumination(made, times, pair.illumination, pair.image0.pixels.dtype)
         elif self.overlays and (before or after):
-            images = _with_overlay(images, times, pair, before or pair, after or pair)
-        return images
+            made = _with_overlay(made, times, pair, before or pair, after or pair)
+        return made
 
     def with_vectors_for(self, numbers: Sequence[int], *, must_match: bool) -> tuple[Interpolator, list[str]]:
         """Match a renderer's vectors by the numbers of their files; see `VectorFolder.matched`.
@@ -442,17 +515,35 @@ def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
     return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration))
 
 
+def _without_confidence(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Made]:
+    for image in synthesizer.synthesize(frame_pair, times):
+        yield image, None
+
+
+def _with_confidence(synthesizer: Synthesizer, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Made]:
+    if isinstance(synthesizer, FusesHypotheses):
+        yield from synthesizer.fuse(frame_pair, times)
+        return
+    for image, t in zip(synthesizer.synthesize(frame_pair, times), times, strict=True):
+        yield image, measure_agreement(frame_pair, t)
+
+
 def _with_illumination(
-    images: Iterator[Pixels], times: Sequence[float], illumination: IlluminationModel, dtype: np.dtype[Any]
-) -> Iterator[Pixels]:
-    for image, t in zip(images, times, strict=True):
-        yield illumination.apply(as_array(image), t, dtype)
+    made: Iterator[Made],
+    times: Sequence[float],
+    illumination: IlluminationModel,
+    dtype: np.dtype[Any],
+) -> Iterator[Made]:
+    for (image, confidence), t in zip(made, times, strict=True):
+        yield illumination.apply(as_array(image), t, dtype), confidence
 
 
 def _with_overlay(
-    images: Iterator[Pixels], times: Sequence[float], pair: Pair, before: Pair, after: Pair
-) -> Iterator[Pixels]:
+    made: Iterator[Made], times: Sequence[float], pair: Pair, before: Pair, after: Pair
+) -> Iterator[Made]:
     overlay = find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
-    for image, t in zip(images, times, strict=True):
+    for (image, confidence), t in zip(made, times, strict=True):
         keep_overlay(image, pair.image0.pixels, pair.image1.pixels, t, overlay)
-        yield image
+        if confidence is not None:  # found still over four frames
+            confidence[overlay] = 1
+        yield image, confidence

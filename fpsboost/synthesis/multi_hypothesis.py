@@ -127,10 +127,10 @@ class MultiHypothesis:
             yield self._fused(frame_pair, candidates, t, nobody_asks)
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
-        """Generate images like `synthesize`, as arrays, with the confidence of every pixel."""
+        """Generate the images of `synthesize` with the confidence of every pixel."""
         for candidates, t in self._listed(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-            yield InterpolatedImage(as_array(self._fused(frame_pair, candidates, t, confidence)), confidence)
+            yield InterpolatedImage(self._fused(frame_pair, candidates, t, confidence), confidence)
 
     def _listed(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[tuple[Candidates, float]]:
         """Yield the candidates at each time, and the time."""
