@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from fpsboost.array_stream import stream
     from fpsboost.conversion import convert
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
-    from fpsboost.frame import ClipInfo, Frame
+    from fpsboost.frame import ClipInfo, Frame, PairMotion
     from fpsboost.interpolator import Interpolator
     from fpsboost.io import FrameSink, FrameSource
     from fpsboost.io.memory_limit import MemoryLimit
+    from fpsboost.io.side_outputs import SideOutputs
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
@@ -63,10 +64,12 @@ __all__ = [
     "OptionError",
     "OutputError",
     "OutputRate",
+    "PairMotion",
     "Position",
     "RunOptions",
     "SceneCutWarning",
     "Schedule",
+    "SideOutputs",
     "Summary",
     "Synthesizer",
     "Trim",
@@ -104,10 +107,12 @@ _homes = {
     "OptionError": "errors",
     "OutputError": "errors",
     "OutputRate": "timing.rate",
+    "PairMotion": "frame",
     "Position": "timing.position",
     "RunOptions": "run_options",
     "SceneCutWarning": "errors",
     "Schedule": "timing.schedule",
+    "SideOutputs": "io.side_outputs",
     "Summary": "observer",
     "Synthesizer": "synthesis",
     "Trim": "timing.trim",

@@ -25,7 +25,7 @@ def words(text: str) -> set[str]:
 FIELD = words(
     """
     audio base bgr bitrate bits block cb chroma codec coding color cr crf cut decode decoder decoding deinterlace
-    drop encoder encoding factor fps frame gaps gradual image interpolate interpolated interpolator interval
+    drop encoder encoding factor flow fps frame gaps gradual image interpolate interpolated interpolator interval
     levels location lossless motion noise overlay pixel planes preset rate scene shape sound stream stretch
     subsampling subtitles synthesize synthesizer t thumbnail timing trim vectors y
     """
@@ -36,7 +36,7 @@ PROGRAMMING = words(
     """
     args array clip clock close compile copy count details detector dtype error estimate estimator flash format
     function height index info input kwargs limit memory method name number observer option options original
-    output overwrite place policy position presentation range ready resume run score search second seconds sink
+    output overwrite place policy position presentation range ready resume run save score search second seconds sink
     size source step summary thread threads threshold time times tolerance value warning width write
     """
 )
