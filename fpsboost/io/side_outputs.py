@@ -31,11 +31,10 @@ class SideOutputs:
     """
 
     confidence: str | None = option(
-        None, "Maps of how certain each made pixel is, as PNG; conf_####.exr for EXR.", metavar="DIR",
-        group="Side outputs",
-    )  # fmt: skip
+        None, "Confidence of made frames, PNG; c_####.exr for EXR.", metavar="DIR", group="Side outputs"
+    )
     save_motion: str | None = option(
-        None, "Motion between source frames, as .flo; motion_####.exr for EXR.", metavar="DIR", group="Side outputs"
+        None, "Motion of source frames, .flo; m_####.exr for EXR.", metavar="DIR", group="Side outputs"
     )
 
     @property

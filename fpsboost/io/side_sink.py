@@ -36,7 +36,7 @@ class SideSink:
     @property
     def remarks(self) -> list[str]:
         """See `fpsboost.io.FrameSink.remarks`."""
-        return [*self._sink.remarks, *(remark for writer in self._writers for remark in writer.files.remarks)]
+        return [*self._sink.remarks, *(remark for writer in self._writers for remark in writer.remarks)]
 
     @property
     def details(self) -> str:

@@ -25,6 +25,11 @@ class SideWriter(Protocol):
 
     files: StagedFiles
 
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about what was not written."""
+        ...
+
     def write(self, frame: Frame) -> None:
         """Write what there is about the next frame of the output."""
         ...
@@ -58,6 +63,11 @@ class ConfidenceWriter:
             names.path, names.folder, names.namings([names.suffix]), overwrite=overwrite, alone=not names.is_pattern
         )
         self._names, self._place = names, 0
+
+    @property
+    def remarks(self) -> list[str]:
+        """See `SideWriter.remarks`."""
+        return self.files.remarks
 
     def write(self, frame: Frame) -> None:
         """See `SideWriter.write`."""
@@ -104,6 +114,13 @@ class MotionWriter:
         )
         self._names = names
         self._last: PairMotion | None = None
+        self._is_still: bool | None = None
+
+    @property
+    def remarks(self) -> list[str]:
+        """See `SideWriter.remarks`."""
+        still = [f"No motion was found: all vectors in {self._names.path} are 0."] if self._is_still else []
+        return [*self.files.remarks, *still]
 
     def write(self, frame: Frame) -> None:
         """See `SideWriter.write`."""
@@ -116,6 +133,7 @@ class MotionWriter:
             self.finish()
             self._write_vectors(motion.number0, -motion.flow01, motion.flow01)
         self._last = motion
+        self._is_still = self._is_still is not False and not motion.flow01.any() and not motion.flow10.any()
 
     def finish(self) -> None:
         """See `SideWriter.finish`."""

@@ -50,15 +50,12 @@ class StagedFiles:
             self.check()
         place = hidden_place(folder.absolute().parent, folder.absolute().name) if self._is_new else None
         self._staging = StagingDirectory(place or hidden_place(folder, "fpsboost-side"), "output", path, None)
-        self._names = list[str]()
+        self._names, self._remarks = list[str](), list[str]()
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences about what was found in the way."""
-        return self._staging.remarks
-
-    def __len__(self) -> int:
-        return len(self._names)
+        """Sentences about what was not written."""
+        return [*self._staging.remarks, *self._remarks]
 
     def check(self) -> None:
         """Raise `OutputError` if files exist and may not be replaced."""
@@ -110,6 +107,7 @@ class StagedFiles:
             Files have appeared there meanwhile, or the place cannot be written; nothing has changed then.
         """
         if not self._names:
+            self._remarks.append(f"No frame was made, so that nothing was written to {self._path}.")
             return
         with explained(OutputError, "write to", self._path, ADVICE):
             self.check()
