@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from fpsboost.array_stream import stream
     from fpsboost.conversion import convert
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
-    from fpsboost.frame import ClipInfo, Frame
+    from fpsboost.frame import ClipInfo, Frame, PairMotion
     from fpsboost.interpolator import Interpolator
     from fpsboost.io import FrameSink, FrameSource
     from fpsboost.io.memory_limit import MemoryLimit
+    from fpsboost.io.side_outputs import SideOutputs
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
     from fpsboost.layered import Layer, LayeredImage
@@ -75,6 +76,7 @@ __all__ = [
     "OptionError",
     "OutputError",
     "OutputRate",
+    "PairMotion",
     "PlanOptions",
     "PlannedFrame",
     "Position",
@@ -84,6 +86,7 @@ __all__ = [
     "RunOptions",
     "SceneCutWarning",
     "Schedule",
+    "SideOutputs",
     "Summary",
     "Synthesizer",
     "Trim",
@@ -129,6 +132,7 @@ _homes = {
     "OptionError": "errors",
     "OutputError": "errors",
     "OutputRate": "timing.rate",
+    "PairMotion": "frame",
     "PlanOptions": "rerender.options",
     "PlannedFrame": "rerender.plan_file",
     "Position": "timing.position",
@@ -138,6 +142,7 @@ _homes = {
     "RunOptions": "run_options",
     "SceneCutWarning": "errors",
     "Schedule": "timing.schedule",
+    "SideOutputs": "io.side_outputs",
     "Summary": "observer",
     "Synthesizer": "synthesis",
     "Trim": "timing.trim",

@@ -18,6 +18,7 @@ from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import check_images, fingerprint_job, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.prefetch import available_cores
+from fpsboost.io.side_sink import with_side_outputs
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.trim import trim_source
@@ -140,6 +141,7 @@ def convert(
                 in_place=run.in_place,
             )
         )
+        sink = with_side_outputs(sink, run.side, images, overwrite=run.overwrite)
         threads = run.threads
         if threads is None:
             planes = 0 if images is None else images.planes

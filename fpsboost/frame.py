@@ -39,7 +39,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,23 @@ FrameImage = Pixels | LayeredImage
 """Image data of a frame: pixels, or an array with further layers."""
 
 
+class PairMotion(NamedTuple):
+    """Motion between two frames of a source.
+
+    Attributes
+    ----------
+    number0, number1 : int
+        Places of the two among the frames that are read, from 0; further apart than 1 if duplicates lie between them.
+    flow01, flow10 : (H, W, 2) float32
+        Motion of each to the other, y down.
+    """
+
+    number0: int
+    number1: int
+    flow01: NDArray[Any]
+    flow10: NDArray[Any]
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """One image and its presentation time.
@@ -74,12 +91,19 @@ class Frame:
     original : object or None
         The decoder's own frame, kept so that a sink of the same kind can write it without any conversion.
         None for interpolated frames.
+    confidence : (H, W) float32 or None
+        Confidence of every pixel of a frame that was made, 0 to 1, for a sink that asks for it; None for others.
+    motion : PairMotion or None
+        Motion between the two frames of the source around it, for a sink that asks for it, with the first frame that is
+        made between them.
     """
 
     image: FrameImage
     time: Fraction
     duration: Fraction = Fraction(0)
     original: object | None = None
+    confidence: NDArray[Any] | None = None
+    motion: PairMotion | None = None
 
     @property
     def pixels(self) -> Pixels:

@@ -10,13 +10,14 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
-from fpsboost.frame import FrameImage, Image, Pixels, as_array, check_pair
+from fpsboost.frame import FrameImage, Image, as_array, check_pair
 from fpsboost.frame_cache import FrameCache, Results
 from fpsboost.io.vector_folder import UsesVectors, VectorFolder
 from fpsboost.io.video.planes import bgr_of
@@ -26,7 +27,8 @@ from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.synthesis import FramePair, Synthesizer
+from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
+from fpsboost.synthesis.agreement import measure_agreement
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
@@ -56,6 +58,23 @@ class InBetween(NamedTuple):
 
     images: Iterator[FrameImage]
     scene_cut: bool
+
+
+class ConfidentInBetween(NamedTuple):
+    """Frames between two frames with their confidence, and whether a scene ends there."""
+
+    images: Iterator[InterpolatedImage]
+    scene_cut: bool
+
+
+Layered = tuple[LayeredImage, LayeredImage]
+"""Two frames with their further layers."""
+
+Made = tuple[FrameImage, NDArray[Any] | None]
+"""In-between image, and its confidence if it was asked for and anything is known of it."""
+
+Synthesize = Callable[[Synthesizer, FramePair, Layered | None, Sequence[float]], Iterator[Made]]
+"""Function that generates the images of a synthesizer, with or without their confidence."""
 
 
 class Pair:
@@ -88,7 +107,7 @@ class Pair:
         self._results = Results()
 
     @property
-    def layered(self) -> tuple[LayeredImage, LayeredImage] | None:
+    def layered(self) -> Layered | None:
         """The two frames with their further layers; None if they have none."""
         image0, image1 = self.image0.image, self.image1.image
         if isinstance(image0, LayeredImage) and isinstance(image1, LayeredImage):
@@ -329,22 +348,77 @@ class Interpolator:
         OptionError
             A time lies outside of [0, 1].
         """
+        made = self._made(pair, times, before, after, _without_confidence)
+        return InBetween((image for image, _ in made), pair.is_cut(before, after))
+
+    def between_with_confidence(
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None = None,
+        after: Pair | None = None,
+    ) -> ConfidentInBetween:
+        """Make the same images as `between`, with the confidence of every pixel.
+
+        It is the synthesizer's own if it has one; see `fpsboost.synthesis.FusesHypotheses`. Otherwise it is the
+        agreement of the two frames; see `fpsboost.synthesis.agreement`. It is 0 where no motion connects the frames,
+        and 1 for the frames themselves.
+
+        Parameters
+        ----------
+        pair, times, before, after
+            As for `between`.
+
+        Returns
+        -------
+        ConfidentInBetween
+
+        Raises
+        ------
+        OptionError
+            A time lies outside of [0, 1].
+        """
+        made = self._made(pair, times, before, after, _with_confidence)
+        size = pair.image0.pixels.shape[:2]
+        images = (
+            InterpolatedImage(image, np.zeros(size, np.float32) if confidence is None else confidence)
+            for image, confidence in made
+        )
+        return ConfidentInBetween(images, pair.is_cut(before, after))
+
+    def _made(
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None,
+        after: Pair | None,
+        synthesize: Synthesize,
+    ) -> Iterator[Made]:
         for t in times:
             if not 0 <= t <= 1:
                 raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        return InBetween(self._images(pair, times, before, after), pair.is_cut(before, after))
+        return self._images(pair, times, before, after, synthesize)
 
     def _images(
-        self, pair: Pair, times: Sequence[float | Fraction], before: Pair | None, after: Pair | None
-    ) -> Iterator[FrameImage]:
+        self,
+        pair: Pair,
+        times: Sequence[float | Fraction],
+        before: Pair | None,
+        after: Pair | None,
+        synthesize: Synthesize,
+    ) -> Iterator[Made]:
         inner = [float(t) for t in times if 0 < t < 1]
-        made = self._synthesize(pair, inner, before, after) if inner else iter(())
+        made = self._synthesize(pair, inner, before, after, synthesize) if inner else iter(())
         for t in times:
-            yield next(made) if 0 < t < 1 else (pair.image1 if t == 1 else pair.image0).image.copy()
+            if 0 < t < 1:
+                yield next(made)
+            else:
+                image = (pair.image1 if t == 1 else pair.image0).image.copy()
+                yield image, np.ones(image.shape[:2], np.float32)
 
     def _synthesize(
-        self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None
-    ) -> Iterator[FrameImage]:
+        self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None, synthesize: Synthesize
+    ) -> Iterator[Made]:
         is_discontinuous = pair.is_discontinuous(before, after)
         # the pairs beyond these two are not known here
         before = None if before is None or before.is_discontinuous(after=pair) else before
@@ -353,20 +427,21 @@ class Interpolator:
             onward = self.at_cuts == "extrapolate"
             fields = _extrapolate(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (_as_bgr(pair.image0), _as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
-            return _generate(CUT_SYNTHESIZERS[self.at_cuts], FramePair(image0, image1, *fields), pair, times)
+            frame_pair = FramePair(image0, image1, *fields)
+            return _without_confidence(CUT_SYNTHESIZERS[self.at_cuts], frame_pair, pair.layered, times)
         # the next pair's motion first: the thread that makes its frames waits for it
         following = _neighbour(after, pair) if self.curved else None
         fields = pair.fields
         neighbours = (_neighbour(before, pair), following) if self.curved else ()
         frame_pair = FramePair(*pair.compensated, *fields, *neighbours)
+        made = synthesize(self.synthesizer, frame_pair, pair.layered, times)
         if pair.layered is not None:  # mixed as the frames are, so that sums of layers stay sums
-            return _generate(self.synthesizer, frame_pair, pair, times)
-        images = self.synthesizer.synthesize(frame_pair, times)
+            return made
         if pair.illumination is not None:
-            images = _with_illumination(images, times, pair.illumination, pair.image0.pixels.dtype)
+            made = _with_illumination(made, times, pair.illumination, pair.image0.pixels.dtype)
         elif self.overlays and (before or after):
-            images = _with_overlay(images, times, pair, before or pair, after or pair)
-        return images
+            made = _with_overlay(made, times, pair, before or pair, after or pair)
+        return made
 
     def with_vectors(self, change: Callable[[VectorFolder], VectorFolder]) -> tuple[Interpolator, list[str]]:
         """Change a renderer's vectors, if there are any, such as to match them with the output's frames.
@@ -436,14 +511,14 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
 
 
 def _generate(
-    synthesizer: Synthesizer, frame_pair: FramePair, pair: Pair, times: Sequence[float]
+    synthesizer: Synthesizer, frame_pair: FramePair, layered: Layered | None, times: Sequence[float]
 ) -> Iterator[FrameImage]:
-    """Generate images, with the layers that the frames of the pair have."""
-    if pair.layered is None:
+    """Generate images, with the layers that the frames have."""
+    if layered is None:
         return synthesizer.synthesize(frame_pair, times)
     if not isinstance(synthesizer, MixesLayers):
         raise OptionError("The method makes no layers beside the picture; choose nlm, or give `passes='beauty'`.")
-    return synthesizer.synthesize_layers(frame_pair, pair.layered, times)
+    return synthesizer.synthesize_layers(frame_pair, layered, times)
 
 
 def _still(layer: Layer, size: tuple[int, int]) -> Layer:
@@ -479,17 +554,43 @@ def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
     return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration))
 
 
+def _without_confidence(
+    synthesizer: Synthesizer, frame_pair: FramePair, layered: Layered | None, times: Sequence[float]
+) -> Iterator[Made]:
+    for image in _generate(synthesizer, frame_pair, layered, times):
+        yield image, None
+
+
+def _with_confidence(
+    synthesizer: Synthesizer, frame_pair: FramePair, layered: Layered | None, times: Sequence[float]
+) -> Iterator[Made]:
+    if layered is None and isinstance(synthesizer, FusesHypotheses):
+        yield from synthesizer.fuse(frame_pair, times)
+        return
+    if isinstance(synthesizer, FusesHypotheses):
+        confidences: Iterator[NDArray[Any]] = (fused.confidence for fused in synthesizer.fuse(frame_pair, times))
+    else:
+        confidences = (measure_agreement(frame_pair, t) for t in times)
+    yield from zip(_generate(synthesizer, frame_pair, layered, times), confidences, strict=True)
+
+
 def _with_illumination(
-    images: Iterator[Pixels], times: Sequence[float], illumination: IlluminationModel, dtype: np.dtype[Any]
-) -> Iterator[Pixels]:
-    for image, t in zip(images, times, strict=True):
-        yield illumination.apply(as_array(image), t, dtype)
+    made: Iterator[Made],
+    times: Sequence[float],
+    illumination: IlluminationModel,
+    dtype: np.dtype[Any],
+) -> Iterator[Made]:
+    for (image, confidence), t in zip(made, times, strict=True):
+        yield illumination.apply(as_array(image), t, dtype), confidence
 
 
 def _with_overlay(
-    images: Iterator[Pixels], times: Sequence[float], pair: Pair, before: Pair, after: Pair
-) -> Iterator[Pixels]:
+    made: Iterator[Made], times: Sequence[float], pair: Pair, before: Pair, after: Pair
+) -> Iterator[Made]:
     overlay = find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
-    for image, t in zip(images, times, strict=True):
+    for (image, confidence), t in zip(made, times, strict=True):
+        assert not isinstance(image, LayeredImage), "the layers of an overlay are not known"
         keep_overlay(image, pair.image0.pixels, pair.image1.pixels, t, overlay)
-        yield image
+        if confidence is not None:  # found still over four frames
+            confidence[overlay] = 1
+        yield image, confidence

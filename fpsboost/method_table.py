@@ -14,7 +14,7 @@ import numpy as np
 
 from fpsboost.analysis.scene_cuts import CutPolicy
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
+from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.vector_folder import UsesVectors, VectorFolder
@@ -25,7 +25,7 @@ from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, TvL1
 from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage
+from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
@@ -287,8 +287,9 @@ def interpolate_with_confidence(
     frame0, frame1, t
         As for `interpolate`; t lies between the frames, in (0, 1).
     method : str or Interpolator
-        A method that fuses hypotheses: ``nlm``, ``nlm-fast``, ``dis``, ``farneback`` or ``tvl1``. Scene cuts are not
-        looked for.
+        As for `interpolate`. Methods that fuse hypotheses (``nlm``, ``nlm-fast``, ``dis``, ``farneback``, ``tvl1``)
+        know their confidence; for the others it is the agreement of the two frames along the estimated motion. Scene
+        cuts are not looked for.
 
     Returns
     -------
@@ -300,7 +301,7 @@ def interpolate_with_confidence(
     InputError
         The two are not images of one size and type.
     OptionError
-        The method is unknown or has no confidence, or `t` is out of range.
+        The method is unknown, or `t` is out of range.
 
     Examples
     --------
@@ -310,17 +311,12 @@ def interpolate_with_confidence(
     True
     """
     interpolator = find_method(method) if isinstance(method, str) else method
-    if not isinstance(interpolator.synthesizer, FusesHypotheses):
-        raise OptionError(f"The method {method!r} does not know its confidence; take nlm or nlm-fast.")
     if not 0 < t < 1:
         raise OptionError(f"A confidence is for times between two frames, above 0 and below 1, not at {t}.")
     image0, image1 = (FrameCache(image) for image in _with_channels(frame0, frame1))
-    pair = interpolator.pair(image0, image1)
-    (fused,) = interpolator.synthesizer.fuse(FramePair(*pair.compensated, *pair.fields), [float(t)])
-    image = fused.image
-    if pair.illumination is not None:
-        image = pair.illumination.apply(image, float(t), frame0.dtype)
-    return InterpolatedImage(image.reshape(frame0.shape), fused.confidence)
+    interpolator = replace(interpolator, cuts=None)
+    (made,) = interpolator.between_with_confidence(interpolator.pair(image0, image1), [t]).images
+    return InterpolatedImage(as_array(made.image).reshape(frame0.shape), made.confidence)
 
 
 def _with_channels(frame0: Image, frame1: Image) -> tuple[Image, Image]:

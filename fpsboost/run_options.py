@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fpsboost.errors import OptionError
 from fpsboost.io.memory_limit import MemoryLimit, parse_memory
+from fpsboost.io.side_outputs import SideOutputs
 from fpsboost.observer import Observer
 from fpsboost.options import option
 
@@ -30,6 +32,13 @@ class RunOptions:
         same with any number.
     observer : Observer, optional
         Informed of the progress.
+    side : SideOutputs
+        What is written beside the frames; nothing by default.
+
+    Raises
+    ------
+    OptionError
+        Side outputs are asked for of a run that is to be resumed.
     """
 
     overwrite: bool = option(False, "Replace an existing output.", short="y")
@@ -40,3 +49,11 @@ class RunOptions:
     )
     threads: int | None = option(None, "Pairs of frames made in parallel; else one per core.")
     observer: Observer | None = None
+    side: SideOutputs = SideOutputs()
+
+    def __post_init__(self) -> None:
+        if self.resume and self.side.given:
+            raise OptionError(
+                f"`resume` makes no frame again, and {' and '.join(self.side.given)} would miss those that are there; "
+                "leave one of them out."
+            )

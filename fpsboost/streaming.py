@@ -7,20 +7,23 @@ the sink unchanged, with the decoder's own frame; but duplicate frames are repla
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
 from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame import ClipInfo, Frame, FrameImage, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
-from fpsboost.io import Cancellable, FrameSink, FrameSource
+from fpsboost.io import Cancellable, FrameSink, FrameSource, TakesSideData
 from fpsboost.io.prefetch import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.io.trim import beginning
 from fpsboost.observer import Observer, SilentObserver, Summary
@@ -89,6 +92,7 @@ def run_conversion(
             skip=skip,
             threads=threads,
             holds_last_frame=sink.holds_last_frame,
+            needs=_needs_of(sink),
         ) as frames,
         write_behind(sink.write, WRITE_BEHIND, _cancel_of(sink)) as write,
     ):
@@ -104,6 +108,13 @@ def run_conversion(
     return summary
 
 
+class Needs(NamedTuple):
+    """What frames that are made are to have beside their pixels; see `fpsboost.io.TakesSideData`."""
+
+    confidence: bool = False
+    motion: bool = False
+
+
 @contextmanager
 def making_frames(
     source: FrameSource,
@@ -115,6 +126,7 @@ def making_frames(
     stretch: Fraction = Fraction(1),
     skip: int = 0,
     threads: int | None = None,
+    needs: Needs | None = None,
 ) -> Generator[Iterator[Frame]]:
     """Read ahead and make frames while the block lasts.
 
@@ -126,6 +138,8 @@ def making_frames(
         Updated with the numbers of frames read and made.
     holds_last_frame : bool
         See `fpsboost.io.FrameSink`.
+    needs : Needs, optional
+        What frames are to have beside their pixels; nothing by default.
 
     Yields
     ------
@@ -143,13 +157,18 @@ def making_frames(
         if first is not None:
             interpolator.compile_for(first.image)
         frames = arriving if first is None else chain([first], arriving)
-        clip = _LoopState(source.info, schedule, interpolator, summary, beginning(source), skip)
+        clip = _LoopState(source.info, schedule, interpolator, summary, beginning(source), needs or Needs(), skip)
         yield stretched(_with_durations(_output_frames(frames, clip, detector, holds_last_frame, in_order)), stretch)
 
 
 def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:
     """Return the function that stops a source or sink that waits for another program."""
     return end.cancel if isinstance(end, Cancellable) else nothing
+
+
+def _needs_of(sink: FrameSink) -> Needs:
+    """Return what a sink asks for beside frames."""
+    return Needs(sink.needs_confidence, sink.needs_motion) if isinstance(sink, TakesSideData) else Needs()
 
 
 class _Interval(NamedTuple):
@@ -159,6 +178,8 @@ class _Interval(NamedTuple):
     steps: list[list[Step]]
     end: Fraction
     pair: Pair
+    places: tuple[int, int]
+    """Places of the pair's frames among those that are read, from 0."""
 
 
 class _OutputPart(NamedTuple):
@@ -186,6 +207,7 @@ class _LoopState:
     interpolator: Interpolator
     summary: Summary
     beginning: SourcePosition
+    needs: Needs
     skip: int = 0
     """Number of output frames still to come that the sink has already."""
     start: Fraction = Fraction(0)
@@ -232,9 +254,14 @@ class _LoopState:
             steps.append(list(self.schedule.steps(self.index, self.start, frame.time, after.time)))
             self.index += 1
         end = frames[-1].time
-        return _Interval(
-            held, steps, end, self.interpolator.pair(held[0].image, following[0].image, end - frames[0].time)
-        )
+        pair = self.interpolator.pair(held[0].image, following[0].image, end - frames[0].time)
+        return _Interval(held, steps, end, pair, (self.place(held[0]), self.place(following[0])))
+
+    def place(self, shown: SourceFrame) -> int:
+        """Return the place of a frame among those that are read, from 0."""
+        position = shown.image.source_position
+        assert position is not None, "known of every frame of a clip"
+        return position.number - self.beginning.number
 
 
 def _output_frames(
@@ -267,7 +294,7 @@ def _output_frames(
     for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
         if step.t == 0 or holds_last_frame:
             clip.summary.frames_made += step.time != last.time
-            yield replace(last, time=step.time)
+            yield replace(last, time=step.time, confidence=_certain(last, step, 0) if clip.needs.confidence else None)
     return end
 
 
@@ -282,7 +309,7 @@ def _tasks(clip: _LoopState, moments: Iterable[FrameGroup]) -> Iterator[Callable
         neighbours = before and before.pair, after and after.pair
         for begin in range(0, max(count, 1), FRAMES_PER_TASK):
             part = range(begin, min(begin + FRAMES_PER_TASK, count))
-            yield partial(_make, interval, neighbours, clip.interpolator, part, skipped)
+            yield partial(_make, interval, neighbours, clip.interpolator, part, skipped, clip.needs)
 
 
 def _make(
@@ -291,10 +318,11 @@ def _make(
     interpolator: Interpolator,
     part: range,
     skipped: int,
+    needs: Needs,
 ) -> _OutputPart:
     """Make the output frames of a part of an interval; the first `skipped` of the interval may carry any image."""
-    is_discontinuous = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
-    if is_discontinuous:
+    is_held = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
+    if is_held:
         # no motion follows the held picture, so it stays held until the cut at the end of its last frame
         shown = [(each, step) for each, steps in zip(interval.held, interval.steps, strict=True) for step in steps]
         first_to_move = len(shown) - len(interval.steps[-1])
@@ -302,17 +330,44 @@ def _make(
         shown, first_to_move = [(interval.held[0], step) for step in _merge_steps(interval)], 0
     moves = [index >= first_to_move and step.t > 0 for index, (_, step) in enumerate(shown)]
     inner = [shown[index][1].t for index in part if moves[index] and index >= skipped]
-    images, scene_cut = interpolator.between(interval.pair, inner, *neighbours) if any(moves) else (iter(()), False)
+    made, scene_cut = (
+        _between(interpolator, interval.pair, inner, neighbours, needs) if any(moves) else (iter(()), False)
+    )
     frames = []
     for index in part:
         each, step = shown[index]
         if moves[index]:
-            frames.append(Frame(each.frame.image if index < skipped else next(images), step.time))
-        else:
-            frames.append(replace(each.frame, time=step.time))
+            image, confidence = (each.frame.image, None) if index < skipped else next(made)
+            frames.append(Frame(image, step.time, confidence=confidence))
+        else:  # between frames that show the same, a repeated one is certain
+            confidence = _certain(each.frame, step, 1) if needs.confidence else None
+            frames.append(replace(each.frame, time=step.time, confidence=confidence))
+    if needs.motion and True in moves and moves.index(True) in part and not interval.pair.is_discontinuous(*neighbours):
+        first = moves.index(True) - part.start
+        field01, field10 = interval.pair.fields
+        frames[first] = replace(frames[first], motion=PairMotion(*interval.places, field01.flow, field10.flow))
     new = sum(shown[index][1].time != shown[index][0].frame.time for index in part)
-    duplicates = 0 if is_discontinuous else len(interval.held) - 1
+    duplicates = 0 if is_held else len(interval.held) - 1
     return _OutputPart(interval, frames, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown))
+
+
+def _between(
+    interpolator: Interpolator,
+    pair: Pair,
+    times: Sequence[Fraction],
+    neighbours: tuple[Pair | None, Pair | None],
+    needs: Needs,
+) -> tuple[Iterator[tuple[FrameImage, NDArray[Any] | None]], bool]:
+    """Return the images between two frames, with their confidence if it is needed, and whether a scene ends there."""
+    if needs.confidence:
+        return interpolator.between_with_confidence(pair, times, *neighbours)
+    images, scene_cut = interpolator.between(pair, times, *neighbours)
+    return ((image, None) for image in images), scene_cut
+
+
+def _certain(frame: Frame, step: Step, confidence: float) -> NDArray[Any] | None:
+    """Return one confidence for all pixels of a frame that is repeated at another time; None at its own."""
+    return None if step.time == frame.time else np.full(frame.image.shape[:2], confidence, np.float32)
 
 
 def _merge_steps(interval: _Interval) -> list[Step]:

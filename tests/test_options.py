@@ -16,8 +16,8 @@ from fpsboost.cli.flags import flags_of
 from fpsboost.cli.options import TuningOptions, flag_names, in_flags, option_classes
 
 PACKAGE = Path(fpsboost.__file__).parent
-NOT_ON_THE_COMMAND_LINE = {"trim", "observer"}
-"""A group of options of its own, and an object."""
+NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer"}
+"""Groups of options of their own, and an object."""
 
 
 WRITES_COMMANDS = {"hiding.py", "report.py"}

@@ -64,7 +64,7 @@ def when_written(frames):
 
 
 def when_whole():
-    StagingDirectory.publish = numbered._move_all = die
+    StagingDirectory.publish = numbered.move_all = die
 
 
 for output in ["out.mp4", "out.mkv", "new", "out_####.png"]:

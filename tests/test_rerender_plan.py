@@ -238,7 +238,7 @@ def test_options_out_of_range(options):
 
 
 def test_what_cannot_be_planned(tmp_path, snapshot):
-    """Two images, a method without confidence, a video, a folder that is not empty: refused, nothing written."""
+    """Two images, a video, a folder that is not empty: refused, nothing written."""
     clip = unpredictable_clip(tmp_path / "in", range(1, 6, 2))
     few = unpredictable_clip(tmp_path / "few", range(1, 3))
     full = tmp_path / "full"
@@ -248,8 +248,6 @@ def test_what_cannot_be_planned(tmp_path, snapshot):
     before = snapshot(tmp_path)
     with pytest.raises(InputError, match="3 at least"):
         plan_rerender(str(few), str(tmp_path / "plan"))
-    with pytest.raises(OptionError, match="confidence"):
-        plan_rerender(str(clip), str(tmp_path / "plan"), method="blend")
     with pytest.raises(OutputError, match="not empty"):
         plan_rerender(str(clip), str(full))
     with pytest.raises(InputError, match="does not exist"):

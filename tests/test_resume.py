@@ -557,7 +557,7 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
         raise Killed
 
     with monkeypatch.context() as patch:
-        patch.setattr("fpsboost.io.images.numbered._move_all", move_some)
+        patch.setattr("fpsboost.io.images.numbered.move_all", move_some)
         patch.setattr(Path, "unlink", lambda *_, **__: None)
         with pytest.raises(Killed):
             write_images(images, tmp_path / "out")

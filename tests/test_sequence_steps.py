@@ -365,7 +365,7 @@ def stop_moving(monkeypatch: pytest.MonkeyPatch, after: int, error: BaseExceptio
             os.rename(here, there)
         raise error
 
-    monkeypatch.setattr(numbered, "_move_all", move_some)
+    monkeypatch.setattr(numbered, "move_all", move_some)
 
 
 @pytest.mark.parametrize("moved", [0, 1, 3, 5])
@@ -442,7 +442,7 @@ def test_names_that_are_taken_are_never_replaced(tmp_path):
     (tmp_path / "b").write_bytes(b"mine")
     moves = [(tmp_path / f"staged_{name}", tmp_path / name) for name in ("a", "b")]
     with pytest.raises(FileExistsError):
-        numbered._move_all(moves, numbered._move_new)
+        numbered.move_all(moves, numbered._move_new)
     assert names_in(tmp_path) == ["b", "staged_a", "staged_b"]
     assert (tmp_path / "b").read_bytes() == b"mine"
 

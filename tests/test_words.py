@@ -25,10 +25,10 @@ def words(text: str) -> set[str]:
 FIELD = words(
     """
     area audio base bgr bitrate bits block cb chroma codec coding color colour cr crf cut decode decoder decoding
-    deinterlace drop encoder encoding factor fps frame gaps gradual image interpolate interpolated interpolator
-    interval layered levels location lossless mask motion noise overlay pixel planes preset preview quality rate
-    rectangle render rendered scene shape sound stream stretch subsampling subtitles synthesize synthesizer t
-    thumbnail timing trim vectors x y
+    deinterlace drop encoder encoding factor flow fps frame gaps gradual image interpolate interpolated
+    interpolator interval layered levels location lossless mask motion noise overlay pixel planes preset preview
+    quality rate rectangle render rendered scene shape sound stream stretch subsampling subtitles synthesize
+    synthesizer t thumbnail timing trim vectors x y
     """
 )
 """Terms of image and video processing, as papers, FFmpeg and OpenCV use them."""
@@ -37,9 +37,9 @@ PROGRAMMING = words(
     """
     args array choose clip clock close compile copy cost count details detector dtype error estimate estimator
     flash folder format function height index info input json kwargs limit memory method name number observer
-    option options original output overwrite place policy position presentation range read ready resume run
-    score search second seconds sink size source step summary thread threads threshold time times tolerance
-    total unit value warning width write
+    option options original output overwrite place policy position presentation range read ready resume run save
+    score search second seconds sink size source step summary thread threads threshold time times tolerance total
+    unit value warning width write
     """
 )
 """Terms of programs."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 import sys
 from dataclasses import replace
+from itertools import pairwise
 from types import FrameType
 from typing import Annotated
 
@@ -17,7 +18,7 @@ from cyclopts import App, CycloptsError, Group, Parameter
 from fpsboost.cli.library_texts import LibraryTexts
 from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
 from fpsboost.cli.options import CutOptions, MessageOptions, MethodOptions, TuningOptions
-from fpsboost.cli.progress import Reporter
+from fpsboost.cli.progress import JsonReporter, Reporter, print_object
 from fpsboost.cli.signature import GROUPS, default_text, with_flags
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -100,7 +101,12 @@ def convert(
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
         called = "standard output" if output == PIPE else target
-        with Reporter(place + called, quiet=messages.quiet, verbose=messages.verbose) as reporter:
+        reporter: Reporter | JsonReporter = (
+            JsonReporter(called)
+            if messages.progress == "json"
+            else Reporter(place + called, quiet=messages.quiet, verbose=messages.verbose)
+        )
+        with reporter:
             reporter.say_settings(motion.method, interpolator)
             summary = conversion.convert(
                 input,
@@ -120,12 +126,13 @@ def convert(
     if len(inputs) == 1:
         run(input, None if run_options.in_place else output)
         return
-    if motion.vectors is not None:
-        raise OptionError("--vectors belongs to one clip; convert several inputs with vectors one by one.")
+    of_one_clip = ["--vectors"] if motion.vectors is not None else run_options.side.given
+    if of_one_clip:
+        raise OptionError(f"{' and '.join(of_one_clip)} goes with one clip; convert several inputs one by one.")
     if run_options.in_place:
-        convert_in_place(inputs, run, quiet=messages.quiet, verbose=messages.verbose)
+        convert_in_place(inputs, run, quiet=not messages.prints_text, verbose=messages.verbose)
     else:
-        convert_each(inputs, paths[-1], run, quiet=messages.quiet, verbose=messages.verbose)
+        convert_each(inputs, paths[-1], run, quiet=not messages.prints_text, verbose=messages.verbose)
 
 
 app.command(
@@ -162,9 +169,12 @@ def run_command(texts: LibraryTexts) -> None:
     errors = console()
     tokens = [PIPE if token == "-" else token for token in sys.argv[1:]] or ["--help"]
     quiet = bool({"--quiet", "-q"} & set(tokens))
+    in_json = "--progress=json" in tokens or ("--progress", "json") in pairwise(tokens)
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-        if texts.sentence() and not quiet:
+        if texts.sentence() and in_json:
+            print_object(remarks=[texts.sentence()])
+        elif texts.sentence() and not quiet:
             errors.print(f"Note: {shown(texts.sentence())}")
     except KeyboardInterrupt as stopped:
         left = notes_of(stopped)

@@ -140,6 +140,16 @@ class MessageOptions:
 
     verbose: bool = option(False, "Print details, and a traceback on errors.")
     quiet: bool = option(False, "Print errors only.", short="q")
+    progress: Literal["bar", "json"] = option("bar", "Progress: bar, or json for an object per line.")
+
+    def __post_init__(self) -> None:
+        if self.quiet and self.progress == "json":
+            raise OptionError("--quiet and --progress json contradict each other; leave one of them out.")
+
+    @property
+    def prints_text(self) -> bool:
+        """Whether messages other than errors are printed as sentences."""
+        return not self.quiet and self.progress == "bar"
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -10,6 +12,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.text import Text
 
 from fpsboost.cli.messages import console, sentence, shown
+from fpsboost.cli.options import in_flags
 from fpsboost.version import __version__
 
 if TYPE_CHECKING:
@@ -113,6 +116,79 @@ class Reporter:
 
     def _say(self, text: str) -> None:
         self._console.print(sentence(text))
+
+
+class JsonReporter:
+    """Observer that prints a conversion as JSON for the program that has started it, one object a line.
+
+    Parameters
+    ----------
+    output : str
+        Path of the output.
+    """
+
+    def __init__(self, output: str) -> None:
+        self._output, self._frames = output, 0
+        self._expected: int | None = None
+        self._listening = ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._listening.close()
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
+        """See `fpsboost.observer.Observer.opened`."""
+        from fpsboost.kernels.compiling import told_of_compiling  # noqa: PLC0415 (--help need not wait for numba)
+
+        self._expected = expected_frames
+        self._listening.enter_context(told_of_compiling(self._say_compiling))
+        self._print("opened")
+
+    def ready(self) -> None:
+        """See `fpsboost.observer.Observer.ready`."""
+        self._print("ready")
+
+    def wrote(self, summary: Summary) -> None:
+        """See `fpsboost.observer.Observer.wrote`."""
+        self._frames = summary.frames_out
+        self._print("converting", fps=_speed(summary))
+
+    def say_settings(self, method: str, interpolator: Interpolator) -> None:
+        """Do nothing: the program knows what it has asked for."""
+
+    def say_summary(self, summary: Summary) -> None:
+        """Print what was done, and every remark."""
+        self._frames = summary.frames_out
+        counts = {
+            "frames_in": summary.frames_in,
+            "frames_made": summary.frames_made,
+            "duplicates": summary.duplicates,
+            "scene_cuts": summary.scene_cuts,
+            "seconds": round(summary.seconds, 3),
+        }
+        remarks = [in_flags(remark) for remark in summary.remarks]
+        self._print("done", fps=_speed(summary), done=True, output=self._output, **counts, remarks=remarks)
+
+    def _say_compiling(self) -> None:
+        self._print("compiling")
+
+    def _print(self, stage: str, fps: float | None = None, **more: Any) -> None:
+        print_object(frame=self._frames, frames=self._expected, fps=fps, stage=stage, **more)
+
+
+def print_object(**values: Any) -> None:
+    """Print a JSON object on one line of standard error."""
+    sys.stderr.write(json.dumps(values) + "\n")
+    sys.stderr.flush()
+
+
+def _speed(summary: Summary) -> float:
+    """Return the frames per second of this run."""
+    return round((summary.frames_out - summary.completed_frames) / max(summary.seconds, 1e-9), 2)
 
 
 def readable(number: Any) -> str:

@@ -15,7 +15,7 @@ from fpsboost.cli.options import in_flags
 GROUPS = {
     name: Group(name, sort_key=place)
     for place, name in enumerate(
-        ["Input", "Rate", "Method", "Scenes", "Encoding", "Streams", "Run", "Method options"], start=1
+        ["Input", "Rate", "Method", "Scenes", "Encoding", "Streams", "Side outputs", "Run", "Method options"], start=1
     )
 }
 """Groups of options in the help of a conversion."""

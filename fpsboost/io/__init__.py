@@ -109,6 +109,16 @@ class Resumable(Protocol):
 
 
 @runtime_checkable
+class TakesSideData(Protocol):
+    """Contract: sink that takes what is known of frames beside their pixels; see `fpsboost.frame.Frame`."""
+
+    needs_confidence: bool
+    """Whether frames that are made are to have their confidence."""
+    needs_motion: bool
+    """Whether frames are to have the motion between the frames of the source around them."""
+
+
+@runtime_checkable
 class Stoppable(Protocol):
     """Contract: source that may end where its clip changes in a way that a conversion refuses."""
 

@@ -60,7 +60,12 @@ def write_flow(path: Path, flow: NDArray[Any]) -> None:
     OutputError
         The file cannot be written.
     """
+    with explained(OutputError, "write", path, "check the free space and the permissions"):
+        path.write_bytes(encode_flow(flow))
+
+
+def encode_flow(flow: NDArray[Any]) -> bytes:
+    """Turn a motion field into the content of a file; see `write_flow`."""
     height, width = flow.shape[:2]
     vectors = np.where(np.isnan(flow), UNKNOWN, flow).astype("<f4")
-    with explained(OutputError, "write", path, "check the free space and the permissions"):
-        path.write_bytes(MAGIC + struct.pack("<2i", width, height) + vectors.tobytes())
+    return MAGIC + struct.pack("<2i", width, height) + vectors.tobytes()

@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from io import BufferedRandom
 from pathlib import Path
@@ -314,6 +314,32 @@ def rename_safely(here: Path, there: Path) -> None:
     """
     os.replace(here, there)
     sync(there.parent)
+
+
+def move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] | None = None) -> None:
+    """Move every file, replacing what is there unless `move` does not, or none where one cannot be moved.
+
+    Parameters
+    ----------
+    moves : sequence of (Path, Path)
+        From where to where.
+    move : callable, optional
+        Moves one file; `os.replace` by default.
+
+    Raises
+    ------
+    OSError
+        One cannot be moved; all are back then.
+    """
+    try:
+        for here, there in moves:
+            (move or os.replace)(here, there)
+    except BaseException:
+        for here, there in reversed(moves):
+            with contextlib.suppress(OSError):
+                if there.exists() and not here.exists():
+                    os.replace(there, here)
+        raise
 
 
 def sync(path: Path) -> None:

@@ -46,7 +46,7 @@ def plan_rerender(
     options : PlanOptions, optional
         Budget, costs and tiles.
     method : str or Interpolator
-        The method that makes the frames; it must know its confidence, as ``nlm`` and ``dis`` do.
+        The method that makes the frames.
 
     Returns
     -------
@@ -54,8 +54,6 @@ def plan_rerender(
 
     Raises
     ------
-    OptionError
-        The method has no confidence.
     InputError
         The input is no folder of images, or these cannot be read or are fewer than three.
     OutputError

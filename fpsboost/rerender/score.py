@@ -9,7 +9,7 @@ learned at one distance, is off at half of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple, Self
@@ -18,14 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-from fpsboost.errors import OptionError
 from fpsboost.exposure import compared_colours
-from fpsboost.frame import Frame, Image, Pixels, as_array, has_alpha
+from fpsboost.frame import Frame, Image, as_array, has_alpha
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.motion.colour import normalised
 from fpsboost.rerender.tiles import TileGrid
-from fpsboost.synthesis import FramePair, FusesHypotheses
 
 MIN_ERROR = 1e-7
 """Added to squared errors that are multiplied, for white = 1: a tenth of the error of rounding to 8 bits."""
@@ -63,20 +61,6 @@ class _Shown(NamedTuple):
 
     pair: Pair
     truth: Image | None
-
-
-@dataclass(frozen=True)
-class _Keeping:
-    """Synthesizer that also keeps the confidence of each frame."""
-
-    inner: FusesHypotheses
-    kept: list[NDArray[Any]]
-
-    def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
-        """See `fpsboost.synthesis.Synthesizer.synthesize`."""
-        for fused in self.inner.fuse(frame_pair, times):
-            self.kept.append(fused.confidence)
-            yield fused.image
 
 
 @dataclass(frozen=True)
@@ -130,7 +114,6 @@ def expect_errors(
     frames : iterable of Frame
         The rendered images of a clip, three at least; iterated several times.
     interpolator : Interpolator
-        Its synthesizer knows its confidence.
     factor : int
         Output frames per image.
     grid : TileGrid
@@ -140,14 +123,7 @@ def expect_errors(
     Returns
     -------
     ExpectedErrors
-
-    Raises
-    ------
-    OptionError
-        The method does not know its confidence.
     """
-    if not isinstance(interpolator.synthesizer, FusesHypotheses):
-        raise OptionError("A plan goes by the confidence of its `method`, and this one has none; take nlm or dis.")
 
     def trials(distance: int, first: int) -> list[Trial]:
         shown = _shown(frames, interpolator, factor, distance, first)
@@ -231,16 +207,14 @@ def _try(
     grid: TileGrid,
 ) -> Trial:
     before, shown, after = neighbourhood
-    assert isinstance(interpolator.synthesizer, FusesHypotheses)
-    pair, kept = shown.pair, list[NDArray[Any]]()
-    keeping = replace(interpolator, synthesizer=_Keeping(interpolator.synthesizer, kept))
-    images, scene_cut = keeping.between(pair, times, before and before.pair, after and after.pair)
-    made = [as_array(image) for image in images]
-    if not kept:  # across a scene cut or a flash the nearer frame is repeated, and as often the other one is right
+    pair, neighbours = shown.pair, (before and before.pair, after and after.pair)
+    images, scene_cut = interpolator.between_with_confidence(pair, times, *neighbours)
+    if pair.is_discontinuous(*neighbours):  # the nearer frame is repeated, and as often the other one is right
         apart = grid.means(squared_error(pair.image0.array, pair.image1.array)) / 2
         return Trial(scene_cut=True, doubts=[apart] * len(times), error=None)
-    error = None if shown.truth is None else grid.means(squared_error(made[0], shown.truth))
-    return Trial(scene_cut, [grid.means(1 - confidence) for confidence in kept], error)
+    made = list(images)
+    error = None if shown.truth is None else grid.means(squared_error(as_array(made[0].image), shown.truth))
+    return Trial(scene_cut, [grid.means(1 - each.confidence) for each in made], error)
 
 
 def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image, Pixels
+from fpsboost.frame import FrameImage, Pixels
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
@@ -44,8 +44,8 @@ class FramePair:
 class InterpolatedImage(NamedTuple):
     """In-between frame and its confidence."""
 
-    image: Image
-    """Colours, (H, W, C)."""
+    image: FrameImage
+    """Colours, (H, W, C), as the frames have them."""
     confidence: NDArray[Any]
     """Confidence of every pixel, (H, W) float32 in [0, 1]."""
 

@@ -162,17 +162,17 @@ class MultiHypothesis:
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
         """Generate one image for every time; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         if self.vectors is not None:
-            yield from (made.image for made in self.fuse(frame_pair, times))
+            yield from (as_array(made.image) for made in self.fuse(frame_pair, times))
             return
         nobody_asks = np.empty((0, 0), np.float32)
         for candidates, t in self._listed(frame_pair, times):
             yield self._fused(frame_pair, candidates, t, nobody_asks)
 
     def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
-        """Generate images like `synthesize`, as arrays, with the confidence of every pixel."""
+        """Generate the images of `synthesize` with the confidence of every pixel."""
         for candidates, t in self._listed(frame_pair, times):
             confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-            made = InterpolatedImage(as_array(self._fused(frame_pair, candidates, t, confidence)), confidence)
+            made = InterpolatedImage(self._fused(frame_pair, candidates, t, confidence), confidence)
             yield made if self.vectors is None else self._with_surfaces(made, frame_pair, t, self.vectors)
 
     def _with_surfaces(
@@ -181,7 +181,7 @@ class MultiHypothesis:
         """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
         image0, image1 = frame_pair.image0, frame_pair.image1
         surfaces = self._find_surfaces(made.confidence, frame_pair, t, vectors)
-        colours = premultiplied(made.image)
+        colours = premultiplied(as_array(made.image))
         along = (surfaces.mixed * _white(image0.pixels)).clip(*_value_range(frame_pair))
         colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
         return InterpolatedImage(as_image(colours, image0.array, image1.array, t), surfaces.confidence)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vector_folder import FrameVectors, VectorFolder
 from fpsboost.motion.rendered import frame_number, output_frame_between
-from fpsboost.synthesis import FramePair
+from fpsboost.synthesis import FramePair, InterpolatedImage
+from fpsboost.synthesis.agreement import measure_agreement_along
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.rounding import as_image, premultiplied
 
@@ -82,17 +83,29 @@ class SceneAssisted:
         for t in times:
             yield self._image_at(frame_pair, t)
 
-    def _image_at(self, frame_pair: FramePair, t: float) -> Image:
+    def fuse(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[InterpolatedImage]:
+        """Generate the images of `synthesize` with the agreement of both frames where the vectors lead."""
         image0, image1 = frame_pair.image0, frame_pair.image1
+        for image, t in zip(self.synthesize(frame_pair, times), times, strict=True):
+            _, neighbours = self._neighbours(image0, image1, t)
+            flows = [neighbour.flow for neighbour in neighbours]
+            yield InterpolatedImage(image, measure_agreement_along(image0, image1, *flows))
+
+    def _neighbours(self, image0: FrameCache, image1: FrameCache, t: float) -> tuple[FrameVectors, list[_Neighbour]]:
+        """Return the vectors of the in-between frame, and what they say of the two frames."""
         place0, place1 = image0.output_position, image1.output_position
         number = output_frame_between(place0, place1, t)
         assert place0 is not None, "else there would be no frame between"
         assert place1 is not None
         here, step = self.vectors.for_image(number, image0.array), self.vectors.step
-        neighbours = (
+        return here, [
             _Neighbour(image0, here.backward * np.float32((number - place0) * step), 1 - t),
             _Neighbour(image1, here.forward * np.float32((place1 - number) * step), t),
-        )
+        ]
+
+    def _image_at(self, frame_pair: FramePair, t: float) -> Image:
+        image0, image1 = frame_pair.image0, frame_pair.image1
+        here, neighbours = self._neighbours(image0, image1, t)
         weights, colours = [], []
         for neighbour in neighbours:
             height, width = here.backward.shape[:2]

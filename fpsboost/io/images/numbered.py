@@ -10,7 +10,7 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -44,7 +44,7 @@ from fpsboost.io.images.passes import ALL, BEAUTY, Passes, encode_like, losses_l
 from fpsboost.io.images.sequence import FileSequence, NumberedImages, Numbering
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output
-from fpsboost.io.staging import StagingDirectory, hidden_place, sync, write_safely
+from fpsboost.io.staging import StagingDirectory, hidden_place, move_all, sync, write_safely
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.layered import LayeredImage
 
@@ -297,7 +297,8 @@ class ImageSink:
         self._half = images is None or not images.needs_float
         kept = None if images is None or factor is None else images.numbers_for(factor)
         self._anew = kept is None
-        self._next, self._step = kept or (1 if images is None else images.first_number, 1)
+        self._first, self._step = kept or (1 if images is None else images.first_number, 1)
+        self._next = self._first
         self._originals = {file.name for file in images.files} if images is not None and output.in_place else set[str]()
         self._metadata = ImageMetadata()
         self._exr: ExrHeader | None = None
@@ -345,6 +346,11 @@ class ImageSink:
     def numbering(self) -> Numbering:
         """How the images are named."""
         return self._numbering
+
+    @property
+    def numbers(self) -> tuple[int, int]:
+        """Number of the first image, and by how much the numbers rise."""
+        return self._first, self._step
 
     @property
     def remarks(self) -> list[str]:
@@ -573,9 +579,9 @@ class ImageSink:
         write_safely(self._moving, json.dumps({"frames": self._frames, "names": self._names}).encode())
         try:
             if self._in_place:
-                _move_all(moves, _move_new)
+                move_all(moves, _move_new)
             else:
-                _move_all(moves)
+                move_all(moves)
         except BaseException:
             if all((staged / name).exists() for name in self._names):
                 self._moving.unlink()
@@ -610,19 +616,6 @@ def _name_in_folder(folder: Path, images: NumberedImages | None, frame_count: in
     if images.numbering is None:
         return Numbering(folder, "", max(digits, VIDEO_DIGITS), images.files[0].suffix)
     return replace(images.numbering, folder=folder, digits=max(digits, images.numbering.digits))
-
-
-def _move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] | None = None) -> None:
-    """Move every file, replacing what is there unless `move` does not, or none where one cannot be moved."""
-    try:
-        for here, there in moves:
-            (move or os.replace)(here, there)
-    except BaseException:
-        for here, there in reversed(moves):
-            with suppress(OSError):
-                if there.exists() and not here.exists():
-                    os.replace(there, here)
-        raise
 
 
 def _move_new(here: Path, there: Path) -> None:

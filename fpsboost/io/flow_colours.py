@@ -1,0 +1,75 @@
+"""Motion fields as pictures, by the colour wheel of Baker et al., "A Database and Evaluation Methodology for Optical
+Flow" (2011): direction as hue, length as saturation, no motion white.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+STEPS = (15, 6, 4, 11, 13, 6)
+"""Hues from red to yellow, to green, to cyan, to blue, to magenta, and back to red: as many as the eye tells apart."""
+
+LARGEST_PERCENTILE = 99
+"""Percentile of the lengths that is drawn in full saturation; single wrong vectors would make a picture pale."""
+
+BEYOND = np.float32(0.75)
+"""Brightness of colours for longer vectors."""
+
+
+def colour_wheel() -> NDArray[Any]:
+    """Return the colours of the wheel, one row per hue, clockwise from red, to the right.
+
+    Returns
+    -------
+    (55, 3) float32
+        Red, green and blue, 0 to 1.
+
+    Examples
+    --------
+    >>> colour_wheel()[[0, 15, 21]].tolist()
+    [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]
+    """
+    corners = np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0]])
+    places = np.concatenate([[0], np.cumsum(STEPS)])
+    hues = np.arange(places[-1])
+    return np.stack([np.interp(hues, places, corners[:, c]) for c in range(3)], axis=-1).astype(np.float32)
+
+
+def flow_picture(flow: NDArray[Any], largest: float | None = None) -> NDArray[Any]:
+    """Return a motion field as a picture.
+
+    Parameters
+    ----------
+    flow : (H, W, 2) float32
+        ``(dx, dy)`` in pixels, y down.
+    largest : float, optional
+        Length in full saturation, pixels; the 99th percentile of all lengths by default, at least a pixel. Longer
+        vectors are drawn darker.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+        BGR; black where the motion is not a number.
+
+    Examples
+    --------
+    >>> flow_picture(np.float32([[[0, 0], [8, 0]]]), 8).tolist()
+    [[[255, 255, 255], [0, 0, 255]]]
+    """
+    known = np.isfinite(flow).all(axis=-1)
+    vectors = np.where(known[..., np.newaxis], flow, np.float32(0))
+    lengths = np.hypot(vectors[..., 0], vectors[..., 1])
+    if largest is None:
+        largest = max(float(np.percentile(lengths[known], LARGEST_PERCENTILE)), 1.0) if known.any() else 1.0
+    wheel = colour_wheel()
+    place = np.mod(np.arctan2(vectors[..., 1], vectors[..., 0]) / (2 * np.pi), 1) * len(wheel)
+    first = place.astype(np.intp) % len(wheel)
+    share = (place - np.floor(place))[..., np.newaxis]
+    hue = (1 - share) * wheel[first] + share * wheel[(first + 1) % len(wheel)]
+    radius = (lengths / np.float32(largest))[..., np.newaxis]
+    colours = np.where(radius <= 1, 1 - radius * (1 - hue), BEYOND * hue)
+    picture: NDArray[Any] = np.rint(colours[..., ::-1] * 255 * known[..., np.newaxis]).astype(np.uint8)
+    return picture

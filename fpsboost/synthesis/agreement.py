@@ -1,0 +1,151 @@
+"""Confidence of an in-between frame by the agreement of the two frames along the motion, for any synthesizer.
+
+The measure is that of `fpsboost.kernels.multi_hypothesis` for a single motion, so that confidences of all methods are
+on one scale: patches of five by five squares of two by two pixels, similarity ``exp(-d / 2 v^2)``, to the eighth power.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.frame import Pixels, as_array
+from fpsboost.frame_cache import FrameCache
+from fpsboost.kernels.window_rows import END_WEIGHT
+from fpsboost.motion.field import MotionField
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.rounding import premultiplied, value_range
+from fpsboost.ycbcr import YCbCrImage
+
+BANDWIDTH = 0.3
+"""Bandwidth v of the similarity, for colours in [0, 1]."""
+
+PATCH = (END_WEIGHT, 1, 1, 1, END_WEIGHT)
+"""Weights of the squares of a patch along an axis."""
+
+ITERATIONS = 3
+"""Iterations of the search for the motion that leads through a pixel."""
+
+
+def measure_agreement(frame_pair: FramePair, t: float) -> NDArray[Any]:
+    """Return how far an in-between frame can be trusted: the agreement of the two frames along the motion between them.
+
+    In each direction, the motion through every pixel is found by the fixed-point search of Yang et al. 2011, and the
+    patches at both of its ends are compared. The lower agreement counts: what is mixed along both motions is right only
+    where both are.
+
+    Parameters
+    ----------
+    frame_pair : FramePair
+    t : float
+        In (0, 1).
+
+    Returns
+    -------
+    (H, W) float32
+        In [0, 1].
+    """
+    onward = find_motion(frame_pair.field01, t)
+    back = find_motion(frame_pair.field10, 1 - t)
+    agreements = [
+        measure_agreement_along(frame_pair.image0, frame_pair.image1, -t * onward, (1 - t) * onward),
+        measure_agreement_along(frame_pair.image0, frame_pair.image1, t * back, (t - 1) * back),
+    ]
+    lower: NDArray[Any] = np.minimum(*agreements)
+    return lower
+
+
+def find_motion(field: MotionField, t: float) -> NDArray[Any]:
+    """Return the motion of the points of a frame that are at each pixel after a share of their way.
+
+    Parameters
+    ----------
+    field : MotionField
+        Motion of the frame.
+    t : float
+        Share of the way.
+
+    Returns
+    -------
+    (H, W, 2) float32
+    """
+    flow = field.flow
+    motion = flow
+    if not flow.any():
+        return motion
+    for _ in range(ITERATIONS):
+        motion = sample(flow, -t * motion, cv2.INTER_NEAREST)
+    return motion
+
+
+def measure_agreement_along(
+    image0: FrameCache, image1: FrameCache, motion0: NDArray[Any], motion1: NDArray[Any]
+) -> NDArray[Any]:
+    """Return the agreement of two frames at the ends of the motion from each in-between pixel to either of them.
+
+    Parameters
+    ----------
+    image0, image1 : FrameCache
+    motion0, motion1 : (H, W, 2) float32
+        From each in-between pixel to frame 0, and to frame 1.
+
+    Returns
+    -------
+    (H, W) float32
+        In [0, 1].
+    """
+    first, second = (
+        sample(image.cached(_colours), motion, cv2.INTER_CUBIC) if motion.any() else image.cached(_colours)
+        for image, motion in ((image0, motion0), (image1, motion1))
+    )
+    difference = first - second
+    squared = np.einsum("yxc,yxc->yx", difference, difference)
+    height, width = squared.shape
+    even = cv2.copyMakeBorder(squared, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE)
+    squares = cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    # differences in gray have the same scale for all image types
+    squares *= np.float32(-0.5 / BANDWIDTH**2 * max(1.0, 3 / _components(image0.pixels)))
+    weights = np.array(PATCH, np.float32) / np.float32(sum(PATCH))
+    similarity = cv2.sepFilter2D(np.exp(squares), cv2.CV_32F, weights, weights, borderType=cv2.BORDER_REPLICATE)
+    upsampled = cv2.resize(similarity, even.shape[::-1], interpolation=cv2.INTER_LINEAR)[:height, :width]
+    agreement: NDArray[Any] = upsampled.clip(0, 1) ** 8
+    return agreement
+
+
+def sample(values: NDArray[Any], motion: NDArray[Any], interpolation: int) -> NDArray[Any]:
+    """Return the values at the end of the motion from each pixel, with repeated edges.
+
+    Parameters
+    ----------
+    values : (H, W, C) float32
+    motion : (H, W, 2) float32
+    interpolation : int
+        OpenCV's number of a filter.
+
+    Returns
+    -------
+    (H, W, C) float32
+    """
+    height, width = motion.shape[:2]
+    y, x = np.arange(height, dtype=np.float32)[:, np.newaxis], np.arange(width, dtype=np.float32)
+    sampled = cv2.remap(values, x + motion[..., 0], y + motion[..., 1], interpolation, borderMode=cv2.BORDER_REPLICATE)
+    return sampled.reshape(values.shape)
+
+
+def _components(image: Pixels) -> int:
+    """Return the number of components in which a difference in gray is counted."""
+    return 1 if isinstance(image, YCbCrImage) else image.shape[2]
+
+
+def _colours(image: Pixels) -> NDArray[Any]:
+    """Return values to compare, (H, W, C) float32, with black and white 1 apart and straight alpha premultiplied."""
+    if isinstance(image, YCbCrImage):
+        height, width, _ = image.shape
+        unit = np.float32(1 / image.coding.levels.luma_span)
+        planes = (cv2.resize(plane, (width, height), interpolation=cv2.INTER_NEAREST) for plane in image.planes)
+        return np.dstack([plane * unit for plane in planes])
+    values = premultiplied(as_array(image))
+    return values if image.dtype == np.float32 else values / value_range(image)[1]

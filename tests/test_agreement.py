@@ -1,0 +1,122 @@
+"""Confidence by the agreement of two frames, against truths that are known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fpsboost.frame_cache import FrameCache
+from fpsboost.motion.field import MotionField
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.synthesis import FramePair
+from fpsboost.synthesis.agreement import find_motion, measure_agreement
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
+from fpsboost.ycbcr import Coding, YCbCrImage
+
+SIZE = 64, 80
+
+
+def noise(seed: int, dtype: type = np.uint8, channels: int = 3) -> np.ndarray:
+    values = np.random.default_rng(seed).integers(0, 256, (*SIZE, channels)).astype(dtype)
+    return values / np.float32(255) if dtype is np.float32 else values
+
+
+def constant_motion(dx: float, dy: float) -> MotionField:
+    return MotionField(np.broadcast_to(np.float32([dx, dy]), (*SIZE, 2)).copy(), np.ones(SIZE, np.float32))
+
+
+def pair_of(image0, image1, dx: float = 0, dy: float = 0) -> FramePair:
+    return FramePair(FrameCache(image0), FrameCache(image1), constant_motion(dx, dy), constant_motion(-dx, -dy))
+
+
+def slow_agreement(image0: np.ndarray, image1: np.ndarray) -> np.ndarray:
+    """At rest, square by square: the mean similarity of the 25 squares around each, to the eighth power."""
+    squared = ((image0.astype(float) - image1) ** 2).sum(-1) / 255**2
+    rows, columns = (length // 2 for length in squared.shape)
+    squares = np.exp(-squared.reshape(rows, 2, columns, 2).mean((1, 3)) / 0.18 * 3 / image0.shape[2])
+    result = np.empty((rows, columns))
+    ends = {-2: 0.75, 2: 0.75}
+    for y in range(rows):
+        for x in range(columns):
+            total = weight = 0.0
+            for v in range(-2, 3):
+                for u in range(-2, 3):
+                    share = ends.get(u, 1) * ends.get(v, 1)
+                    total += share * squares[min(max(y + v, 0), rows - 1), min(max(x + u, 0), columns - 1)]
+                    weight += share
+            result[y, x] = (total / weight) ** 8
+    return result
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_it_is_the_similarity_of_patches(channels):
+    """The same as its slow twin where both frames are smooth enough that squares are not interpolated."""
+    image0 = np.repeat(np.repeat(noise(1, channels=channels)[:16, :20] // 4, 4, 0), 4, 1)
+    image1 = np.repeat(np.repeat(noise(2, channels=channels)[:16, :20] // 4, 4, 0), 4, 1)
+    measured = measure_agreement(pair_of(image0, image1), 0.5)
+    # the upsampled similarity, at the corners of squares, averages to that of the squares
+    squares = (measured ** (1 / 8)).reshape(32, 2, 40, 2).mean((1, 3))
+    expected = slow_agreement(image0, image1) ** (1 / 8)
+    np.testing.assert_allclose(squares[1:-1, 1:-1], expected[1:-1, 1:-1], atol=0.03)
+    assert abs(squares - expected).mean() < 0.01
+
+
+@given(st.integers(0, 60), st.sampled_from([np.uint8, np.float32]), st.sampled_from([1, 3]))
+def test_half_means_the_same_as_for_fused_hypotheses(step, dtype, channels):
+    """Two even frames that differ by some levels are as doubtful by either measure."""
+    unit = 1 if dtype is np.uint8 else 1 / 255
+    image0, image1 = (np.full((*SIZE, channels), level * unit, dtype) for level in (100, 100 + step))
+    pair = FramePair(FrameCache(image0), FrameCache(image1), *ZeroMotion().estimate(*map(FrameCache, (image0, image1))))
+    (fused,) = MultiHypothesis().fuse(pair, [0.5])
+    np.testing.assert_allclose(measure_agreement(pair, 0.5), fused.confidence, atol=2e-3)
+
+
+def test_planes_of_luma_count_like_gray():
+    """A difference in luma alone counts as one in gray; at any subsampling."""
+    coding = Coding(8, 1, full_range=True, chroma_location="left", pixel_format="yuvj420p")
+    chroma = np.full((SIZE[0] // 2, SIZE[1] // 2), 128, np.uint8)
+    luma = [np.full(SIZE, level, np.uint8) for level in (90, 120)]
+    planar = pair_of(*(YCbCrImage((each, chroma, chroma), coding) for each in luma))
+    gray = pair_of(*(each[..., np.newaxis] for each in luma))
+    np.testing.assert_allclose(measure_agreement(planar, 0.5), measure_agreement(gray, 0.5), atol=1e-4)
+
+
+@pytest.mark.parametrize("t", [0.25, 0.5])
+def test_a_pan_agrees_along_its_motion_alone(t):
+    """Where both ends lie in the frames, a pan by whole pixels is certain; without its motion nothing is."""
+    image = noise(3)
+    moved = np.roll(image, (4, 8), (0, 1))
+    along = measure_agreement(pair_of(image, moved, 8, 4), t)
+    assert along[16:-16, 16:-16].min() > 0.999
+    assert measure_agreement(pair_of(image, moved), t).max() < 0.1
+
+
+def test_the_less_certain_direction_counts():
+    """What one direction alone follows is in doubt, as what the other leads to is mixed in."""
+    image = noise(4)
+    moved = np.roll(image, 8, 1)
+    images = FrameCache(image), FrameCache(moved)
+    right, wrong = constant_motion(8, 0), constant_motion(0, 0)
+    assert measure_agreement(FramePair(*images, right, wrong), 0.5)[16:-16, 16:-16].max() < 0.1
+
+
+def test_odd_sizes_and_alpha():
+    """Sides of odd lengths and four channels; what is transparent in both frames agrees in any colour."""
+    image0, image1 = noise(5, channels=4)[:33, :41], noise(6, channels=4)[:33, :41]
+    image0[..., 3] = image1[..., 3] = 0
+    pair = FramePair(FrameCache(image0), FrameCache(image1), *ZeroMotion().estimate(*map(FrameCache, (image0, image1))))
+    measured = measure_agreement(pair, 0.5)
+    assert measured.shape == (33, 41)
+    assert measured.dtype == np.float32
+    assert (measured == 1).all()
+
+
+def test_motion_through_a_pixel_is_that_of_the_point_that_has_come_there():
+    """In a zoom, whose vectors grow with the distance from its centre, to half a pixel's difference."""
+    x = np.arange(SIZE[1], dtype=np.float32) - 40
+    vectors = np.zeros((*SIZE, 2), np.float32)
+    vectors[..., 0] = 0.25 * x
+    motion = find_motion(MotionField(vectors, np.ones(SIZE, np.float32)), 0.5)
+    np.testing.assert_allclose(motion[..., 0], np.broadcast_to(0.25 * x / 1.125, SIZE), atol=0.2)
