@@ -85,7 +85,7 @@ def check_new(folder: Path) -> None:
 
 def report(frames: int, expected: int) -> None:
     """Print progress like ``--progress json``."""
-    print(json.dumps({"frames": frames, "expected_frames": expected}), file=sys.stderr, flush=True)
+    print(json.dumps({"frame": frames, "frames": expected}), file=sys.stderr, flush=True)
 
 
 def fail(sentence: str, exit_code: int) -> None:

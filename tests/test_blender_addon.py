@@ -119,9 +119,9 @@ def test_other_lines_are_no_progress(line):
 @pytest.mark.parametrize(
     ("line", "fraction", "text"),
     [
-        ('{"frames": 3, "expected_frames": 12}', 0.25, "3 of 12 frames"),
-        ('{"frames": 3, "expected_frames": null}', 0, "3 of ? frames"),
-        ('{"frames": 13, "expected_frames": 12}', 1, "13 of 12 frames"),
+        ('{"frame": 3, "frames": 12}', 0.25, "3 of 12 frames"),
+        ('{"frame": 3, "frames": null}', 0, "3 of ? frames"),
+        ('{"frame": 13, "frames": 12}', 1, "13 of 12 frames"),
     ],
 )
 def test_progress_is_a_fraction_and_a_text(line, fraction, text):

@@ -96,14 +96,14 @@ def parse_progress(line: str) -> Progress | None:
 
     Examples
     --------
-    >>> parse_progress('{"frames": 3, "expected_frames": 9}')
+    >>> parse_progress('{"frame": 3, "frames": 9}')
     Progress(frames=3, expected_frames=9)
     >>> parse_progress("Note: alpha is dropped.")
     """
     try:
         values = json.loads(line)
-        expected = values.get("expected_frames")
-        return Progress(int(values["frames"]), None if expected is None else int(expected))
+        expected = values.get("frames")
+        return Progress(int(values["frame"]), None if expected is None else int(expected))
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
 
