@@ -656,7 +656,7 @@ def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
     groups = re.findall(r"^╭─ (.*?) ─", "\n".join(lines), re.MULTILINE)
     assert groups == [
         "Arguments",
-        *("Input", "Rate", "Method", "Scenes", "Encoding", "Streams", "Run"),
+        *("Input", "Rate", "Method", "Scenes", "Encoding", "Streams", "Side outputs", "Run"),
         "Method options",
         "Commands",
     ]
