@@ -20,13 +20,13 @@ from fpsboost.evaluation.further_metrics import Meters, figures_of, summarise
 from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.making import InterpolatorMaker
 from fpsboost.evaluation.metrics import low_percentile, mean, means, score
-from fpsboost.frame import Image
+from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.opening import open_source
-from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
+from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
+from fpsboost.synthesis.agreement import measure_agreement
 
 Figures = dict[str, float]
 
@@ -139,25 +139,36 @@ def _in_three_colours(interval: Interval) -> Interval:
 
 @dataclass(frozen=True)
 class KeepingConfidence:
-    """A synthesizer like `MultiHypothesis` that also keeps the confidence of each frame that it makes of a clip.
+    """A synthesizer like another one that also keeps the confidence of each frame that it makes of a clip.
 
     Attributes
     ----------
-    inner : MultiHypothesis
+    inner : Synthesizer
     kept : dict of int to (H, W) float32
         By the number of the shown frame before.
     """
 
-    inner: MultiHypothesis
+    inner: Synthesizer
     kept: dict[int, NDArray[Any]] = field(default_factory=dict)
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:
         """See `fpsboost.synthesis.Synthesizer.synthesize`."""
         position = frame_pair.image0.source_position
-        for fused in self.inner.fuse(frame_pair, times):
+        for image, confidence in _with_confidence(self.inner, frame_pair, times):
             if position is not None:  # not the noise for which kernels are compiled
-                self.kept[position.number] = fused.confidence
-            yield fused.image
+                self.kept[position.number] = confidence
+            yield as_array(image)
+
+
+def _with_confidence(
+    synthesizer: Synthesizer, frame_pair: FramePair, times: Sequence[float]
+) -> Iterator[InterpolatedImage]:
+    """Yield images with the synthesizer's own confidence, or with the agreement of both frames."""
+    if isinstance(synthesizer, FusesHypotheses):
+        yield from synthesizer.fuse(frame_pair, times)
+        return
+    for image, t in zip(synthesizer.synthesize(frame_pair, times), times, strict=True):
+        yield InterpolatedImage(image, measure_agreement(frame_pair, t))
 
 
 def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterator[Image]:
@@ -169,9 +180,9 @@ def make_between(interpolator: Interpolator, frames: Sequence[Image]) -> Iterato
 
 
 def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False) -> Made:
-    """Make the hidden frames of a clip, with how far they can be trusted if asked and known."""
+    """Make the hidden frames of a clip, with how far they can be trusted if asked."""
     kept: dict[int, NDArray[Any]] = {}
-    if confidence and isinstance(interpolator.synthesizer, MultiHypothesis):
+    if confidence:
         interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
     made = list(InterpolatorMaker(interpolator).make(clip.intervals))
     unknown = np.zeros(made[0].image.shape[:2], np.float32)  # nothing is fused across a cut

@@ -55,7 +55,8 @@ def run_conversion(
     source : FrameSource
     interpolator : Interpolator
     sink : FrameSink
-        Entered already.
+        Entered already. One with the attributes ``needs_confidence`` and ``needs_motion`` gets frames with what it
+        needs; see `fpsboost.Frame`.
     schedule : Schedule
         Determines the output times.
     observer : Observer, optional

@@ -113,6 +113,15 @@ def test_odd_sizes_and_alpha():
     assert (measured == 1).all()
 
 
+def test_numbers_that_are_none_have_a_confidence():
+    """NaN, infinity and float32's largest numbers, which damaged files hold."""
+    image0, image1 = noise(7, np.float32), noise(8, np.float32)
+    image0[10, 10], image0[20, 20], image0[30, 30], image1[40, 40] = np.nan, np.inf, 3e38, -3e38
+    measured = measure_agreement(pair_of(image0, image1, 1.5, 0.5), 0.5)
+    assert np.isfinite(measured).all()
+    assert 0 <= measured.min() <= measured.max() <= 1
+
+
 def test_motion_through_a_pixel_is_that_of_the_point_that_has_come_there():
     """In a zoom, whose vectors grow with the distance from its centre, to half a pixel's difference."""
     x = np.arange(SIZE[1], dtype=np.float32) - 40

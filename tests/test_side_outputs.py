@@ -13,9 +13,21 @@ import cv2
 import numpy as np
 import pytest
 from test_pipeline import FakeSink, FakeSource, make_frames
+from vector_truth import constant, save_flows
 from video_truth import write_clip
 
-from fpsboost import CutDetector, DecodeOptions, Position, RunOptions, SideOutputs, Trim, convert, methods
+from fpsboost import (
+    CutDetector,
+    DecodeOptions,
+    DuplicateDetector,
+    OutputRate,
+    Position,
+    RunOptions,
+    SideOutputs,
+    Trim,
+    convert,
+    methods,
+)
 from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.interpolator import Interpolator
@@ -210,6 +222,54 @@ def test_both_kinds_of_motion_files_say_the_same(tmp_path):
             np.testing.assert_array_equal(flow, vectors)
     backward = read_flow(tmp_path / "flo" / "shot_0001_backward.flo")
     np.testing.assert_array_equal(backward, -read_flow(tmp_path / "flo" / "shot_0001_forward.flo"))
+
+
+def test_in_place_only_missing_images_have_a_confidence(tmp_path):
+    """Each map has the number of the image that was made."""
+    source = save_pan(tmp_path / "in", range(1, 6, 2))
+    (source / "shot_0006.png").write_bytes((source / "shot_0005.png").read_bytes())
+    run = RunOptions(in_place=True, side=SideOutputs(confidence=str(tmp_path / "conf")))
+    convert(str(source), method="blend", rate=OutputRate(fill_gaps=True), run=run)
+    assert names_in(tmp_path / "conf") == ["shot_0002.png", "shot_0004.png"]
+    assert len(names_in(source)) == 6
+
+
+def test_images_without_numbers_lend_their_names(tmp_path):
+    """To their motion; the frames of the output are counted anyway."""
+    source = save_pan(tmp_path / "in", range(1, 4))
+    for number, name in ((1, "a.png"), (2, "b.png"), (3, "c.png")):
+        (source / f"shot_{number:04d}.png").rename(source / name)
+    run = beside(confidence=tmp_path / "conf", save_motion=tmp_path / "motion")
+    convert(str(source), str(tmp_path / "out"), method="dis", run=run)
+    assert names_in(tmp_path / "conf") == ["000002.png", "000004.png"]
+    assert {name[:2] for name in names_in(tmp_path / "motion")} == {"a_", "b_", "c_"}
+
+
+def test_repeats_have_no_motion_of_their_own(tmp_path):
+    """It leads past them, from the first of them to the next that differs."""
+    source = save_pan(tmp_path / "in", range(1, 5), "{:04d}.png")
+    (source / "0002.png").write_bytes((source / "0001.png").read_bytes())
+    method = replace(methods["dis"], duplicates=DuplicateDetector())
+    convert(str(source), str(tmp_path / "out"), method=method, run=beside(save_motion=tmp_path / "m_#.exr"))
+    assert sorted(path.name for path in tmp_path.glob("*.exr")) == ["m_1.exr", "m_3.exr", "m_4.exr"]
+
+
+def test_a_renderers_vectors_are_followed(tmp_path):
+    """The confidence of scene-assisted frames is how well the frames agree where the vectors lead."""
+    source = save_pan(tmp_path / "in", range(1, 6, 2), "{:04d}.png")
+    for number in range(1, 6):
+        vectors = (constant(64, 96, *(sign * each for each in SHIFT)) for sign in (-1, 1))
+        save_flows(tmp_path / "right", f"{number:04d}", *vectors)
+        save_flows(tmp_path / "wrong", f"{number:04d}", *(constant(64, 96, 0, 0) for _ in range(2)))
+    means = []
+    for name in ("right", "wrong"):
+        method = find_method("reproject-scene", VectorFolder(tmp_path / name))
+        convert(
+            str(source), str(tmp_path / f"{name}-out"), method=method, run=beside(confidence=tmp_path / f"c-{name}")
+        )
+        means.append(read_image(tmp_path / f"c-{name}" / "0002.png")[16:-16, 24:-24].mean())
+    assert means[0] > 250
+    assert means[1] < 60
 
 
 def test_no_motion_is_said(tmp_path):

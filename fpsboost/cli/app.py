@@ -58,7 +58,7 @@ app = App(
     help_format="rich",
     suppress_keyboard_interrupt=False,
     version=f"fpsboost {__version__}",
-    group_commands=Group("Commands", sort_key=9),
+    group_commands=Group("Commands", sort_key=len(GROUPS) + 1),
     default_parameter=Parameter(negative=(), show_default=default_text, show_choices=False),
 )
 

@@ -140,7 +140,7 @@ class MessageOptions:
 
     verbose: bool = option(False, "Print details, and a traceback on errors.")
     quiet: bool = option(False, "Print errors only.", short="q")
-    progress: Literal["bar", "json"] = option("bar", "Progress: bar or json.")
+    progress: Literal["bar", "json"] = option("bar", "Progress as a bar, or as json lines.")
 
     def __post_init__(self) -> None:
         if self.quiet and self.progress == "json":

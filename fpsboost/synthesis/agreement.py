@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fpsboost.frame import Pixels, as_array
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.window_rows import END_WEIGHT
+from fpsboost.motion.colour import MAX_VALUE
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.rounding import premultiplied, value_range
@@ -148,4 +149,6 @@ def _colours(image: Pixels) -> NDArray[Any]:
         planes = (cv2.resize(plane, (width, height), interpolation=cv2.INTER_NEAREST) for plane in image.planes)
         return np.dstack([plane * unit for plane in planes])
     values = premultiplied(as_array(image))
-    return values if image.dtype == np.float32 else values / value_range(image)[1]
+    if image.dtype == np.float32:  # damaged files hold numbers whose squares overflow
+        return values.clip(-MAX_VALUE, MAX_VALUE)
+    return values / value_range(image)[1]
