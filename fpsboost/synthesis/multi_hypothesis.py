@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image, Pixels, as_array, has_alpha
+from fpsboost.frame import Image, Pixels, as_array, has_alpha, value_range
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.kernels.candidates import (
     NODE_SPACING,
@@ -46,7 +46,7 @@ from fpsboost.motion.field import MotionField, forward_backward_error, motion_gr
 from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accelerations_at_points
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.rendered_hypothesis import follow_surfaces
-from fpsboost.synthesis.rounding import as_image, colour_unseen, premultiplied, rounding_offset, value_range
+from fpsboost.synthesis.rounding import as_image, colour_unseen, premultiplied, rounding_offset
 from fpsboost.ycbcr import YCbCrImage
 
 CANDIDATE_CAPACITY = 48
