@@ -21,7 +21,7 @@ from fpsboost.io.prefetch import available_cores
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.trim import trim_source
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vector_folder import UsesVectors, VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
@@ -30,6 +30,7 @@ from fpsboost.run_options import RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
+from fpsboost.timing.shutter import ExposureSchedule
 
 
 @dataclass(frozen=True)
@@ -95,13 +96,14 @@ def convert(
     run, encoding, decoding = run or RunOptions(), encoding or Encoding(), decoding or DecodeOptions()
     output_rate = _resolve_rate(factor, rate)
     interpolator = find_method(method) if isinstance(method, str) else method
+    _check_shutter(output_rate, interpolator, in_place=run.in_place)
     target = Target.parse(_resolve_output(input, output, in_place=run.in_place, overwrite=run.overwrite))
     target.check_encoding(encoding)
     job = Job(output_rate, interpolator, decoding, encoding, run.in_place)
     requirements = target.requirements(
         encoding,
         needs_rate=output_rate.fps is not None or decoding.trim.needs_rate,
-        takes_planes=interpolator.takes_planes,
+        takes_planes=interpolator.takes_planes and output_rate.shutter is None,
     )
     with open_source(
         input,
@@ -115,7 +117,7 @@ def convert(
         source, window = trim_source(whole, decoding.trim, may_skip=may_skip, stretch=output_rate.stretch)
         info, stream = source.info, whole.stream_info
         encoding, lost = _adapt_audio(encoding, stream, output_rate)
-        schedule = output_rate.schedule(info, has_clock=target.has_clock)
+        schedule, shutter = output_rate.schedule(info, has_clock=target.has_clock), output_rate.exposure
         multiple = schedule.rate(info.rate) / info.rate
         images = stream.images
         keeps_numbers = images is not None and not target.has_rate and images.numbers_for(multiple) is not None
@@ -149,7 +151,7 @@ def convert(
                 source,
                 interpolator,
                 sink,
-                schedule,
+                schedule if shutter is None else ExposureSchedule(schedule, shutter),
                 observer,
                 stretch=output_rate.stretch,
                 skip=there,
@@ -181,6 +183,17 @@ def _resolve_rate(factor: Fraction | int | None, rate: OutputRate | None) -> Out
     if rate.factor is not None:
         raise OptionError("factor and rate.factor say the same thing twice; give one of them.")
     return replace(rate, factor=factor)
+
+
+def _check_shutter(rate: OutputRate, interpolator: Interpolator, *, in_place: bool) -> None:
+    """Raise OptionError if motion blur is asked for where it cannot be made."""
+    if rate.shutter is None:
+        return
+    if in_place:
+        raise OptionError("`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.")
+    parts = interpolator.estimator, interpolator.synthesizer
+    if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
+        raise OptionError("`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.")
 
 
 def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:

@@ -25,8 +25,8 @@ def words(text: str) -> set[str]:
 FIELD = words(
     """
     audio base bgr bitrate bits block cb chroma codec coding color cr crf cut decode decoder decoding deinterlace
-    drop encoder encoding factor fps frame gaps gradual grain image interpolate interpolated interpolator interval
-    levels location lossless motion noise overlay pixel planes preset rate scene shape sound stream stretch
+    drop encoder encoding exposure factor fps frame gaps gradual grain image interpolate interpolated interpolator interval
+    levels location lossless motion noise overlay pixel planes preset rate samples scene shape shutter sound stream stretch
     subsampling subtitles synthesize synthesizer t thumbnail timing trim vectors y
     """
 )

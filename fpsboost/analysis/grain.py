@@ -50,12 +50,16 @@ MAX_CORRELATION = 0.35
 MAX_COHERENCE = 0.35
 """Coherence of gradients above which a block shows an edge, 0 to 1."""
 
-MIN_FLAT_BLOCKS = 5
+MIN_FLAT_BLOCKS = 12
 """Minimum number of flat blocks of an intensity at which its noise counts as known."""
 
-MAX_VARIANCE_RATIO = 2.0
-"""Ratio of an intensity's noise variance to that of the next intensities, and to that of the other frame, above which
-it is not believed."""
+MAX_VARIANCE_RATIO = 4.0
+"""Ratio of an intensity's noise variance to the lowest of the plane's, and to that of the other frame, above which it
+is not believed: texture varies more with the intensity than noise does."""
+
+MIN_RELATIVE_VARIANCE = 1e-9
+"""Variance, as a share of the squared intensity, below which a surface is constant, as black bars and clipped white
+are: its missing noise says nothing of other surfaces."""
 
 MIN_DEVIATION = 0.5
 """Standard deviation of missing noise below which none is added to whole-numbered samples, code values."""
@@ -150,9 +154,16 @@ def match_grain(image: Pixels, grain: PairGrain, t: float, seed: Sequence[int]) 
         white = list(np.tensordot(grain.mixing, np.stack(white), 1))
     lowest, highest = value_range(image)
     least = 0.0 if image.dtype == np.float32 else MIN_DEVIATION
+    compared = [
+        [_compare(plane, flat, distance) for flat, distance in zip(blocks, (t, 1 - t), strict=True)]
+        for plane, blocks in zip(planes, grain.blocks, strict=True)
+    ]
+    lowest_variances = [min(each.lowest for each in comparisons) for comparisons in compared]
+    if not isinstance(image, YCbCrImage):  # channels are alike in noise, and luma and chroma are not
+        lowest_variances = [min(lowest_variances)] * len(planes)
     grainy = []
-    for plane, blocks, noise in zip(planes, grain.blocks, white, strict=True):
-        missing = _find_missing_noise(plane, blocks, t, least)
+    for plane, comparisons, noise, variance in zip(planes, compared, white, lowest_variances, strict=True):
+        missing = _find_missing_noise(comparisons, t, least, MAX_VARIANCE_RATIO * variance)
         if missing is None:
             grainy.append(plane.samples)
             continue
@@ -298,33 +309,63 @@ class MissingNoise(NamedTuple):
         return found
 
 
-def _find_missing_noise(
-    plane: Plane, blocks: tuple[FlatBlocks, FlatBlocks], t: float, least: float
-) -> MissingNoise | None:
-    """Compare the noise of two frames with that of a frame between, on the same surfaces.
+class Comparison(NamedTuple):
+    """Noise in the flat blocks of a frame, and on the same surfaces of an in-between frame."""
 
-    None if nothing is missing, or no more than the deviation `least`.
+    residuals: NDArray[Any]
+    """(n, size, size) float32: of the frame."""
+    left: NDArray[Any]
+    """(n, size, size) float32: of the in-between frame."""
+    missing: list[tuple[float, float]]
+    """Rising intensities, and the variance that is missing at each."""
+    lowest: float
+    """The lowest of these variances where the frame is not constant; infinite if it is everywhere."""
+
+
+def _compare(plane: Plane, flat: FlatBlocks, distance: float) -> Comparison:
+    """Compare the noise of a frame with that of an in-between frame's plane, at a distance in time."""
+    left, inside = _residuals(plane.samples, flat.corners + np.rint(flat.motion * distance).astype(int))
+    missing, lowest = [], np.inf
+    for each in range(MAX_LEVELS):
+        of_level = inside & (flat.level == each)
+        if of_level.sum() < MIN_FLAT_BLOCKS:
+            continue
+        there, here = (np.median(np.square(blocks[of_level]).mean(axis=(1, 2))) for blocks in (flat.residuals, left))
+        intensity, variance = float(flat.intensities[of_level].mean()), max(float(there - here), 0.0)
+        missing.append((intensity, variance))
+        if there > MIN_RELATIVE_VARIANCE * intensity * intensity:
+            lowest = min(lowest, variance)
+    return Comparison(flat.residuals[inside], left[inside], missing, lowest)
+
+
+def _find_missing_noise(comparisons: Sequence[Comparison], t: float, least: float, most: float) -> MissingNoise | None:
+    """Combine the comparisons of both frames; None if no more than the deviation `least` is missing anywhere.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        With frame 0 and with frame 1.
+    t : float
+        Time of the in-between frame.
+    least, most : float
+        Lowest deviation that is added, and highest variance.
     """
     window = np.outer(*2 * (np.hanning(BLOCK_SIZE + 2)[1:-1].astype(np.float32),))
-    measured = np.concatenate([flat.intensities for flat in blocks])
-    if not len(measured):
+    known = [(each, share) for each, share in zip(comparisons, (1 - t, t), strict=True) if each.missing]
+    if not known:
         return None
-    low, high = measured.min(), measured.max()
-    intensities = np.linspace(low, max(high, np.nextafter(low, np.inf)), LEVELS, dtype=np.float32)
-    curves, spectrum = list[NDArray[Any]](), np.zeros(window.shape, np.float32)
-    for flat, distance, weight in zip(blocks, (t, 1 - t), (1 - t, t), strict=True):
-        made, inside = _residuals(plane.samples, flat.corners + np.rint(flat.motion * distance).astype(int))
-        known = _noise_levels(flat, made, inside)
-        if not known:
-            continue
-        levels, variances = np.array(known).T
-        curves.append(np.interp(intensities, levels, variances).astype(np.float32))
-        energy, left = (
-            np.square(np.abs(np.fft.fft2(each[inside] * window))).sum(axis=0) for each in (flat.residuals, made)
+    measured = [level for each, _ in known for level, _ in each.missing]
+    low, high = min(measured), max(measured)
+    smallest = LEVELS * float(np.finfo(np.float32).eps) * max(abs(high), 1.0)  # steps that float32 tells apart
+    intensities = np.linspace(low, max(high, low + smallest), LEVELS, dtype=np.float32)
+    spectrum, curves = np.zeros(window.shape, np.float32), []
+    for each, share in known:
+        levels, variances = np.array(each.missing).T
+        curves.append(np.interp(intensities, levels, np.minimum(variances, most)).astype(np.float32))
+        there, here = (
+            np.square(np.abs(np.fft.fft2(blocks * window))).sum(axis=0) for blocks in (each.residuals, each.left)
         )
-        spectrum += weight * (energy - left)
-    if not curves:
-        return None
+        spectrum += np.float32(share) * (there - here)
     limited = [np.minimum(curve, MAX_VARIANCE_RATIO * other) for curve, other in zip(curves, curves[::-1], strict=True)]
     missing = np.float32(1 - t) * limited[0] + np.float32(t) * limited[-1]
     missing[missing < least * least] = 0
@@ -336,24 +377,3 @@ def _find_missing_noise(
     if norm == 0 or not missing.any():
         return None
     return MissingNoise(intensities, np.sqrt(missing), (kernel / norm).astype(np.float32))
-
-
-def _noise_levels(flat: FlatBlocks, made: NDArray[Any], inside: NDArray[Any]) -> list[tuple[float, float]]:
-    """Return the missing variance of each intensity that has enough flat blocks, rising by the intensity."""
-    known = []
-    for each in range(MAX_LEVELS):
-        of_level = inside & (flat.level == each)
-        if of_level.sum() < MIN_FLAT_BLOCKS:
-            continue
-        whole, left = (
-            np.median(np.square(residuals[of_level]).mean(axis=(1, 2))) for residuals in (flat.residuals, made)
-        )
-        known.append((float(flat.intensities[of_level].mean()), max(float(whole - left), 0.0)))
-    return known if len(known) < 2 else _without_spikes(known)
-
-
-def _without_spikes(known: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Limit each variance by those of the next intensities: what a single one has may be texture."""
-    variances = [0.0, *(variance for _, variance in known), 0.0]
-    limits = (MAX_VARIANCE_RATIO * max(before, after) for before, after in zip(variances, variances[2:], strict=False))
-    return [(level, min(variance, limit)) for (level, variance), limit in zip(known, limits, strict=True)]
