@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
+from test_pipeline import FakeSink, FakeSource
 from truth import as_type, waves
 
 from fpsboost.analysis.grain import BLOCK_SIZE, match_grain, measure_grain
+from fpsboost.cli.options import MethodOptions, TuningOptions
+from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
 from fpsboost.motion.zero import ZeroMotion
+from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
+from fpsboost.timing.schedule import ByFactor
 from fpsboost.ycbcr import Coding, YCbCrImage
 
 SIZE = 128, 256
@@ -194,3 +200,45 @@ def test_infinite_values_stay_where_they_are():
     assert np.isnan(grainy[40, 50, 1])
     assert np.isfinite(grainy).sum() == grainy.size - 2
     assert noise_of(grainy[:, :32], ramp()[:, :32]).std() == pytest.approx(8 / 255, rel=0.1)
+
+
+def test_threads_and_earlier_runs_change_no_grain():
+    """The grain of a frame follows from its place, whoever makes it, and when."""
+    frames = [Frame(as_type(film(k, size=(64, 128)), np.uint8), Fraction(k, 25), Fraction(1, 25)) for k in range(5)]
+
+    def made(threads, skip=0):
+        sink = FakeSink()
+        interpolator = replace(GRAINY, duplicates=None)
+        run_conversion(FakeSource(frames), interpolator, sink, ByFactor(Fraction(3)), threads=threads, skip=skip)
+        return [frame.array for frame in sink.frames]
+
+    whole = made(1)
+    assert all((one == other).all() for one, other in zip(whole, made(3), strict=True))
+    assert all((one == other).all() for one, other in zip(whole[7:], made(2, skip=7)[7:], strict=True))
+    added = [whole[k] - np.rint((whole[0] * (3 - k) + whole[3] * np.float64(k)) / 3) for k in (1, 2)]
+    assert abs(np.corrcoef(added[0].ravel(), added[1].ravel())[0, 1]) < 0.05
+
+
+def test_overlays_have_no_grain():
+    """What stands still in front of a moving picture stays as it is, and does not begin to flicker."""
+    y, x = np.mgrid[:128, :256].astype(float)
+    title = np.zeros((128, 256), bool)
+    for left in (60, 90, 120, 150):
+        title[40:80, left : left + 3] = title[40:80, left + 12 : left + 15] = title[58:61, left : left + 15] = True
+    images = []
+    for k in range(4):
+        colours = 0.2 + 0.4 * waves(x / 4 - 6 * k / 4, y / 4, 3, 1)
+        colours += np.random.default_rng(k).normal(0, 8 / 255, colours.shape)
+        colours[title] = 1
+        images.append(FrameCache(as_type(colours, np.uint8), None, SourcePosition(k, Fraction(k))))
+    method = replace(methods["nlm"], cuts=None, match_grain=True)
+    before, pair, after = (method.pair(*each) for each in pairwise(images))
+    (made,) = method.between(pair, [0.5], before, after).images
+    assert (made[title] >= 254).mean() > 0.98
+
+
+def test_the_command_line_has_it():
+    """A flag turns it on, for any method."""
+    for method in ("nlm", "blend"):
+        assert MethodOptions(method, match_grain=True).interpolator(TuningOptions()).match_grain
+        assert not MethodOptions(method).interpolator(TuningOptions()).match_grain

@@ -8,16 +8,16 @@ from fractions import Fraction
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_pipeline import FakeSink, FakeSource
+from test_pipeline import FAST, FakeSink, FakeSource
 from truth import as_type, waves
+from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.method_table import methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.run_options import RunOptions
@@ -63,6 +63,7 @@ def test_frames_and_times_are_those_without(schedule, shutter, holds_last_frame)
     assert all(each.original is None for each in blurred[1:-1])
 
 
+@settings(max_examples=12)
 @given(
     levels=st.lists(st.floats(0, 1, width=16), min_size=3, max_size=6),
     factor=st.fractions(1, 4, max_denominator=3),
@@ -201,7 +202,19 @@ def test_images_are_blurred_at_their_own_rate(tmp_path):
     assert len(np.unique(blurred[24])) > len(np.unique(sharp[24]))
 
 
+def test_a_video_keeps_its_sound_and_its_length(tmp_path):
+    """Blurred pictures have the times of the others, and the sound is copied."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(6), time_base=Fraction(1001, 24000), sound="aac")
+    outputs = [tmp_path / name for name in ("blurred.mp4", "plain.mp4")]
+    for output, shutter in zip(outputs, (Fraction(180), None), strict=True):
+        rate = OutputRate(2, shutter=shutter, shutter_samples=3 if shutter else None)
+        convert(str(clip), str(output), rate=rate, method="blend", encoding=FAST)
+    blurred, plain = outputs
+    assert packets_of(blurred, "audio") == packets_of(plain, "audio")
+    assert [each.pts for each in pictures_of(blurred)] == [each.pts for each in pictures_of(plain)]
+
+
 def test_originals_in_place_cannot_be_blurred(tmp_path):
     """They are never changed, so that half of the frames would be sharp."""
     with pytest.raises(OptionError, match="in_place"):
-        convert(str(tmp_path), rate=OutputRate(shutter=180), run=RunOptions(in_place=True), decoding=DecodeOptions())
+        convert(str(tmp_path), rate=OutputRate(shutter=180), run=RunOptions(in_place=True))

@@ -24,10 +24,11 @@ def words(text: str) -> set[str]:
 
 FIELD = words(
     """
-    audio base bgr bitrate bits block cb chroma codec coding color cr crf cut decode decoder decoding deinterlace
-    drop encoder encoding exposure factor fps frame gaps gradual grain image interpolate interpolated interpolator interval
-    levels location lossless motion noise overlay pixel planes preset rate samples scene shape shutter sound stream stretch
-    subsampling subtitles synthesize synthesizer t thumbnail timing trim vectors y
+    audio base bgr bitrate bits block cb chroma codec coding color cr crf cut decode decoder decoding
+    deinterlace drop encoder encoding exposure factor fps frame gaps gradual grain image interpolate
+    interpolated interpolator interval levels location lossless motion noise overlay pixel planes preset rate
+    samples scene shape shutter sound stream stretch subsampling subtitles synthesize synthesizer t thumbnail
+    timing trim vectors y
     """
 )
 """Terms of image and video processing, as papers, FFmpeg and OpenCV use them."""
