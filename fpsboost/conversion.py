@@ -22,7 +22,7 @@ from fpsboost.io.side_sink import with_side_outputs
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.trim import trim_source
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vector_folder import UsesVectors, VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
@@ -31,6 +31,7 @@ from fpsboost.run_options import RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
+from fpsboost.timing.shutter import ExposureSchedule
 
 
 @dataclass(frozen=True)
@@ -96,14 +97,15 @@ def convert(
     run, encoding, decoding = run or RunOptions(), encoding or Encoding(), decoding or DecodeOptions()
     output_rate = _resolve_rate(factor, rate)
     interpolator = find_method(method) if isinstance(method, str) else method
+    _check_shutter(output_rate, interpolator, run)
     target = Target.parse(_resolve_output(input, output, in_place=run.in_place, overwrite=run.overwrite))
     target.check_encoding(encoding)
     job = Job(output_rate, interpolator, decoding, encoding, run.in_place)
     requirements = target.requirements(
         encoding,
         needs_rate=output_rate.fps is not None or decoding.trim.needs_rate,
-        takes_planes=interpolator.takes_planes,
-        takes_layers=interpolator.takes_layers,
+        takes_planes=interpolator.takes_planes and output_rate.shutter is None,
+        takes_layers=interpolator.takes_layers and output_rate.shutter is None,
     )
     with open_source(
         input,
@@ -113,12 +115,12 @@ def convert(
         in_place=run.in_place,
         limit=run.limit,
     ) as whole:
-        _check_layers(whole.stream_info.images, interpolator)
+        _check_layers(whole.stream_info.images, interpolator, output_rate)
         may_skip = not counts_frames(interpolator.cuts)
         source, window = trim_source(whole, decoding.trim, may_skip=may_skip, stretch=output_rate.stretch)
         info, stream = source.info, whole.stream_info
         encoding, lost = _adapt_audio(encoding, stream, output_rate)
-        schedule = output_rate.schedule(info, has_clock=target.has_clock)
+        schedule, shutter = output_rate.schedule(info, has_clock=target.has_clock), output_rate.exposure
         multiple = schedule.rate(info.rate) / info.rate
         images = stream.images
         keeps_numbers = images is not None and not target.has_rate and images.numbers_for(multiple) is not None
@@ -155,7 +157,7 @@ def convert(
                 source,
                 interpolator,
                 sink,
-                schedule,
+                schedule if shutter is None else ExposureSchedule(schedule, shutter),
                 observer,
                 stretch=output_rate.stretch,
                 skip=there,
@@ -172,9 +174,9 @@ def convert(
     return summary
 
 
-def _check_layers(images: NumberedImages | None, interpolator: Interpolator) -> None:
+def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rate: OutputRate) -> None:
     """Raise `OptionError` if images have layers that a method does not make."""
-    if images is None or not images.layers or interpolator.takes_layers:
+    if images is None or not images.layers or (interpolator.takes_layers and rate.shutter is None):
         return
     first = images.files[0].name
     names = ", ".join(layer.name for layer in images.layers[:3]) + (", ..." if len(images.layers) > 3 else "")
@@ -183,6 +185,12 @@ def _check_layers(images: NumberedImages | None, interpolator: Interpolator) -> 
             f"`at_cuts='extrapolate'` makes no layers, and {first} has some ({names}); give `at_cuts='repeat'`, or "
             "`passes='beauty'` for the picture alone."
         )
+    for option, is_given in (("`match_grain`", interpolator.match_grain), ("`shutter`", rate.shutter is not None)):
+        if is_given:
+            raise OptionError(
+                f"{option} changes the picture alone, and {first} has layers ({names}); leave it out, or give "
+                "`passes='beauty'`."
+            )
     raise OptionError(
         f"The method makes no layers, and {first} has some ({names}); choose nlm, nlm-fast, dis, farneback, tvl1, "
         "blend or nearest, or give `passes='beauty'` for the picture alone."
@@ -204,6 +212,21 @@ def _resolve_rate(factor: Fraction | int | None, rate: OutputRate | None) -> Out
     if rate.factor is not None:
         raise OptionError("factor and rate.factor say the same thing twice; give one of them.")
     return replace(rate, factor=factor)
+
+
+def _check_shutter(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -> None:
+    """Raise OptionError if motion blur is asked for where it cannot be made."""
+    if rate.shutter is None:
+        return
+    if run.in_place:
+        raise OptionError("`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.")
+    parts = interpolator.estimator, interpolator.synthesizer
+    if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
+        raise OptionError("`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.")
+    if run.side.given:
+        raise OptionError(
+            f"`shutter` averages frames, which have no one map of {' or '.join(run.side.given)}; leave one of them out."
+        )
 
 
 def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:

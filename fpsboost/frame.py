@@ -198,6 +198,15 @@ def has_alpha(image: Pixels) -> bool:
     return image.shape[2] in {2, 4}
 
 
+def value_range(image: Pixels) -> tuple[np.float32, np.float32]:
+    """Return the lowest and highest value that images of this type hold."""
+    if isinstance(image, YCbCrImage):
+        return np.float32(0), np.float32(image.coding.highest)
+    if image.dtype == np.float32:
+        return np.finfo(np.float32).min, np.finfo(np.float32).max
+    return np.float32(0), np.float32(np.iinfo(image.dtype).max)
+
+
 def describe(image: FrameImage) -> str:
     """Return an image's size and type as readable text: ``640x360, 3 channels, 8-bit``."""
     height, width, channels = image.shape

@@ -9,9 +9,9 @@ from functools import cached_property
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
-from fpsboost.exposure import compared_colours
 from fpsboost.frame import FrameImage, Image, Pixels, as_array
 from fpsboost.layered import LayeredImage
+from fpsboost.scene_linear import compared_colours
 
 Result = TypeVar("Result")
 
@@ -77,7 +77,7 @@ class FrameCache:
     ----------
     pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
         What motion and weights are found on: the image itself; of images with layers, whose colours are scene-linear,
-        these colours as they are compared, see `fpsboost.exposure`.
+        these colours as they are compared, see `fpsboost.scene_linear`.
 
     Examples
     --------

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector
+from fpsboost.analysis.grain import PairGrain, match_grain, measure_grain
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
@@ -202,6 +203,17 @@ class Pair:
         return fields
 
     @property
+    def grain(self) -> PairGrain:
+        """Noise of the two frames, as they are."""
+        return self._results.cached("grain", self._measure_grain)
+
+    def _measure_grain(self) -> PairGrain:
+        image0, image1 = self.image0, self.image1
+        if self.illumination is not None:  # its results are arrays
+            image0, image1 = _as_bgr(image0), _as_bgr(image1)
+        return measure_grain(image0.pixels, image1.pixels, *self.fields)
+
+    @property
     def search_radius(self) -> int | None:
         """Search radius in pixels; None if the estimator has no such limit or has not run."""
         return self.fields[0].search_radius if "fields" in self._results else None
@@ -209,7 +221,7 @@ class Pair:
     def release_caches(self) -> None:
         """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
         self.image0.clear()
-        self._results.clear("compensated")
+        self._results.clear("compensated", "grain")
 
 
 @dataclass(frozen=True)
@@ -236,6 +248,9 @@ class Interpolator:
         Finds the frames of a sequence that show the same as the one before, as in animation on threes, pulldown and
         captures that missed some; they are replaced by frames made for their times. None keeps them. Stills, and frames
         held until a cut, are always kept. Not used with motion from a renderer's vectors.
+    match_grain : bool
+        Add the noise to in-between frames that mixing has taken from them, so that they are as grainy as the two
+        frames. For methods that follow motion: texture that is not followed may be taken for grain.
 
     Examples
     --------
@@ -254,6 +269,7 @@ class Interpolator:
     compensate_illumination: bool = True
     overlays: bool = True
     duplicates: DuplicateDetector | None = DuplicateDetector()
+    match_grain: bool = False
 
     def __post_init__(self) -> None:
         check_choice("`at_cuts`", self.at_cuts, get_args(AtCuts))
@@ -268,7 +284,7 @@ class Interpolator:
     def takes_layers(self) -> bool:
         """Whether images may be `LayeredImage`."""
         parts = self.synthesizer, CUT_SYNTHESIZERS[self.at_cuts]
-        return all(isinstance(part, MixesLayers) for part in parts)
+        return not self.match_grain and all(isinstance(part, MixesLayers) for part in parts)
 
     @property
     def needs_every_frame(self) -> bool:
@@ -439,7 +455,9 @@ class Interpolator:
             return made
         if pair.illumination is not None:
             made = _with_illumination(made, times, pair.illumination, pair.image0.pixels.dtype)
-        elif self.overlays and (before or after):
+        if self.match_grain:
+            made = _with_grain(made, times, pair)
+        if pair.illumination is None and self.overlays and (before or after):
             made = _with_overlay(made, times, pair, before or pair, after or pair)
         return made
 
@@ -582,6 +600,14 @@ def _with_illumination(
 ) -> Iterator[Made]:
     for (image, confidence), t in zip(made, times, strict=True):
         yield illumination.apply(as_array(image), t, dtype), confidence
+
+
+def _with_grain(made: Iterator[Made], times: Sequence[float], pair: Pair) -> Iterator[Made]:
+    place = pair.image0.source_position
+    number = 0 if place is None else place.number
+    for (image, confidence), t in zip(made, times, strict=True):
+        assert not isinstance(image, LayeredImage), "the noise of layers is not known"
+        yield match_grain(image, pair.grain, t, (number, int(np.float64(t).view(np.uint64)))), confidence
 
 
 def _with_overlay(

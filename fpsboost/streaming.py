@@ -27,6 +27,7 @@ from fpsboost.io import Cancellable, FrameSink, FrameSource, TakesSideData
 from fpsboost.io.prefetch import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.io.trim import beginning
 from fpsboost.observer import Observer, SilentObserver, Summary
+from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time
 
@@ -58,7 +59,8 @@ def run_conversion(
         Entered already. One with the attributes ``needs_confidence`` and ``needs_motion`` gets frames with what it
         needs; see `fpsboost.Frame`.
     schedule : Schedule
-        Determines the output times.
+        Determines the output times. Of an `fpsboost.timing.shutter.ExposureSchedule`, every output frame is the mean of
+        several that are made around its time, in one scene; images must be arrays.
     observer : Observer, optional
         Informed of the progress.
     stretch : Fraction
@@ -158,8 +160,10 @@ def making_frames(
         if first is not None:
             interpolator.compile_for(first.image)
         frames = arriving if first is None else chain([first], arriving)
-        clip = _LoopState(source.info, schedule, interpolator, summary, beginning(source), needs or Needs(), skip)
-        yield stretched(_with_durations(_output_frames(frames, clip, detector, holds_last_frame, in_order)), stretch)
+        needed = needs or Needs()
+        clip = _LoopState(source.info, schedule, interpolator, summary, beginning(source), needed, skip)
+        made = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
+        yield stretched(_with_durations(made), stretch)
 
 
 def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:
@@ -188,6 +192,10 @@ class _OutputPart(NamedTuple):
 
     interval: _Interval
     frames: list[Frame]
+    steps: list[Step]
+    """The step of each frame."""
+    past_cut: list[bool]
+    """Whether each frame shows the scene after a cut."""
     new: int
     """Number of frames that are not from the source."""
     scene_cut: bool
@@ -197,6 +205,15 @@ class _OutputPart(NamedTuple):
     """Whether it is the first part of the interval."""
     ends: bool
     """Whether it is the last part of the interval."""
+
+
+class _Shown(NamedTuple):
+    """Frame of the output, or a sample of its exposure."""
+
+    frame: Frame
+    step: Step
+    scene: int
+    """Number of the scene that it shows."""
 
 
 @dataclass
@@ -241,10 +258,14 @@ class _LoopState:
                 yield self.interval(self.last, held)
             self.last = held
 
-    def skipped(self, frames: int) -> int:
-        """Return how many of the next frames the sink has already; must be called in order."""
-        count = min(self.skip, frames)
-        self.skip -= count
+    def skipped(self, steps: Iterable[Step]) -> int:
+        """Return how many of the next steps are of frames that the sink has already; must be called in order."""
+        count = 0
+        for step in steps:
+            if not self.skip:
+                break
+            self.skip -= not step.is_sample
+            count += 1
         return count
 
     def interval(self, held: FrameGroup, following: FrameGroup) -> _Interval:
@@ -271,8 +292,8 @@ def _output_frames(
     detector: DuplicateDetector | None,
     holds_last_frame: bool,
     in_order: Callable[[Iterable[Callable[[], _OutputPart]]], Iterator[_OutputPart]],
-) -> Generator[Frame, None, Fraction]:
-    """Yield the output frames without durations; return when the clip ends."""
+) -> Generator[_Shown, None, Fraction]:
+    """Yield the output frames without durations, or the samples of each; return when the clip ends."""
     shown, summary = clip.shown(frames), clip.summary
     moments = group_singly(shown) if detector is None else group_duplicates(shown, detector)
     for made in in_order(_tasks(clip, moments)):
@@ -280,7 +301,9 @@ def _output_frames(
         if made.begins:
             summary.duplicates += made.duplicates
             summary.scene_cuts += made.scene_cut
-        yield from made.frames
+        for frame, step, is_later in zip(made.frames, made.steps, made.past_cut, strict=True):
+            # the cuts so far include the one of this interval
+            yield _Shown(frame, step, summary.scene_cuts - (made.scene_cut and not is_later))
         if made.ends:
             if made.interval.pair.search_radius is not None:
                 summary.search_radii.add(made.interval.pair.search_radius)
@@ -294,9 +317,40 @@ def _output_frames(
     end = meant if meant > last.time else end
     for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
         if step.t == 0 or holds_last_frame:
-            clip.summary.frames_made += step.time != last.time
-            yield replace(last, time=step.time, confidence=_certain(last, step, 0) if clip.needs.confidence else None)
+            clip.summary.frames_made += _is_new(step, last)
+            confidence = _certain(last, step, 0) if clip.needs.confidence else None
+            yield _Shown(replace(last, time=step.time, confidence=confidence), step, summary.scene_cuts)
     return end
+
+
+def _exposed(shown: Generator[_Shown, None, Fraction]) -> Generator[Frame, None, Fraction]:
+    """Yield the mean of each output frame's samples that show its scene; frames without samples as they are."""
+    exposures: dict[int, Exposure] = {}
+    number: int | None = None
+    held: _Shown | None = None
+    while True:
+        try:
+            each = next(shown)
+        except StopIteration as stop:
+            end: Fraction = stop.value
+            break
+        if each.step.frame_number is None:
+            yield each.frame
+            continue
+        if each.step.frame_number != number:
+            if held is not None:
+                yield _developed(held, exposures[held.scene])
+            exposures, number, held = {}, each.step.frame_number, None
+        exposures.setdefault(each.scene, Exposure()).add(each.frame.array)
+        held = held if each.step.is_sample else each
+    if held is not None:
+        yield _developed(held, exposures[held.scene])
+    return end
+
+
+def _developed(shown: _Shown, exposure: Exposure) -> Frame:
+    """Return an output frame with the mean of its samples; the frame itself if there are no others."""
+    return shown.frame if exposure.count == 1 else replace(shown.frame, image=exposure.image(), original=None)
 
 
 def _tasks(clip: _LoopState, moments: Iterable[FrameGroup]) -> Iterator[Callable[[], _OutputPart]]:
@@ -306,7 +360,7 @@ def _tasks(clip: _LoopState, moments: Iterable[FrameGroup]) -> Iterator[Callable
     """
     for before, interval, after in with_neighbours(clip.intervals(moments)):
         count = sum(map(len, interval.steps))
-        skipped = clip.skipped(count)
+        skipped = clip.skipped(chain.from_iterable(interval.steps))
         neighbours = before and before.pair, after and after.pair
         for begin in range(0, max(count, 1), FRAMES_PER_TASK):
             part = range(begin, min(begin + FRAMES_PER_TASK, count))
@@ -347,9 +401,18 @@ def _make(
         first = moves.index(True) - part.start
         field01, field10 = interval.pair.fields
         frames[first] = replace(frames[first], motion=PairMotion(*interval.places, field01.flow, field10.flow))
-    new = sum(shown[index][1].time != shown[index][0].frame.time for index in part)
+    new = sum(_is_new(shown[index][1], shown[index][0].frame) for index in part)
+    steps = [shown[index][1] for index in part]
+    past_cut = [scene_cut and moves[index] and shown[index][1].t > Fraction(1, 2) for index in part]
     duplicates = 0 if is_held else len(interval.held) - 1
-    return _OutputPart(interval, frames, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown))
+    return _OutputPart(
+        interval, frames, steps, past_cut, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown)
+    )
+
+
+def _is_new(step: Step, frame: Frame) -> bool:
+    """Return whether a step is an output frame that is not from the source."""
+    return not step.is_sample and (step.frame_number is not None or step.time != frame.time)
 
 
 def _between(
@@ -377,7 +440,7 @@ def _merge_steps(interval: _Interval) -> list[Step]:
         return interval.steps[0]
     begin = interval.held[0].frame.time
     lasts = interval.end - begin
-    return [Step(step.time, (step.time - begin) / lasts) for steps in interval.steps for step in steps]
+    return [step._replace(t=(step.time - begin) / lasts) for steps in interval.steps for step in steps]
 
 
 def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]:

@@ -9,13 +9,14 @@ import pytest
 from truth import Clip, affine, eroded, layers, moving_object, noise, prepared, translation
 
 from fpsboost.errors import OptionError
+from fpsboost.frame import value_range
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
-from fpsboost.synthesis.rounding import rounding_offset, value_range
+from fpsboost.synthesis.rounding import rounding_offset
 from fpsboost.synthesis.splat import Splat
 from fpsboost.synthesis.warp import Warp
 

@@ -25,10 +25,10 @@ def words(text: str) -> set[str]:
 FIELD = words(
     """
     area audio base bgr bitrate bits block cb chroma codec coding color colour cr crf cut decode decoder decoding
-    deinterlace drop encoder encoding factor flow fps frame gaps gradual image interpolate interpolated
-    interpolator interval layered levels location lossless mask motion noise overlay pixel planes preset preview
-    quality rate rectangle render rendered scene shape sound stream stretch subsampling subtitles synthesize
-    synthesizer t thumbnail timing trim vectors x y
+    deinterlace drop encoder encoding exposure factor flow fps frame gaps gradual grain image interpolate
+    interpolated interpolator interval layered levels location lossless mask motion noise overlay pixel planes
+    preset preview quality rate rectangle render rendered samples scene shape shutter sound stream stretch
+    subsampling subtitles synthesize synthesizer t thumbnail timing trim vectors x y
     """
 )
 """Terms of image and video processing, as papers, FFmpeg and OpenCV use them."""

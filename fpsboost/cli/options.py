@@ -39,6 +39,7 @@ class MethodOptions:
         short="m",
     )
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
+    match_grain: bool = option(False, "Make in-between frames as grainy as their neighbours.")
     vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
     depth: str | None = option(None, "Folder of rendered depth, for reproject-scene.", metavar="DIR")
     vector_convention: ConventionName = option(
@@ -66,6 +67,7 @@ class MethodOptions:
             raise OptionError("--vectors-as says what --vectors holds; give that too, or leave it out.")
         folder = None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
         interpolator = configure(find_method(self.method, folder), self.method, tuning.given)
+        interpolator = replace(interpolator, match_grain=self.match_grain)
         return interpolator if self.duplicates == "interpolate" else replace(interpolator, duplicates=None)
 
 

@@ -12,13 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Pixels, as_array
+from fpsboost.frame import Pixels, as_array, value_range
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.window_rows import END_WEIGHT
 from fpsboost.motion.colour import MAX_VALUE
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.rounding import premultiplied, value_range
+from fpsboost.synthesis.rounding import premultiplied
 from fpsboost.ycbcr import YCbCrImage
 
 BANDWIDTH = 0.3

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image, Pixels, as_array, has_alpha
+from fpsboost.frame import Image, Pixels, as_array, has_alpha, value_range
 from fpsboost.io.vector_folder import VectorFolder
 from fpsboost.kernels.candidates import (
     NODE_SPACING,
@@ -50,7 +50,7 @@ from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accel
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
-from fpsboost.synthesis.rounding import as_image, colour_unseen, premultiplied, rounding_offset, value_range
+from fpsboost.synthesis.rounding import as_image, colour_unseen, premultiplied, rounding_offset
 from fpsboost.ycbcr import YCbCrImage
 
 CANDIDATE_CAPACITY = 48

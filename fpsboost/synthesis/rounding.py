@@ -7,23 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image, Pixels, has_alpha
+from fpsboost.frame import Image, Pixels, has_alpha, value_range
 from fpsboost.motion.colour import normalised
-from fpsboost.ycbcr import YCbCrImage
 
 
 def rounding_offset(image: Pixels) -> np.float32:
     """Return the offset to add before the conversion to the image's type: 0.5 for integers, 0 for float."""
     return np.float32(0 if image.dtype == np.float32 else 0.5)
-
-
-def value_range(image: Pixels) -> tuple[np.float32, np.float32]:
-    """Return the lowest and highest value that images of this type hold."""
-    if isinstance(image, YCbCrImage):
-        return np.float32(0), np.float32(image.coding.highest)
-    if image.dtype == np.float32:
-        return np.finfo(np.float32).min, np.finfo(np.float32).max
-    return np.float32(0), np.float32(np.iinfo(image.dtype).max)
 
 
 def premultiplied(image: Image) -> NDArray[Any]:

@@ -21,6 +21,7 @@ from fpsboost.timing.schedule import (
     parse_rate,
     representable,
 )
+from fpsboost.timing.shutter import DEFAULT_SAMPLES, Shutter
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo, Frame
@@ -49,6 +50,12 @@ class OutputRate:
     fill_gaps : bool
         Whether the source is images whose numbers are their clock: a factor then counts frames per number, 1 by
         default, and no frame is held, however many are missing.
+    shutter : Fraction or int, optional
+        Motion blur: shutter angle, degrees, above 0 and at most 360. Every frame, the source's own too, becomes the
+        mean of several that are made around its time, over this share of the interval between output frames.
+    shutter_samples : int, optional
+        Number of frames that are averaged, odd; 15 by default. One for each pixel of the fastest motion during the
+        exposure leaves no steps.
 
     Raises
     ------
@@ -64,6 +71,10 @@ class OutputRate:
     slow_motion: bool = option(False, "Keep the rate and play `factor` times as long.")
     slow_motion_sound: SlowSound | None = option(None, "Audio of slow motion: drop or stretch; else drop.")
     fill_gaps: bool = option(False, "Make only the images missing from the numbering.", group="Input")
+    shutter: Fraction | int | None = option(
+        None, "Motion blur of every frame: shutter angle, to 360.", metavar="DEGREES", parse=parse_number
+    )
+    shutter_samples: int | None = option(None, "Frames averaged for it, odd; else 15.")
 
     def __post_init__(self) -> None:
         if self.slow_motion_sound is not None:
@@ -76,10 +87,20 @@ class OutputRate:
             if self.keep_timing:
                 raise OptionError("`fps` makes the rate constant and `keep_timing` does not; give one of them.")
             ByRate(Fraction(self.fps))
+        if self.shutter_samples is not None and self.shutter is None:
+            raise OptionError("`shutter_samples` goes with `shutter`; give that too, or leave it out.")
+        _ = self.exposure
         if self.fill_gaps and self.keep_timing:
             raise OptionError("`fill_gaps` makes the rate constant and `keep_timing` does not; give one of them.")
         if self.factor is not None:
             ByFactor(Fraction(self.factor))
+
+    @property
+    def exposure(self) -> Shutter | None:
+        """The shutter; None without motion blur."""
+        if self.shutter is None:
+            return None
+        return Shutter(Fraction(self.shutter), self.shutter_samples or DEFAULT_SAMPLES)
 
     @property
     def multiple(self) -> Fraction:

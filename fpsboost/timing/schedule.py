@@ -36,6 +36,10 @@ class Step(NamedTuple):
 
     time: Fraction
     t: Fraction
+    frame_number: int | None = None
+    """Number of the output frame, counted from 0, if several steps are averaged into one."""
+    is_sample: bool = False
+    """Whether it is a further sample of that frame's exposure, at another time than the frame's own."""
 
 
 class Schedule(Protocol):

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from truth import waves
 
 from fpsboost.conversion import convert
-from fpsboost.exposure import compared_colours
 from fpsboost.io.images.exr import read_exr, write_exr
+from fpsboost.scene_linear import compared_colours
 
 SIZE = 48, 80
 
