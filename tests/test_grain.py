@@ -162,6 +162,20 @@ def test_clipped_white_stays_white():
     assert noise_of(made, ramp())[:, :-64].std() == pytest.approx(8 / 255, rel=0.08)
 
 
+def test_linear_light_stays_positive_and_as_bright():
+    """Noise that grows with linear light is matched, without negative light and without a change of the mean."""
+    light = np.linspace(0.002, 0.2, SIZE[1])[None, :, None]
+    counts = 100  # photons per unit of light
+    images = [
+        (np.random.default_rng(seed).poisson(counts * light, (*SIZE, 3)) / counts).astype(np.float32) for seed in (1, 2)
+    ]
+    made = middle(GRAINY, images)
+    assert made.min() >= 0
+    assert made.mean() == pytest.approx(light.mean(), rel=0.02)
+    bright = (made - light)[:, 128:] / np.sqrt(light[:, 128:] / counts)
+    assert bright.std() == pytest.approx(1, rel=0.1)
+
+
 def test_alpha_has_no_grain():
     """Alpha is left alone, whatever it holds."""
     images = [as_type(film(seed, channels=4), np.float32) for seed in (1, 2)]

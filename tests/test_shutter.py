@@ -11,14 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_pipeline import FAST, FakeSink, FakeSource
-from truth import as_type, waves
+from truth import SCENES, as_type, needs_scenes, waves
 from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.method_table import methods
+from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.method_table import find_method, methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import run_conversion
@@ -218,3 +219,11 @@ def test_originals_in_place_cannot_be_blurred(tmp_path):
     """They are never changed, so that half of the frames would be sharp."""
     with pytest.raises(OptionError, match="in_place"):
         convert(str(tmp_path), rate=OutputRate(shutter=180), run=RunOptions(in_place=True))
+
+
+@needs_scenes
+def test_vectors_say_nothing_of_times_between_frames():
+    """They were rendered for the output frames, and samples lie between those."""
+    method = find_method("nlm", VectorFolder(str(SCENES / "texture" / "vectors")))
+    with pytest.raises(OptionError, match="vectors"):
+        convert(str(SCENES / "texture"), "out", method=method, rate=OutputRate(shutter=180))

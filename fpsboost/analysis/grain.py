@@ -11,6 +11,9 @@ Flat blocks are those with the least contrast among the blocks of similar intens
 there, along the motion, is texture and no noise. Blocks are chosen by the other frame's contrast: its noise is
 independent, so that the choice does not favour blocks that happen to have little noise. Texture that moves without
 being followed cannot be told from grain, unless there are flatter parts.
+
+Float images are linear light, in which noise grows with the intensity: they are measured as square roots, whose noise
+has one variance if it is that of counted photons or paths (Anscombe, Biometrika 1948, doi:10.1093/biomet/35.3-4.246).
 """
 
 from __future__ import annotations
@@ -86,8 +89,10 @@ class FlatBlocks(NamedTuple):
 class Plane(NamedTuple):
     """One plane of an image."""
 
+    values: NDArray[Any]
+    """(rows, columns) float32: as the image has them."""
     samples: NDArray[Any]
-    """(rows, columns) float32."""
+    """(rows, columns) float32: on a scale on which noise depends little on the intensity."""
     intensity: NDArray[Any]
     """(rows, columns) float32: what the noise depends on, luma for chroma and else the samples."""
 
@@ -165,12 +170,12 @@ def match_grain(image: Pixels, grain: PairGrain, t: float, seed: Sequence[int]) 
     for plane, comparisons, noise, variance in zip(planes, compared, white, lowest_variances, strict=True):
         missing = _find_missing_noise(comparisons, t, least, MAX_VARIANCE_RATIO * variance)
         if missing is None:
-            grainy.append(plane.samples)
+            grainy.append(plane.values)
             continue
         deviation = missing.at(plane.intensity)
-        deviation[(plane.samples <= lowest) | (plane.samples >= highest)] = 0
-        shaped = cv2.filter2D(noise, -1, missing.kernel, borderType=cv2.BORDER_REFLECT)
-        grainy.append(plane.samples + deviation * shaped)
+        deviation[(plane.values <= lowest) | (plane.values >= highest)] = 0
+        added = deviation * cv2.filter2D(noise, -1, missing.kernel, borderType=cv2.BORDER_REFLECT)
+        grainy.append(_add_squared(plane, added, deviation) if image.dtype == np.float32 else plane.values + added)
     return _with_planes(image, grainy)
 
 
@@ -180,10 +185,21 @@ def _planes(image: Pixels) -> list[Plane]:
         luma, *chroma = (plane.astype(np.float32) for plane in image.planes)
         rows, columns = chroma[0].shape
         small = cv2.resize(luma, (columns, rows), interpolation=cv2.INTER_AREA)
-        return [Plane(luma, luma), *(Plane(plane, small) for plane in chroma)]
+        return [Plane(luma, luma, luma), *(Plane(plane, plane, small) for plane in chroma)]
     array = as_array(image)
     channels = cv2.split(array.astype(np.float32))[: array.shape[2] - has_alpha(array)]
-    return [Plane(channel, channel) for channel in channels]
+    if array.dtype != np.float32:
+        return [Plane(channel, channel, channel) for channel in channels]
+    roots = [np.sqrt(np.maximum(channel, 0)) for channel in channels]
+    return [Plane(channel, root, root) for channel, root in zip(channels, roots, strict=True)]
+
+
+def _add_squared(plane: Plane, added: NDArray[Any], deviation: NDArray[Any]) -> NDArray[Any]:
+    """Add noise to the square roots of linear light; the mean stays, and nothing becomes darker than black."""
+    roots = np.where(deviation > 0, plane.samples, 0)  # infinity, which has no noise, times 0 is no number
+    change = 2 * roots * added + np.square(added) - np.square(deviation)
+    grainy: NDArray[Any] = np.maximum(plane.values + change, np.minimum(plane.values, 0))
+    return grainy
 
 
 def _with_planes(image: Pixels, planes: list[NDArray[Any]]) -> Pixels:
