@@ -26,7 +26,7 @@ from fpsboost import CutDetector, Interpolator, methods
 from fpsboost.evaluation.pictures import as_heat, draw_wheel, in_colour
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.candidates import NODE_SPACING
 from fpsboost.motion import nlm
 from fpsboost.motion.colour import colour_components, contrast_components

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fpsboost.interpolator import Interpolator
     from fpsboost.io import FrameSink, FrameSource
     from fpsboost.io.memory_limit import MemoryLimit
-    from fpsboost.io.side_outputs import SideOutputs
+    from fpsboost.io.side.options import SideOutputs
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
     from fpsboost.layered import Layer, LayeredImage
@@ -142,7 +142,7 @@ _homes = {
     "RunOptions": "run_options",
     "SceneCutWarning": "errors",
     "Schedule": "timing.schedule",
-    "SideOutputs": "io.side_outputs",
+    "SideOutputs": "io.side.options",
     "Summary": "observer",
     "Synthesizer": "synthesis",
     "Trim": "timing.trim",

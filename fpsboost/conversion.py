@@ -18,11 +18,11 @@ from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import check_images, fingerprint_job, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.prefetch import available_cores
-from fpsboost.io.side_sink import with_side_outputs
+from fpsboost.io.side.sink import with_side_outputs
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.trim import trim_source
-from fpsboost.io.vector_folder import UsesVectors, VectorFolder
+from fpsboost.io.vectors.folder import UsesVectors, VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method

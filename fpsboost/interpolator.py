@@ -20,7 +20,7 @@ from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame import FrameImage, Image, as_array, check_pair
 from fpsboost.frame_cache import FrameCache, Results
-from fpsboost.io.vector_folder import UsesVectors, VectorFolder
+from fpsboost.io.vectors.folder import UsesVectors, VectorFolder
 from fpsboost.io.video.planes import bgr_of
 from fpsboost.layered import Layer, LayeredImage
 from fpsboost.motion import MotionEstimator

@@ -17,7 +17,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.vector_folder import UsesVectors, VectorFolder
+from fpsboost.io.vectors.folder import UsesVectors, VectorFolder
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch

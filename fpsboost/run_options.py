@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fpsboost.errors import OptionError
 from fpsboost.io.memory_limit import MemoryLimit, parse_memory
-from fpsboost.io.side_outputs import SideOutputs
+from fpsboost.io.side.options import SideOutputs
 from fpsboost.observer import Observer
 from fpsboost.options import option
 

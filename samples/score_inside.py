@@ -17,7 +17,7 @@ from stage.geometry import trace
 from stage.scenes import Scene, scenes
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, vector_methods
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 

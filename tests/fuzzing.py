@@ -21,9 +21,9 @@ from video_truth import scene, stream_of, write_clip
 from fpsboost import conversion
 from fpsboost.errors import FpsboostError, notes_of
 from fpsboost.io import prefetch
-from fpsboost.io.flow_files import write_flow
 from fpsboost.io.images.exr import read_exr, write_exr
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.flow_files import write_flow
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.method_table import find_method
 from fpsboost.timing.rate import OutputRate

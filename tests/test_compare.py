@@ -23,7 +23,7 @@ from fpsboost.evaluation.making import InterpolatorMaker, Made, Minterpolate
 from fpsboost.evaluation.picking import pick
 from fpsboost.evaluation.regions import find_regions
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis

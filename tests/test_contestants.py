@@ -11,7 +11,7 @@ from truth import SCENES, needs_scenes, noise
 from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.making import InterpolatorMaker, Minterpolate, known_methods
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import configure, methods, read_options
 
 # said only under pytest

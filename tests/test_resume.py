@@ -22,10 +22,10 @@ from fpsboost.conversion import Job, convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.flow_files import write_flow
 from fpsboost.io.images.numbered import ImageSink, ImageSource
 from fpsboost.io.staging import JobFingerprint, StagingDirectory, fingerprint_options
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.flow_files import write_flow
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
 from fpsboost.io.video.chunk_encoder import ChunkEncoder
 from fpsboost.io.video.chunks import Times, find_chunks

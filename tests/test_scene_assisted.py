@@ -21,7 +21,7 @@ from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.exr import write_exr
 from fpsboost.io.images.files import read_image
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import configure, find_method, interpolate, vector_methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair

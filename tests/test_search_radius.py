@@ -30,7 +30,7 @@ from vector_truth import save_translation
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest

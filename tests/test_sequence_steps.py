@@ -26,7 +26,7 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.numbering import find_numbers
 from fpsboost.io.images.sequence import Numbering
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.observer import Summary
 from fpsboost.probing import probe

@@ -18,7 +18,7 @@ from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.run_options import RunOptions

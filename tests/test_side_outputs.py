@@ -31,13 +31,13 @@ from fpsboost import (
 from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.flow_colours import colour_wheel, flow_picture
-from fpsboost.io.flow_files import read_flow
 from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.staged_files import StagedFiles
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.flow_colours import colour_wheel, flow_picture
+from fpsboost.io.vectors.flow_files import read_flow
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.streaming import run_conversion

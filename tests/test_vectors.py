@@ -15,9 +15,9 @@ from vector_truth import constant, save_depth, save_flows, save_object, save_tra
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.flow_files import read_flow, write_flow
 from fpsboost.io.images.exr import write_exr
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.flow_files import read_flow, write_flow
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.rendered import RenderedMotion
 
 SIZE = HEIGHT, WIDTH = 12, 18

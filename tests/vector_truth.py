@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.io.flow_files import write_flow
 from fpsboost.io.images.exr import write_exr
+from fpsboost.io.vectors.flow_files import write_flow
 
 Array = NDArray[Any]
 

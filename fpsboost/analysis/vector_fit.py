@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image
-from fpsboost.io.vector_folder import VectorFolder
-from fpsboost.io.vector_layout import Direction, StoredVectors, VectorConvention
+from fpsboost.io.vectors.folder import VectorFolder
+from fpsboost.io.vectors.layout import Direction, StoredVectors, VectorConvention
 from fpsboost.motion.colour import normalised
 
 CLEARLY_BETTER = 0.8

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from fpsboost.evaluation.hiding import Hiding
     from fpsboost.evaluation.making import Maker
     from fpsboost.evaluation.results import Comparison, MethodResult
-    from fpsboost.io.vector_folder import VectorFolder
+    from fpsboost.io.vectors.folder import VectorFolder
 
 EXIT_BELOW_LIMIT = 3
 """Exit code of a comparison that ends below ``--fail-under``."""

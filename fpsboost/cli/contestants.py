@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from fpsboost.evaluation.hiding import Interval
     from fpsboost.evaluation.making import Maker
-    from fpsboost.io.vector_folder import VectorFolder
+    from fpsboost.io.vectors.folder import VectorFolder
 
 
 class NamedMethod(NamedTuple):

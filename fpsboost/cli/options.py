@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from fpsboost.cli.flags import flags_of
 from fpsboost.errors import OptionError
-from fpsboost.io.vector_convention import ConventionName
+from fpsboost.io.vectors.convention import ConventionName
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.options import option
@@ -21,7 +21,7 @@ from fpsboost.timing.rate import OutputRate
 
 if TYPE_CHECKING:
     from fpsboost.interpolator import Interpolator
-    from fpsboost.io.vector_folder import VectorFolder
+    from fpsboost.io.vectors.folder import VectorFolder
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class MethodOptions:
         InputError
             The vectors cannot be read.
         """
-        from fpsboost.io.vector_folder import VectorFolder  # noqa: PLC0415
+        from fpsboost.io.vectors.folder import VectorFolder  # noqa: PLC0415
         from fpsboost.method_table import configure, find_method  # noqa: PLC0415
 
         if self.depth is not None and self.vectors is None:
@@ -199,7 +199,7 @@ class ContestOptions:
     @property
     def vector_folder(self) -> VectorFolder | None:
         """The renderer's vectors, if there are any."""
-        from fpsboost.io.vector_folder import VectorFolder  # noqa: PLC0415
+        from fpsboost.io.vectors.folder import VectorFolder  # noqa: PLC0415
 
         return None if self.vectors is None else VectorFolder(self.vectors, self.depth, self.vector_convention)
 

@@ -30,7 +30,7 @@ from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 from fpsboost.frame import describe
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair, with_neighbours
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import methods
 from fpsboost.version import __version__
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fpsboost.analysis.duplicates import DuplicateDetector, brightness
 from fpsboost.evaluation.hiding import Interval
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.opencv import Dis
 from fpsboost.motion.rendered import frame_number
 

@@ -14,7 +14,7 @@ from typing import ClassVar, Literal, get_args
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import Window, search_by_passes, search_fused
@@ -80,11 +80,11 @@ class ExhaustiveSearch:
         check_choice("`implementation`", self.implementation, get_args(Implementation))
 
     def with_vectors(self, vectors: VectorFolder) -> ExhaustiveSearch:
-        """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> ExhaustiveSearch:
-        """See `fpsboost.io.vector_folder.UsesVectors.without_vectors`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.without_vectors`."""
         return replace(self, vectors=None)
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:

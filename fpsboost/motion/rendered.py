@@ -11,7 +11,7 @@ import numpy as np
 from fpsboost.errors import OptionError
 from fpsboost.frame import check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.zero import ZeroMotion
 
@@ -32,11 +32,11 @@ class RenderedMotion:
     vectors: VectorFolder
 
     def with_vectors(self, vectors: VectorFolder) -> RenderedMotion:
-        """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> ZeroMotion:
-        """See `fpsboost.io.vector_folder.UsesVectors.without_vectors`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.without_vectors`."""
         return ZeroMotion()
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest

@@ -32,7 +32,7 @@ from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE
 from fpsboost.io.prefetch import available_cores, run_in_parallel
 from fpsboost.io.staging import write_safely
-from fpsboost.io.vector_folder import UsesVectors
+from fpsboost.io.vectors.folder import UsesVectors
 from fpsboost.method_table import find_method
 from fpsboost.rerender.output_folder import check_new, new_folder
 from fpsboost.rerender.planning import check_input

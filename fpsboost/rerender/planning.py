@@ -16,7 +16,7 @@ from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
 from fpsboost.io.prefetch import available_cores, run_in_parallel
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.rerender.options import PlanOptions, RenderBudget
 from fpsboost.rerender.output_folder import check_new, new_folder

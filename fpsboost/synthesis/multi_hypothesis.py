@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, Pixels, as_array, has_alpha, value_range
-from fpsboost.io.vector_folder import VectorFolder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.candidates import (
     NODE_SPACING,
     SUMS_PER_CANDIDATE,
@@ -148,15 +148,15 @@ class MultiHypothesis:
 
     @property
     def needs_every_frame(self) -> bool:
-        """See `fpsboost.io.vector_folder.UsesVectors.needs_every_frame`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.needs_every_frame`."""
         return self.vectors is not None
 
     def with_vectors(self, vectors: VectorFolder) -> MultiHypothesis:
-        """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> MultiHypothesis:
-        """See `fpsboost.io.vector_folder.UsesVectors.without_vectors`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.without_vectors`."""
         return replace(self, vectors=None)
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import FrameVectors, VectorFolder
+from fpsboost.io.vectors.folder import FrameVectors, VectorFolder
 from fpsboost.kernels.rendered import Source, mix_along
 from fpsboost.kernels.reproject import search_iteratively
 from fpsboost.motion.field import MotionField, forward_backward_error

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vector_folder import FrameVectors, VectorFolder
+from fpsboost.io.vectors.folder import FrameVectors, VectorFolder
 from fpsboost.motion.rendered import frame_number, output_frame_between
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.agreement import measure_agreement_along
@@ -61,11 +61,11 @@ class SceneAssisted:
             raise OptionError(f"depth_tolerance must be at least 0 and below 1, not {self.depth_tolerance}.")
 
     def with_vectors(self, vectors: VectorFolder) -> SceneAssisted:
-        """See `fpsboost.io.vector_folder.UsesVectors.with_vectors`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> Blend:
-        """See `fpsboost.io.vector_folder.UsesVectors.without_vectors`."""
+        """See `fpsboost.io.vectors.folder.UsesVectors.without_vectors`."""
         return Blend()
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:

@@ -1,4 +1,4 @@
-"""Sink that writes side outputs beside another sink; see `fpsboost.io.side_outputs`."""
+"""Sink that writes side outputs beside another sink; see `fpsboost.io.side.options`."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from fpsboost.frame import Frame
 from fpsboost.io import Cancellable, FrameSink
 from fpsboost.io.images.numbered import ImageSink
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.io.side_names import FileNames
-from fpsboost.io.side_outputs import SideOutputs
-from fpsboost.io.side_writers import ConfidenceWriter, MotionWriter, SideWriter
+from fpsboost.io.side.names import FileNames
+from fpsboost.io.side.options import SideOutputs
+from fpsboost.io.side.writers import ConfidenceWriter, MotionWriter, SideWriter
 
 
 class SideSink:

@@ -4,7 +4,7 @@ The vectors of a frame lead to the previous and the next output frame; if frames
 number to the next, whatever the step that was rendered with. Renderers write them as
 
 OpenEXR
-    Two or four channels in one of the conventions of `fpsboost.io.vector_layout`: Blender's vector pass, Nuke's, and
+    Two or four channels in one of the conventions of `fpsboost.io.vectors.layout`: Blender's vector pass, Nuke's, and
     others.
 ``.flo``
     ``NAME_backward.flo`` and ``NAME_forward.flo``, to the previous and to the next frame, y down.
@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, check_choice, explained
 from fpsboost.frame import Pixels
-from fpsboost.io.flow_files import read_flow
 from fpsboost.io.images.exr import find_layer, read_exr
 from fpsboost.io.images.sequence import (
     FileSequence,
@@ -36,8 +35,9 @@ from fpsboost.io.images.sequence import (
     list_files,
     order_names,
 )
-from fpsboost.io.vector_convention import ConventionName
-from fpsboost.io.vector_layout import VectorConvention, conventions, find_vector_channels
+from fpsboost.io.vectors.convention import ConventionName
+from fpsboost.io.vectors.flow_files import read_flow
+from fpsboost.io.vectors.layout import VectorConvention, conventions, find_vector_channels
 
 KEPT_FRAMES = 4
 """Number of frames whose vectors are cached: a pair's two frames, and two between them."""

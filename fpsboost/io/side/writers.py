@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Frame, PairMotion
-from fpsboost.io.flow_colours import flow_picture
-from fpsboost.io.flow_files import encode_flow
 from fpsboost.io.images.exr import encode_exr
 from fpsboost.io.images.files import encode_image
-from fpsboost.io.side_names import FileNames
+from fpsboost.io.side.names import FileNames
 from fpsboost.io.staged_files import StagedFiles
-from fpsboost.io.vector_folder import BACKWARD, FORWARD
+from fpsboost.io.vectors.flow_colours import flow_picture
+from fpsboost.io.vectors.flow_files import encode_flow
+from fpsboost.io.vectors.folder import BACKWARD, FORWARD
 
 PICTURE, EXR, FLO = ".png", ".exr", ".flo"
 

@@ -1,4 +1,4 @@
-"""How the files of side outputs are named after frames; see `fpsboost.io.side_outputs`."""
+"""How the files of side outputs are named after frames; see `fpsboost.io.side.options`."""
 
 from __future__ import annotations
 

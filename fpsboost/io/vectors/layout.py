@@ -1,4 +1,4 @@
-"""How renderers store motion vectors in OpenEXR: channel names, directions, and signs; see `vector_convention`."""
+"""How renderers store motion vectors in OpenEXR: channel names, directions, and signs; see `convention`."""
 
 from __future__ import annotations
 
