@@ -203,3 +203,22 @@ def test_lost_alpha_is_said_once(tmp_path):
         str(clip), str(tmp_path / "out.mp4"), method="nearest", decoding=DecodeOptions(trim=part)
     )
     assert len([remark for remark in summary.remarks if says_alpha(remark)]) == 1
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("name", ["out.mp4", "out.mov", "out.mkv"])
+def test_images_with_alpha_become_videos_without(tmp_path, kind, name):
+    """Of any depth, with the encoder that is chosen for it; that alpha is lost is said."""
+    (tmp_path / "in").mkdir()
+    suffix = ".tif" if kind is np.float32 else ".png"
+    white = 1 if kind is np.float32 else np.iinfo(kind).max
+    for index in range(2):
+        image = (cloud(index).astype(float) / 255 * white).astype(kind)
+        (tmp_path / "in" / f"{index}{suffix}").write_bytes(cv2.imencode(suffix, image)[1].tobytes())
+    source, output = str(tmp_path / "in"), str(tmp_path / name)
+    summary = fpsboost.convert(
+        source, output, method="nearest", encoding=Encoding(preset="ultrafast"), **grouped(input_fps=10)
+    )
+    assert len([remark for remark in summary.remarks if says_alpha(remark)]) == 1
+    with VideoSource(tmp_path / name) as written:
+        assert len(list(written)) == 4

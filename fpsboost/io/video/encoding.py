@@ -178,8 +178,7 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
         return False  # libvpx stores alpha beside the picture, which only these two containers support
     if encoding.pixel_format is not None:
         return encoding.pixel_format in offered and has_alpha(encoding.pixel_format)
-    # HEVC stores alpha in a second layer, which few players and none of FFmpeg's containers support
-    return encoder != "libx265" and any(has_alpha(each) for each in offered)
+    return any(has_alpha(each) for each in offered)
 
 
 def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[str, str]:
@@ -267,9 +266,12 @@ def _check_encoder_options(codec: av.Codec, options: Sequence[tuple[str, str]]) 
 def pixel_formats(codec: av.Codec) -> list[str]:
     """Return the pixel formats in memory that an encoder accepts, or an empty list if it does not list any."""
     names = [item.name for item in codec.video_formats or () if item.components]  # those of a GPU have no components
-    if codec.name.startswith("libvpx"):  # it lists more formats with alpha than it opens
-        return [name for name in names if name == "yuva420p" or not has_alpha(name)]
-    return names
+    opened = _opened_with_alpha.get(codec.name)  # some list more formats with alpha than they open
+    return names if opened is None else [name for name in names if name in opened or not has_alpha(name)]
+
+
+# HEVC stores alpha in a second layer, which few players and none of FFmpeg's containers support
+_opened_with_alpha = {"libvpx": ["yuva420p"], "libvpx-vp9": ["yuva420p"], "libx265": []}
 
 
 def _check_pixel_format(codec: av.Codec, asked: str | None) -> None:

@@ -76,7 +76,8 @@ def choose_pixel_format(
     is_deep = depth_of(source) > 8
     keeps_all = encoding.lossless or (codec.lossless and not codec.lossy)
     if of_images and not keeps_all and not (is_deep and encoding.codec):
-        wanted = ("yuva420p" if has_alpha(source) else "yuv420p") + ("10le" if is_deep else "")
+        alpha = has_alpha(source) and encodes_alpha(encoding, container)
+        wanted = ("yuva420p" if alpha else "yuv420p") + ("10le" if is_deep else "")
     if wanted in fitting:
         return wanted, _loss_remarks(name, encoder, wanted, source, exact=keeps_all) if of_images and is_deep else []
     keeps_alpha = encodes_alpha(encoding, container) and has_alpha(wanted)
