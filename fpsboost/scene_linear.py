@@ -23,6 +23,9 @@ STEEPNESS = np.float32(51)
 MAX_RATIO = np.float32(1e6)
 """Maximum of the scaled values; damaged files hold the largest numbers of their type."""
 
+SRGB_TOE = np.float32(0.0031308)
+"""Largest value of the straight part of sRGB's curve."""
+
 
 def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
     """Return scene-linear colours on the scale on which they are compared.
@@ -54,3 +57,29 @@ def compared_colours(image: NDArray[Any]) -> NDArray[Any]:
     compared[..., : colours.shape[2]] = cv2.log(1 + STEEPNESS * scaled).reshape(scaled.shape) / np.log1p(STEEPNESS)
     compared[..., colours.shape[2] :] = image[..., colours.shape[2] :]
     return compared
+
+
+def displayed_colours(image: NDArray[Any]) -> NDArray[Any]:
+    """Return scene-linear colours as an sRGB display shows them (IEC 61966-2-1), clipped to black and white.
+
+    Parameters
+    ----------
+    image : (H, W, C) float32
+        Gray or BGR, with or without associated alpha.
+
+    Returns
+    -------
+    (H, W, C) float32
+        In [0, 1]; alpha stays as it is.
+
+    Examples
+    --------
+    >>> displayed_colours(np.full((1, 1, 1), 0.18, np.float32)).round(2).item()
+    0.46
+    """
+    displayed = np.array(image, np.float32)
+    colours = displayed[..., : image.shape[2] - (image.shape[2] in {2, 4})]
+    light = np.nan_to_num(colours, nan=0.0).clip(0, 1)
+    curve = np.float32(1.055) * light ** np.float32(1 / 2.4) - np.float32(0.055)
+    colours[:] = np.where(light <= SRGB_TOE, light * np.float32(12.92), curve)
+    return displayed

@@ -11,7 +11,12 @@ from hypothesis import strategies as st
 from truth import waves
 
 from fpsboost.conversion import convert
+from fpsboost.errors import OptionError
 from fpsboost.io.images.exr import read_exr, write_exr
+from fpsboost.io.images.files import encode_image
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.source import VideoSource
 from fpsboost.scene_linear import compared_colours
 
 SIZE = 48, 80
@@ -64,3 +69,36 @@ def test_brighter_is_brighter(value, exposure):
     low, high = compared_colours(image)[0, :, 0]
     assert low < high
     assert compared_colours(image[:, :1])[0, 0, 0] == pytest.approx(0.587, abs=0.001)
+
+
+def test_a_view_transform_for_previews(tmp_path):
+    """Light as sRGB shows it, in video; without the option it stays linear, which is said."""
+    source = tmp_path / "in"
+    source.mkdir()
+    for number in range(2):
+        write_exr(source / f"{number}.exr", {name: np.full((32, 32), 0.18, np.float32) for name in "BGR"})
+    encoding, decoding = Encoding(codec="ffv1", pixel_format="gbrp16le"), DecodeOptions(input_fps=24, view="srgb")
+    summary = convert(str(source), str(tmp_path / "view.mkv"), encoding=encoding, decoding=decoding)
+    assert not any("looks dark" in remark for remark in summary.remarks)
+    with VideoSource(tmp_path / "view.mkv") as video:
+        assert next(iter(video)).array.mean() / 65535 == pytest.approx(0.4613, abs=1e-3)
+    plain = convert(str(source), str(tmp_path / "linear.mkv"), encoding=encoding, decoding=DecodeOptions(input_fps=24))
+    assert sum("looks dark" in remark for remark in plain.remarks) == 1
+    with VideoSource(tmp_path / "linear.mkv") as video:
+        assert next(iter(video)).array.mean() / 65535 == pytest.approx(0.18, abs=1e-3)
+
+
+def test_views_that_do_not_apply_are_refused(tmp_path):
+    """For images, which keep their light, for other types of file, and for videos."""
+    for name, suffix in (("exr", ".exr"), ("png", ".png")):
+        (tmp_path / name).mkdir()
+        for number in range(2):
+            path, image = tmp_path / name / f"{number}{suffix}", np.zeros((8, 8, 3), np.uint8)
+            path.write_bytes(encode_image(path, image if name == "png" else image.astype(np.float32)))
+    view = DecodeOptions(input_fps=24, view="srgb")
+    with pytest.raises(OptionError, match="keep their light"):
+        convert(str(tmp_path / "exr"), str(tmp_path / "out"), decoding=view)
+    with pytest.raises(OptionError, match="is for OpenEXR"):
+        convert(str(tmp_path / "png"), str(tmp_path / "out.mp4"), decoding=view)
+    with pytest.raises(OptionError, match="`view`"):
+        convert(str(tmp_path / "exr" / "0.exr"), str(tmp_path / "out.mp4"), decoding=DecodeOptions(view="srgb"))

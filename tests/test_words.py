@@ -28,7 +28,7 @@ FIELD = words(
     deinterlace drop encoder encoding exposure factor flow fps frame gaps gradual grain image interpolate
     interpolated interpolator interval layered levels location lossless mask motion noise overlay pixel planes
     preset preview quality rate rectangle render rendered samples scene shape shutter sound stream stretch
-    subsampling subtitles synthesize synthesizer t thumbnail timing trim vectors x y
+    subsampling subtitles synthesize synthesizer t thumbnail timing trim vectors view x y
     """
 )
 """Terms of image and video processing, as papers, FFmpeg and OpenCV use them."""

@@ -18,7 +18,7 @@ from fpsboost.io.images.passes import ALL, BEAUTY
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.staging import JobFingerprint, fingerprint_files, fingerprint_options
 from fpsboost.io.video.capture import CaptureSource
-from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.decode_options import DecodeOptions, View
 from fpsboost.io.video.pipe import PipeSource
 from fpsboost.io.video.source import VideoSource
 from fpsboost.version import __version__
@@ -110,8 +110,9 @@ def open_source(
         is_images = stands_for_images(path)
         if fill_gaps and not is_images:
             check_images(path, "`fill_gaps`")
-        if decoding.passes is not None and not is_images:
-            check_images(path, "`passes`")
+        for option, is_given in (("`passes`", decoding.passes is not None), ("`view`", decoding.view != "none")):
+            if is_given and not is_images:
+                check_images(path, option)
         if path in PIPES:
             _check_decoding(decoding, "standard input", "let the program before the pipe do that")
             _check_has_own_rate(input_fps, "standard input")
@@ -131,6 +132,7 @@ def open_source(
                 in_place=in_place,
                 passes=_passes(path, decoding, requirements),
                 linear=requirements.linear,
+                view=_view(path, decoding, requirements),
                 limit=limit,
             )
         if decoding.decoder == "opencv":
@@ -149,6 +151,13 @@ def _passes(path: str, decoding: DecodeOptions, requirements: TargetRequirements
             "pattern such as shot_####.exr, or leave it out."
         )
     return decoding.passes or (ALL if requirements.layers else BEAUTY)
+
+
+def _view(path: str, decoding: DecodeOptions, requirements: TargetRequirements) -> View:
+    """Return the view transform of OpenEXR images."""
+    if decoding.view != "none" and requirements.layers:
+        raise OptionError(f"`view` is for videos and animations, and the images made of {path} keep their light.")
+    return decoding.view
 
 
 def stands_for_images(path: str) -> bool:

@@ -46,7 +46,9 @@ from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output
 from fpsboost.io.staging import StagingDirectory, hidden_place, move_all, sync, write_safely
 from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.video.decode_options import View
 from fpsboost.layered import LayeredImage
+from fpsboost.scene_linear import displayed_colours
 
 MAX_GAP = 1000
 """Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
@@ -84,6 +86,8 @@ class ImageSource(ClosesOnExit):
         Layers of OpenEXR files that are read beside the picture; see `Passes.chosen`.
     linear : bool
         Say that the colours of OpenEXR are scene-linear, by images with layers, be it none.
+    view : {'none', 'srgb'}
+        View transform of OpenEXR.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
 
@@ -112,6 +116,7 @@ class ImageSource(ClosesOnExit):
         in_place: bool = False,
         passes: str = BEAUTY,
         linear: bool = False,
+        view: View = "none",
         limit: MemoryLimit | None = None,
     ) -> None:
         if rate <= 0:
@@ -131,9 +136,13 @@ class ImageSource(ClosesOnExit):
         self._begins = Fraction(0)
         if found.files[0].suffix.lower() not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
-        self._upright, self._linear, self._limit = upright, linear, limit or MemoryLimit()
+        self._upright, self._linear, self._view, self._limit = upright, linear, view, limit or MemoryLimit()
         data = content_of(found.files[0])
         self._passes = _passes_of(found.files[0], data, passes)
+        if view != "none" and self._passes is None:
+            raise OptionError(
+                f"`view` is for OpenEXR, whose numbers are light, and {path} is another type; leave it out."
+            )
         first = self._decoded(found.files[0], data)
         self.images = NumberedImages(
             found.files,
@@ -180,6 +189,11 @@ class ImageSource(ClosesOnExit):
             remarks.append(
                 f"{first} and its like hold several pictures ({', '.join(self._pictures)}), the first of which leads."
             )
+        if self._passes is not None and self._upright and self._view == "none":
+            remarks.append(
+                f"{first} and its like hold linear light, which was written as it is and looks dark on a display; "
+                "`view='srgb'` makes a preview."
+            )
         if self._holds_more:
             remarks.append(f"{first} and its like hold several pictures, the first of which was read.")
         if names:
@@ -205,6 +219,8 @@ class ImageSource(ClosesOnExit):
         if self._passes is not None and self._passes.layers:
             return self._passes.decode(path, data, self._limit)
         image = decode_image(path, data, self._limit)
+        if self._passes is not None and self._view == "srgb":
+            return displayed_colours(image)
         if self._passes is not None and self._linear:
             return LayeredImage(image, ())
         return upright(image, metadata_of(path, data).orientation) if self._upright else image

@@ -13,6 +13,7 @@ from fpsboost.timing.trim import Trim
 
 SizeChange = Literal["stop", "scale"]
 Decoder = Literal["ffmpeg", "opencv"]
+View = Literal["none", "srgb"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,9 @@ class DecodeOptions:
         Layers of OpenEXR images that are made beside the picture, in OpenEXR images: ``all``, ``beauty`` for the
         picture alone, or their names with commas between them. By default all, or the picture alone where the output
         cannot hold more.
+    view : {'none', 'srgb'}
+        View transform of OpenEXR images for previews as video or animation: numbers as they are, or sRGB's curve, with
+        white at 1.
 
     Raises
     ------
@@ -56,15 +60,17 @@ class DecodeOptions:
     passes: str | None = option(
         None, "Layers of OpenEXR: all, beauty or their names.", metavar="NAMES", group="Streams"
     )
+    view: View = option("none", "View of OpenEXR in video: none or srgb.")
 
     def __post_init__(self) -> None:
         check_choice("`size_change`", self.size_change, get_args(SizeChange))
         check_choice("`decoder`", self.decoder, get_args(Decoder))
+        check_choice("`view`", self.view, get_args(View))
         if self.stream is not None and self.stream < 0:
             raise OptionError(f"`stream` must be the number of a stream, 0 or more, not {self.stream}.")
 
     @property
     def given(self) -> list[str]:
         """Names of the options for video files that differ from the defaults."""
-        ours = [field for field in fields(self) if field.name not in ("trim", "input_fps", "passes")]
+        ours = [field for field in fields(self) if field.name not in ("trim", "input_fps", "passes", "view")]
         return [f"`{field.name}`" for field in ours if getattr(self, field.name) != field.default]
