@@ -98,10 +98,10 @@ def test_commands_are_those_of_the_documentation():
     """Each step is one command line; a plan and a merge want a new folder."""
     trip = folders.Folders(Path("trip"))
     made, plan = [str(Path("trip", name)) for name in ("made", "plan")]
-    assert commands.convert_command("fpsboost", trip, 3)[1:] == [
-        *(str(trip.renders), made, "--factor", "3", "--passes", "all", "--confidence", str(trip.confidence)),
-        *("--progress", "json", "-y"),
-    ]
+    passes = [str(trip.renders), made, "--factor", "3", "--passes", "all", "--confidence", str(trip.confidence)]
+    follow, progress = ["--vectors", str(trip.renders), "--vectors-as", "blender"], ["--progress", "json", "-y"]
+    assert commands.convert_command("fpsboost", trip, 3, vectors=False)[1:] == passes + progress
+    assert commands.convert_command("fpsboost", trip, 3, vectors=True)[1:] == passes + follow + progress
     assert commands.plan_command("fpsboost", trip, 7.5)[1:] == [
         *("plan", str(trip.renders), plan + "-unfinished", "--budget", "7.5%"),
     ]
@@ -161,7 +161,7 @@ def test_a_file_that_is_no_program_cannot_be_started(tmp_path):
 
 def test_a_run_collects_progress_and_remarks(program, rendered):
     """What the program says is read while it runs; its last progress and its remarks are there at the end."""
-    run = commands.Run(commands.convert_command(str(program), folders.Folders(rendered), 2))
+    run = commands.Run(commands.convert_command(str(program), folders.Folders(rendered), 2, vectors=True))
     run.finish()
     assert run.progress == commands.Progress(5, 5)
     assert commands.remarks_in(run.lines) == ["1 pass is left out."]
@@ -427,7 +427,7 @@ def test_a_button_runs_the_command_beside_blender(extension, program, rendered):
 def test_escape_stops_the_command(extension, program, rendered, monkeypatch):
     """That is no error, and the bar is gone."""
     slow = [str(program), str(rendered / "slow"), "out", "--factor", "2"]
-    monkeypatch.setattr(extension.commanding, "convert_command", lambda *_: slow)
+    monkeypatch.setattr(extension.commanding, "convert_command", lambda *_, **__: slow)
     context = make_context(make_scene(rendered), program)
     operator = extension.commanding.FPSBOOST_OT_convert()
     operator.invoke(context, None)
@@ -441,7 +441,7 @@ def test_errors_are_reports_with_the_programs_sentence(extension, program, rende
     """Whether the program says it, or the extension before it starts the program."""
     context = make_context(make_scene(rendered), program)
     old = [str(program), "a", "b", "--new-option", "x"]
-    monkeypatch.setattr(extension.commanding, "convert_command", lambda *_: old)
+    monkeypatch.setattr(extension.commanding, "convert_command", lambda *_, **__: old)
     assert "does not know --new-option" in refusal_of(extension.commanding.FPSBOOST_OT_convert(), context)
     operator = extension.commanding.FPSBOOST_OT_convert()
     operator.invoke(context, None)

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import bpy
 
+from .preparing import writes_vectors
 from .properties import folders_of, program_of, render_size, rendered_frames
 from .round_trip.commands import Run, convert_command, merge_command, plan_command, remarks_in
 from .round_trip.errors import RoundTripError
@@ -118,7 +119,8 @@ class FPSBOOST_OT_convert(Commanding, bpy.types.Operator):
         scene = context.scene
         folders = folders_of(scene)
         check_renders(folders.renders, rendered_frames(scene))
-        return convert_command(program_of(context), folders, scene.fpsboost.frame_step)
+        vectors = writes_vectors(scene)
+        return convert_command(program_of(context), folders, scene.fpsboost.frame_step, vectors=vectors)
 
     def finished(self, context: Any) -> str:
         """See `Commanding.finished`."""

@@ -122,6 +122,12 @@ def remarks_on(scene: Any) -> list[str]:
     last = rendered_frames(scene)[-1]
     if last < scene.frame_end:
         remarks.append(f"The last frame that comes out is {last}: no rendered one follows; make the range longer.")
-    if scene.render.use_motion_blur and "VECTOR" in scene.fpsboost.passes and scene.render.engine == "CYCLES":
+    if "VECTOR" in scene.fpsboost.passes and not writes_vectors(scene):
         remarks.append("Cycles writes no Vector pass with motion blur; the frames are made without it.")
     return remarks
+
+
+def writes_vectors(scene: Any) -> bool:
+    """Return whether rendered frames have a Vector pass."""
+    blurs = scene.render.use_motion_blur and scene.render.engine == "CYCLES"
+    return "VECTOR" in scene.fpsboost.passes and not blurs

@@ -66,10 +66,21 @@ def find_program(given: str) -> str:
     raise RoundTripError("fpsboost is not on PATH; install it, or give its path in the add-on's preferences.")
 
 
-def convert_command(program: str, folders: Folders, factor: int) -> list[str]:
-    """Return the command that makes the frames between the rendered ones, with all their passes."""
+def convert_command(program: str, folders: Folders, factor: int, *, vectors: bool) -> list[str]:
+    """Return the command that makes the frames between the rendered ones, with all their passes.
+
+    Parameters
+    ----------
+    program : str
+    folders : Folders
+    factor : int
+        Every how many frames one was rendered.
+    vectors : bool
+        Whether the rendered frames have a Vector pass, which surfaces are to follow.
+    """
     what = ["--factor", str(factor), "--passes", "all", "--confidence", str(folders.confidence)]
-    return [program, str(folders.renders), str(folders.made), *what, "--progress", "json", "-y"]
+    follow = ["--vectors", str(folders.renders), "--vectors-as", "blender"] if vectors else []
+    return [program, str(folders.renders), str(folders.made), *what, *follow, "--progress", "json", "-y"]
 
 
 def plan_command(program: str, folders: Folders, budget: float) -> list[str]:
