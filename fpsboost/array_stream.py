@@ -11,7 +11,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import FrameSource
-from fpsboost.io.opening import ASSUMED_IMAGE_RATE, open_source
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.method_table import find_method
@@ -72,7 +72,8 @@ def stream(
     """
     interpolator = find_method(method) if isinstance(method, str) else method
     rate = OutputRate(_fraction(factor), _fraction(fps))
-    with _as_source(source, _fraction(input_fps), needs_rate=fps is not None) as opened:
+    requirements = TargetRequirements(linear=interpolator.takes_layers)
+    with _as_source(source, _fraction(input_fps), requirements, needs_rate=fps is not None) as opened:
         schedule = rate.schedule(opened.info)
         making = making_frames(
             opened,
@@ -88,11 +89,15 @@ def stream(
 
 
 def _as_source(
-    source: str | cv2.VideoCapture | Iterable[Image], input_fps: Fraction | None, *, needs_rate: bool
+    source: str | cv2.VideoCapture | Iterable[Image],
+    input_fps: Fraction | None,
+    requirements: TargetRequirements,
+    *,
+    needs_rate: bool,
 ) -> FrameSource:
     """Return a path, capture or arrays as a frame source."""
     if isinstance(source, str):
-        return open_source(source, decoding=DecodeOptions(input_fps=input_fps))
+        return open_source(source, requirements=requirements, decoding=DecodeOptions(input_fps=input_fps))
     if isinstance(source, cv2.VideoCapture):
         images, rate = captured(source), input_fps or rate_of(source)
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from truth import waves
 
+from fpsboost.array_stream import stream
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
+from fpsboost.evaluation.hiding import Hiding
+from fpsboost.evaluation.making import InterpolatorMaker
 from fpsboost.io.images.exr import read_exr, write_exr
 from fpsboost.io.images.files import encode_image
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
+from fpsboost.method_table import methods
 from fpsboost.scene_linear import compared_colours
 
 SIZE = 48, 80
@@ -102,3 +107,21 @@ def test_views_that_do_not_apply_are_refused(tmp_path):
         convert(str(tmp_path / "png"), str(tmp_path / "out.mp4"), decoding=view)
     with pytest.raises(OptionError, match="`view`"):
         convert(str(tmp_path / "exr" / "0.exr"), str(tmp_path / "out.mp4"), decoding=DecodeOptions(view="srgb"))
+
+
+def test_comparisons_and_streams_make_what_conversions_make(tmp_path):
+    """Frames of dark light, as files, as arrays, and hidden and made again."""
+    source = tmp_path / "in"
+    source.mkdir()
+    for number in range(3):
+        image = light(number) / np.float32(256)
+        write_exr(source / f"{number:04d}.exr", {name: image[..., i] for i, name in enumerate("BGR")}, half=False)
+    (tmp_path / "half").mkdir()
+    for number in (0, 2):
+        shutil.copy(source / f"{number:04d}.exr", tmp_path / "half")
+    convert(str(tmp_path / "half"), str(tmp_path / "out"))
+    planes = read_exr(tmp_path / "out" / "0001.exr")
+    expected = np.dstack([planes[name] for name in "BGR"])
+    (again,) = InterpolatorMaker(methods["nlm"]).make(Hiding().intervals(str(source)))
+    np.testing.assert_array_equal(again.image, expected)
+    np.testing.assert_array_equal(list(stream(str(tmp_path / "half")))[1], expected)

@@ -16,8 +16,9 @@ import numpy as np
 
 from fpsboost.analysis.duplicates import DuplicateDetector, Picture, SourceFrame, find_pictures
 from fpsboost.errors import InputError, OptionError, check_choice
-from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.frame import ClipInfo, Frame, FrameImage, Image
 from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.interpolator import Interpolator
 from fpsboost.io import FrameSource
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.trim import beginning, trim_source
@@ -67,15 +68,21 @@ class Interval(NamedTuple):
         return self.end.number
 
     def prepared(self) -> tuple[FrameCache, FrameCache]:
-        """Return the shown frames as methods take them, at their positions in the clip, with empty caches."""
+        """Return the shown frames as arrays, at their positions in the clip, with empty caches."""
         return _prepared(self.shown0.array, self.begin), _prepared(self.shown1.array, self.end)
+
+    def prepared_for(self, interpolator: Interpolator) -> tuple[FrameCache, FrameCache]:
+        """Return the shown frames in the same way, as a conversion gives them to a method."""
+        if not interpolator.takes_layers:
+            return self.prepared()
+        return _prepared(self.shown0.image, self.begin), _prepared(self.shown1.image, self.end)
 
     def prepared_truths(self) -> list[FrameCache]:
         """Return the hidden frames in the same way."""
         return [_prepared(hidden.truth, hidden.source_position) for hidden in self.hidden]
 
 
-def _prepared(image: Image, position: SourcePosition) -> FrameCache:
+def _prepared(image: FrameImage, position: SourcePosition) -> FrameCache:
     return FrameCache(image, Fraction(position.number), position)
 
 
@@ -189,7 +196,8 @@ class Hiding:
         """
         if path in PIPES:
             raise InputError("Standard input can be read only once, and every method needs it; name a file.")
-        requirements = TargetRequirements(pictures_alone=True, upright=True, needs_rate=self.decoding.trim.needs_rate)
+        needs_rate = self.decoding.trim.needs_rate
+        requirements = TargetRequirements(pictures_alone=True, upright=True, needs_rate=needs_rate, linear=True)
         found = repeats = 0
         with open_source(
             path, requirements=requirements, decoding=replace(self.decoding, input_fps=input_fps)
@@ -227,7 +235,7 @@ class Hiding:
             time = rising_time(clock, start, frame.time, last)
             if time is not None:
                 last = time
-                yield SourceFrame(replace(frame, time=time), _prepared(frame.array, position))
+                yield SourceFrame(replace(frame, time=time), _prepared(frame.image, position))
 
     def _truths(self, frames: Iterator[SourceFrame]) -> Iterator[_Truth]:
         """Yield the frames, duplicates grouped."""

@@ -115,10 +115,10 @@ class InterpolatorMaker:
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
         last: FrameCache | None = None
         for interval in intervals:
-            first, image = interval.prepared()
+            first, image = interval.prepared_for(self.interpolator)
             if last is None:
                 last = first
-                self.interpolator.compile_for(interval.shown0.array)
+                self.interpolator.compile_for(first.image)
             yield interval, self.interpolator.pair(last, image, interval.shown1.time - interval.shown0.time)
             last = image
 

@@ -248,7 +248,7 @@ def _moves(maker: Maker) -> bool:
 
 def _pair(maker: Maker, interval: Interval) -> Pair:
     assert isinstance(maker, InterpolatorMaker)
-    return maker.interpolator.pair(*interval.prepared())
+    return maker.interpolator.pair(*interval.prepared_for(maker.interpolator))
 
 
 def _doubts(
