@@ -74,7 +74,7 @@ def displayed_colours(image: NDArray[Any]) -> NDArray[Any]:
 
     Examples
     --------
-    >>> displayed_colours(np.full((1, 1, 1), 0.18, np.float32)).round(2).item()
+    >>> round(float(displayed_colours(np.full((1, 1, 1), 0.18, np.float32))[0, 0, 0]), 2)
     0.46
     """
     displayed = np.array(image, np.float32)

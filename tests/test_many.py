@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from test_cli import SUMMARY, assert_refused, environment
@@ -15,6 +16,7 @@ from video_truth import packets_of, pictures_of, write_clip
 from fpsboost import conversion
 from fpsboost.cli.batch import plan_outputs
 from fpsboost.errors import OptionError
+from fpsboost.io import staging
 from fpsboost.observer import Summary
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
@@ -260,3 +262,53 @@ def test_help_shows_how_to_name_several(fpsboost_):
         "       fpsboost [OPTIONS] IN... FOLDER",
         "       fpsboost COMMAND",
     ]
+
+
+@pytest.mark.parametrize("moment", ["mkdir", "open", "lock", "stat"])
+def test_nothing_stays_of_a_run_that_is_stopped_while_it_locks_its_folder(tmp_path, monkeypatch, moment):
+    """At each step between making the hidden folder and holding it."""
+    place = tmp_path / ".out.mp4.unfinished"
+    interrupted = []
+
+    def stopping(function):
+        def call(*arguments, **keywords):
+            result = function(*arguments, **keywords)
+            if not interrupted:
+                interrupted.append(function)
+                if name == "open":
+                    result.close()
+                raise KeyboardInterrupt
+            return result
+
+        return call
+
+    target, name = {
+        "mkdir": (Path, "mkdir"),
+        "open": (Path, "open"),
+        "lock": (staging, "_lock"),
+        "stat": (os.path, "samestat"),
+    }[moment]
+    monkeypatch.setattr(target, name, stopping(getattr(target, name)))
+    with pytest.raises(KeyboardInterrupt):
+        staging.StagingDirectory(place, "output", "out.mp4", None).open()
+    assert not place.exists()
+
+
+def test_a_run_that_is_stopped_leaves_the_folder_of_another(tmp_path, monkeypatch):
+    """It is stopped while it waits for the lock that the other one holds."""
+    other = staging.StagingDirectory(tmp_path / ".out.unfinished", "output", "out", None)
+    other.open()
+    lock, interrupted = staging._lock, []
+
+    def stop_first(file):
+        if not interrupted:
+            interrupted.append(file)
+            raise KeyboardInterrupt
+        lock(file)
+
+    monkeypatch.setattr(staging, "_lock", stop_first)
+    with pytest.raises(KeyboardInterrupt):
+        staging.StagingDirectory(tmp_path / ".out.unfinished", "output", "out", None).open()
+    assert other.folder.is_dir()
+    other.close(keep=False)
+    assert not other.folder.exists()

@@ -232,7 +232,7 @@ class ResultOptions:
 class PlannedMethodOptions:
     """The method whose frames are planned for."""
 
-    method: str = option("nlm", "nlm, nlm-fast, dis, farneback or tvl1.", short="m")
+    method: str = option("nlm", "Method that makes the frames.", short="m")
     vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
     depth: str | None = option(None, "Folder of rendered depth.", metavar="DIR")
     quiet: bool = option(False, "Print errors only.", short="q")

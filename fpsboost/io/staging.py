@@ -153,8 +153,8 @@ class StagingDirectory:
             Another run writes there, or the job differs from the one that the folder belongs to.
         OSError
         """
-        self._acquire()
         try:
+            self._acquire()
             before = self._read_manifest() if self.is_pending else None
             if self.goes_on and before is not None and self._job is not None:
                 self._check_same(before, self._job.facts)
@@ -213,27 +213,25 @@ class StagingDirectory:
             shutil.rmtree(self.folder, ignore_errors=True)  # Windows does not remove a file that is open
 
     def _acquire(self) -> None:
-        while True:
+        while self._lock is None:
+            lock: BufferedRandom | None = None
             try:
                 self.folder.mkdir(exist_ok=True)
                 lock = (self.folder / LOCK).open("a+b")
-            except FileNotFoundError:  # another run has just removed it
-                if not self.folder.parent.is_dir():
-                    raise
-                continue
-            except KeyboardInterrupt:
-                with contextlib.suppress(OSError):  # that of another run is not empty
-                    self.folder.rmdir()
-                raise
-            try:
                 _lock(lock)
                 self._lock = lock
-                if os.path.samestat(os.fstat(lock.fileno()), (self.folder / LOCK).stat()):
-                    return
+                if not os.path.samestat(os.fstat(lock.fileno()), (self.folder / LOCK).stat()):
+                    self._release()
+            except FileNotFoundError:  # another run has just removed it
                 self._release()
-            except FileNotFoundError:
-                self._release()
+                if not self.folder.parent.is_dir():
+                    raise
+            except KeyboardInterrupt:
+                self._abandon(lock)
+                raise
             except OSError as error:
+                if lock is None:
+                    raise
                 if error.errno in (errno.EAGAIN, errno.EACCES, errno.EDEADLK):
                     lock.close()
                     raise OutputError(
@@ -241,7 +239,16 @@ class StagingDirectory:
                     ) from None
                 self.remarks.append(f"{self._name} lies on a disk without locks; never let two runs write it at once.")
                 self._lock = lock
-                return
+
+    def _abandon(self, lock: BufferedRandom | None) -> None:
+        """Remove the folder after an interruption while it was being locked, unless another run holds it."""
+        with contextlib.suppress(OSError):
+            self._lock = lock or (self.folder / LOCK).open("a+b")
+            try:
+                _lock(self._lock)
+            except OSError:
+                self._release()
+            self.close(keep=self.is_pending)
 
     def _release(self) -> None:
         if self._lock is not None:
