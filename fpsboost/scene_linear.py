@@ -79,7 +79,13 @@ def displayed_colours(image: NDArray[Any]) -> NDArray[Any]:
     """
     displayed = np.array(image, np.float32)
     colours = displayed[..., : image.shape[2] - (image.shape[2] in {2, 4})]
-    light = np.nan_to_num(colours, nan=0.0).clip(0, 1)
-    curve = np.float32(1.055) * light ** np.float32(1 / 2.4) - np.float32(0.055)
-    colours[:] = np.where(light <= SRGB_TOE, light * np.float32(12.92), curve)
+    colours[:] = srgb_encoded(np.nan_to_num(colours, nan=0.0))
     return displayed
+
+
+def srgb_encoded(light: NDArray[Any]) -> NDArray[Any]:
+    """Return linear light as sRGB values (IEC 61966-2-1), float32 in [0, 1]; white is 1 in both."""
+    light = light.clip(0, 1)
+    curve = np.float32(1.055) * light ** np.float32(1 / 2.4) - np.float32(0.055)
+    values: NDArray[Any] = np.where(light <= SRGB_TOE, light * np.float32(12.92), curve)
+    return values.clip(0, 1)

@@ -71,11 +71,10 @@ def fit_vectors(folder: VectorFolder, frames: Iterable[tuple[tuple[int, Image], 
         return folder
     pairs, usual = [], None
     for (number0, image0), (number1, image1) in frames:
-        for number, image in ((number0, image0), (number1, image1)):
-            folder.for_image(number, image)
-        channels0, usual = folder.channels_at(number0)
-        distance = (number1 - number0) * folder.step
-        pairs.append(RenderedPair(image0, image1, channels0, folder.channels_at(number1)[0], distance))
+        (channels0, usual), (channels1, _) = (
+            folder.channels_for(number, image) for number, image in ((number0, image0), (number1, image1))
+        )
+        pairs.append(RenderedPair(image0, image1, channels0, channels1, (number1 - number0) * folder.step))
     if usual is None:
         return folder
     fit, remarks = fit_convention(pairs, usual), []

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image, has_alpha
+from fpsboost.scene_linear import srgb_encoded
 
 MIN_ALPHA = np.float32(1e-4)
 """Weight of the colour of fully transparent pixels: it counts only where nothing else does."""
@@ -53,7 +54,7 @@ class Exposure:
             mean: Image = self._light / np.float32(self.count)
             return mean
         top = np.iinfo(self._dtype).max
-        levels = np.rint(_encoded(self._light / self._weight) * top)
+        levels = np.rint(srgb_encoded(self._light / self._weight) * top)
         if self._weight.ndim == 3:
             alpha = (self._weight / np.float32(self.count) - MIN_ALPHA).clip(0, 1)
             levels = np.concatenate([levels, np.rint(alpha * top)], axis=2)
@@ -77,13 +78,3 @@ def _curve(dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return the linear light of every level of a type, float32; black is 0 and white is 1."""
     levels = np.linspace(0, 1, np.iinfo(dtype).max + 1)
     return np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
-def _encoded(light: NDArray[Any]) -> NDArray[Any]:
-    """Return linear light as sRGB values, both in [0, 1]."""
-    values: NDArray[Any] = np.where(
-        light <= 0.0031308,
-        light * np.float32(12.92),
-        np.float32(1.055) * np.maximum(light, 0) ** np.float32(1 / 2.4) - np.float32(0.055),
-    )
-    return values.clip(0, 1)

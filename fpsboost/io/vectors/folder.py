@@ -183,11 +183,9 @@ class VectorFolder:
 
     def has(self, number: int) -> bool:
         """Return whether there is a file for an output frame, counted from 0."""
-        if self._numbers is None:
-            return 0 <= number < len(self._vectors.files)
-        return self._numbers[0] + number * self.step in self._vectors.numbers
+        return self._place_of(self._vectors, number) is not None
 
-    def channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
+    def channels_for(self, number: int, image: Pixels) -> tuple[NDArray[Any], VectorConvention]:
         """Return the channels of an output frame's vectors as OpenEXR files store them, and their usual convention.
 
         Returns
@@ -197,8 +195,13 @@ class VectorFolder:
         Raises
         ------
         InputError
-            There are none for it, they cannot be read, or are not finite numbers.
+            There are none for it, they cannot be read, are not finite numbers, or are of another size than the image.
         """
+        channels, usual = self._channels_at(number)
+        self._check_size(channels, image)
+        return channels, usual
+
+    def _channels_at(self, number: int) -> tuple[NDArray[Any], VectorConvention]:
         file = self._file_of(self._vectors, number, self.path, "vectors")
         return _read_channels(file, is_convention_known=self.convention is not None)
 
@@ -230,19 +233,22 @@ class VectorFolder:
             As for `at`, or the vectors are of another size.
         """
         vectors = self.at(number)
-        (height, width), (image_height, image_width) = vectors.backward.shape[:2], image.shape[:2]
+        self._check_size(vectors.backward, image)
+        return vectors
+
+    def _check_size(self, vectors: NDArray[Any], image: Pixels) -> None:
+        (height, width), (image_height, image_width) = vectors.shape[:2], image.shape[:2]
         if (height, width) != (image_height, image_width):
             raise InputError(
                 f"{self.path} has vectors for {width}x{height} pixels, and the frames have "
                 f"{image_width}x{image_height}; render both in one size."
             )
-        return vectors
 
     def _read(self, number: int) -> FrameVectors:
         if self.is_flow:
             backward, forward = _read_flows(self._file_of(self._vectors, number, self.path, "vectors"))
         else:
-            channels, usual = self.channels_at(number)
+            channels, usual = self._channels_at(number)
             backward, forward = self._convention_of(channels, usual).read(channels)
         if self._depth is None or self.depth_path is None:
             return FrameVectors(backward, forward, None)
@@ -267,21 +273,28 @@ class VectorFolder:
 
     def _file_of(self, found: FileSequence, number: int, path: Path, what: str) -> Path:
         """Return the file of an output frame, counted from 0."""
+        place = self._place_of(found, number)
         if self._numbers is None or found.numbering is None:
             found.check_complete(1, "render it, too")
-            if not 0 <= number < len(found.files):
+            if place is None:
                 raise InputError(
                     f"{path} has no {what} for output frame {number}; render one file for every frame of the output, "
                     f"from frame 0 on ({len(found.files)} are there)."
                 )
-            return found.files[number]
-        wanted = self._numbers[0] + number * self.step
-        place = bisect_left(found.numbers, wanted)
-        if place == len(found.numbers) or found.numbers[place] != wanted:
+        elif place is None:
+            wanted = self._numbers[0] + number * self.step
             raise InputError(
                 f"{found.numbering.path(wanted)} is missing, the {what} of output frame {wanted}; render it too."
             )
         return found.files[place]
+
+    def _place_of(self, found: FileSequence, number: int) -> int | None:
+        """Return the place among the files of that of an output frame, counted from 0; None if it has none."""
+        if self._numbers is None or found.numbering is None:
+            return number if 0 <= number < len(found.files) else None
+        wanted = self._numbers[0] + number * self.step
+        place = bisect_left(found.numbers, wanted)
+        return place if place < len(found.numbers) and found.numbers[place] == wanted else None
 
 
 def _find_vectors(path: Path) -> FileSequence:
