@@ -17,19 +17,22 @@ if TYPE_CHECKING:
     from fpsboost.analysis.duplicates import DuplicateDetector
     from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
     from fpsboost.array_stream import stream
-    from fpsboost.conversion import convert
+    from fpsboost.conversion import convert, convert_job
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame, PairMotion
     from fpsboost.interpolator import Interpolator
     from fpsboost.io import FrameSink, FrameSource
     from fpsboost.io.memory_limit import MemoryLimit
+    from fpsboost.io.part import Part
     from fpsboost.io.side.options import SideOutputs
     from fpsboost.io.video.decode_options import DecodeOptions
     from fpsboost.io.video.encode_options import Encoding
     from fpsboost.layered import Layer, LayeredImage
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
-    from fpsboost.observer import Observer, Summary
+    from fpsboost.observer import Observer, SourceMoment, Summary
+    from fpsboost.parts.join import join
+    from fpsboost.preparation import ConversionJob
     from fpsboost.rerender.frame_choice import FrameChoice, choose_frames
     from fpsboost.rerender.merging import MergeSummary, merge_regions
     from fpsboost.rerender.options import MergeOptions, PlanOptions, RenderBudget
@@ -37,7 +40,7 @@ if TYPE_CHECKING:
     from fpsboost.rerender.planning import plan_rerender
     from fpsboost.rerender.tiles import Rectangle
     from fpsboost.run_options import RunOptions
-    from fpsboost.streaming import run_conversion
+    from fpsboost.streaming import Entry, OutputRange, run_conversion
     from fpsboost.synthesis import InterpolatedImage, Synthesizer
     from fpsboost.timing.position import Position
     from fpsboost.timing.rate import FrameIntervals, OutputRate
@@ -52,11 +55,13 @@ __all__ = [
     "ByRate",
     "ClipInfo",
     "Coding",
+    "ConversionJob",
     "CutDetector",
     "CutPolicy",
     "DecodeOptions",
     "DuplicateDetector",
     "Encoding",
+    "Entry",
     "FpsboostError",
     "Frame",
     "FrameChoice",
@@ -75,8 +80,10 @@ __all__ = [
     "Observer",
     "OptionError",
     "OutputError",
+    "OutputRange",
     "OutputRate",
     "PairMotion",
+    "Part",
     "PlanOptions",
     "PlannedFrame",
     "Position",
@@ -87,6 +94,7 @@ __all__ = [
     "SceneCutWarning",
     "Schedule",
     "SideOutputs",
+    "SourceMoment",
     "Summary",
     "Synthesizer",
     "Trim",
@@ -94,8 +102,10 @@ __all__ = [
     "__version__",
     "choose_frames",
     "convert",
+    "convert_job",
     "interpolate",
     "interpolate_with_confidence",
+    "join",
     "merge_regions",
     "methods",
     "plan_rerender",
@@ -108,11 +118,13 @@ _homes = {
     "ByRate": "timing.schedule",
     "ClipInfo": "frame",
     "Coding": "ycbcr",
+    "ConversionJob": "preparation",
     "CutDetector": "analysis.scene_cuts",
     "CutPolicy": "analysis.scene_cuts",
     "DecodeOptions": "io.video.decode_options",
     "DuplicateDetector": "analysis.duplicates",
     "Encoding": "io.video.encode_options",
+    "Entry": "streaming",
     "FpsboostError": "errors",
     "Frame": "frame",
     "FrameChoice": "rerender.frame_choice",
@@ -131,8 +143,10 @@ _homes = {
     "Observer": "observer",
     "OptionError": "errors",
     "OutputError": "errors",
+    "OutputRange": "streaming",
     "OutputRate": "timing.rate",
     "PairMotion": "frame",
+    "Part": "io.part",
     "PlanOptions": "rerender.options",
     "PlannedFrame": "rerender.plan_file",
     "Position": "timing.position",
@@ -143,14 +157,17 @@ _homes = {
     "SceneCutWarning": "errors",
     "Schedule": "timing.schedule",
     "SideOutputs": "io.side.options",
+    "SourceMoment": "observer",
     "Summary": "observer",
     "Synthesizer": "synthesis",
     "Trim": "timing.trim",
     "YCbCrImage": "ycbcr",
     "choose_frames": "rerender.frame_choice",
     "convert": "conversion",
+    "convert_job": "conversion",
     "interpolate": "method_table",
     "interpolate_with_confidence": "method_table",
+    "join": "parts.join",
     "merge_regions": "rerender.merging",
     "methods": "method_table",
     "plan_rerender": "rerender.planning",

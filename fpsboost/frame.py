@@ -31,6 +31,10 @@ Words
     *plan* the *regions* of made frames that are worth rendering, rectangles of whole *tiles* within a *budget*;
     *rerender* to render them; *merge* to put them back, with seams that *feather* into the made frame.
 
+    *chunk* the output frames that are encoded in one go, 240 of a video; *part* one of the parts, of whole chunks,
+    that a conversion is cut into, to be made apart and joined; *boundaries* the frames of the source at which parts
+    meet.
+
     *schedule* decides the times of the output's frames; *window* the part of a clip that is written; *traits* the
     colour coding, shape and orientation of video; *remarks* sentences about what was lost or guessed.
 """
@@ -91,6 +95,8 @@ class Frame:
     original : object or None
         The decoder's own frame, kept so that a sink of the same kind can write it without any conversion.
         None for interpolated frames.
+    preceding : object or None
+        Of interpolated frames, the `original` of the frame of the source before them, whose metadata they share.
     confidence : (H, W) float32 or None
         Confidence of every pixel of a frame that was made, 0 to 1, for a sink that asks for it; None for others.
     motion : PairMotion or None
@@ -102,6 +108,7 @@ class Frame:
     time: Fraction
     duration: Fraction = Fraction(0)
     original: object | None = None
+    preceding: object | None = None
     confidence: NDArray[Any] | None = None
     motion: PairMotion | None = None
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from fractions import Fraction
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from fpsboost.timing.rate import FrameIntervals
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo
+
+
+class SourceMoment(NamedTuple):
+    """Frame of the source: its number, counted from 0, and its presentation time, seconds."""
+
+    number: int
+    time: Fraction
 
 
 @dataclass
@@ -37,6 +45,9 @@ class Summary:
         Intervals between the frames of the source.
     search_radii : set of int
         Search radii that were chosen for pairs of frames, pixels; empty if the method has none.
+    boundaries : dict of int to SourceMoment
+        The frame of the source at or before the first output frame of a part of a conversion, and before the first one
+        after it, by the numbers of these output frames.
     """
 
     frames_in: int = 0
@@ -50,6 +61,7 @@ class Summary:
     details: str = ""
     frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
     search_radii: set[int] = field(default_factory=set)
+    boundaries: dict[int, SourceMoment] = field(default_factory=dict)
 
 
 class Observer(Protocol):

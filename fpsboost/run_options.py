@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from fpsboost.errors import OptionError
 from fpsboost.io.memory_limit import MemoryLimit, parse_memory
+from fpsboost.io.part import Part, parse_part
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.observer import Observer
 from fpsboost.options import option
@@ -30,6 +31,8 @@ class RunOptions:
     threads : int, optional
         Pairs of frames processed in parallel; by default as many as there are cores and memory for. Frames are the
         same with any number.
+    chunk : Part, optional
+        Make only this part of the output, in a folder of its own; see `fpsboost.join`.
     observer : Observer, optional
         Informed of the progress.
     side : SideOutputs
@@ -38,7 +41,7 @@ class RunOptions:
     Raises
     ------
     OptionError
-        Side outputs are asked for of a run that is to be resumed.
+        Side outputs are asked for of a part, or of a run that is to be resumed; or `chunk` and `in_place` are given.
     """
 
     overwrite: bool = option(False, "Replace an existing output.", short="y")
@@ -48,10 +51,17 @@ class RunOptions:
         None, "Refuse jobs that need more: 8G; else what is free.", flag="max-memory", parse=parse_memory
     )
     threads: int | None = option(None, "Pairs of frames made in parallel; else one per core.")
+    chunk: Part | None = option(None, "Make the K-th of N parts, to be joined.", metavar="K/N", parse=parse_part)
     observer: Observer | None = None
     side: SideOutputs = SideOutputs()
 
     def __post_init__(self) -> None:
+        if self.chunk is not None and self.in_place:
+            raise OptionError(
+                "`chunk` writes a part of its own, and `in_place` beside the input; leave one of them out."
+            )
+        if self.chunk is not None and self.side.given:
+            raise OptionError(f"`chunk` makes no {' and '.join(self.side.given)}; leave one of them out.")
         if self.resume and self.side.given:
             raise OptionError(
                 f"`resume` makes no frame again, and {' and '.join(self.side.given)} would miss those that are there; "

@@ -6,13 +6,14 @@ the sink unchanged, with the decoder's own frame; but duplicate frames are repla
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
-from itertools import chain, pairwise
+from itertools import chain, islice, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,13 +21,13 @@ from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
 from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import ClipInfo, Frame, FrameImage, PairMotion
+from fpsboost.frame import ClipInfo, Frame, FrameImage, Image, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.io import Cancellable, FrameSink, FrameSource, TakesSideData
 from fpsboost.io.prefetch import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.io.trim import beginning
-from fpsboost.observer import Observer, SilentObserver, Summary
+from fpsboost.observer import Observer, SilentObserver, SourceMoment, Summary
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time
@@ -38,6 +39,58 @@ READ_AHEAD = 4
 WRITE_BEHIND = 4
 
 
+@dataclass(frozen=True)
+class Entry:
+    """State in which the loop begins in the middle of a clip, and goes on as if it had read the clip from its start.
+
+    Attributes
+    ----------
+    number : int
+        Source frame that is read first, counted from 0.
+    start : Fraction
+        Time of the clip's first frame, seconds.
+    outputs_before : int
+        Number of output frames before that source frame.
+    step : float
+        Difference of the frame from the picture before it, for the detector of duplicates; infinite at the start.
+    """
+
+    number: int
+    start: Fraction
+    outputs_before: int
+    step: float = math.inf
+
+
+@dataclass(frozen=True)
+class OutputRange:
+    """Output frames that a run writes, of all that the whole clip gives.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first one, counted from 0.
+    stop : int or None
+        Number of the first one that follows; None for all to the end.
+    skip : int
+        Number of frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are counted and
+        passed on in order, but instead of an interpolated image they carry one of the source.
+    entry : Entry or None
+        Where the source begins, early enough for the first one; None for its start.
+    """
+
+    first: int = 0
+    stop: int | None = None
+    skip: int = 0
+    entry: Entry | None = None
+
+    def __contains__(self, number: int) -> bool:
+        return self.first <= number and not self.is_past(number)
+
+    def is_past(self, number: int) -> bool:
+        """Return whether an output frame comes after the range."""
+        return self.stop is not None and number >= self.stop
+
+
 def run_conversion(
     source: FrameSource,
     interpolator: Interpolator,
@@ -46,8 +99,8 @@ def run_conversion(
     observer: Observer | None = None,
     *,
     stretch: Fraction = Fraction(1),
-    skip: int = 0,
     threads: int | None = None,
+    outputs: OutputRange | None = None,
 ) -> Summary:
     """Run the loop over objects: read, interpolate, write. The caller opens and closes source and sink.
 
@@ -65,12 +118,11 @@ def run_conversion(
         Informed of the progress.
     stretch : Fraction
         Duration of the output as a multiple of the source's; not included in the schedule.
-    skip : int
-        Number of output frames, from the first, that the sink has already; see `fpsboost.io.Resumable`. They are
-        counted and passed on in order, but instead of an interpolated image they carry one of the source.
     threads : int, optional
         Pairs of frames processed in parallel; as many as there are cores by default. Frames are the same with any
         number.
+    outputs : OutputRange, optional
+        Output frames that the sink gets; all by default.
 
     Returns
     -------
@@ -83,7 +135,8 @@ def run_conversion(
     InputError
         The source has fewer than two frames. Errors of source and sink are passed on.
     """
-    summary = Summary(completed_frames=skip)
+    outputs = outputs or OutputRange()
+    summary = Summary(completed_frames=outputs.skip)
     observer = observer or SilentObserver()
     with (
         making_frames(
@@ -92,10 +145,10 @@ def run_conversion(
             schedule,
             summary,
             stretch=stretch,
-            skip=skip,
             threads=threads,
             holds_last_frame=sink.holds_last_frame,
             needs=_needs_of(sink),
+            outputs=outputs,
         ) as frames,
         write_behind(sink.write, WRITE_BEHIND, _cancel_of(sink)) as write,
     ):
@@ -127,15 +180,15 @@ def making_frames(
     *,
     holds_last_frame: bool,
     stretch: Fraction = Fraction(1),
-    skip: int = 0,
     threads: int | None = None,
     needs: Needs | None = None,
+    outputs: OutputRange | None = None,
 ) -> Generator[Iterator[Frame]]:
     """Read ahead and make frames while the block lasts.
 
     Parameters
     ----------
-    source, interpolator, schedule, stretch, skip, threads
+    source, interpolator, schedule, stretch, threads, outputs
         See `run_conversion`.
     summary : Summary
         Updated with the numbers of frames read and made.
@@ -160,10 +213,14 @@ def making_frames(
         if first is not None:
             interpolator.compile_for(first.image)
         frames = arriving if first is None else chain([first], arriving)
-        needed = needs or Needs()
-        clip = _LoopState(source.info, schedule, interpolator, summary, beginning(source), needed, skip)
+        outputs = outputs or OutputRange()
+        clip = _LoopState(source.info, schedule, interpolator, summary, beginning(source), needs or Needs(), outputs)
         made = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
-        yield stretched(_with_durations(made), stretch)
+        before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
+        part = islice(
+            _with_durations(made), outputs.first - before, None if outputs.stop is None else outputs.stop - before
+        )
+        yield stretched(part, stretch, start)
 
 
 def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:
@@ -181,10 +238,14 @@ class _Interval(NamedTuple):
 
     held: FrameGroup
     steps: list[list[Step]]
+    numbers: list[int]
+    """Number of the output frame of each step."""
+    first_output: int
+    """Number of its first output frame, or of the next one if it has none."""
     end: Fraction
     pair: Pair
     places: tuple[int, int]
-    """Places of the pair's frames among those that are read, from 0."""
+    """Places of the pair's frames in the clip, from 0."""
 
 
 class _OutputPart(NamedTuple):
@@ -197,7 +258,7 @@ class _OutputPart(NamedTuple):
     past_cut: list[bool]
     """Whether each frame shows the scene after a cut."""
     new: int
-    """Number of frames that are not from the source."""
+    """Number of frames, of those that are written, that are not from the source."""
     scene_cut: bool
     duplicates: int
     """Frames of the interval that are interpolated across."""
@@ -226,22 +287,35 @@ class _LoopState:
     summary: Summary
     beginning: SourcePosition
     needs: Needs
-    skip: int = 0
-    """Number of output frames still to come that the sink has already."""
+    outputs: OutputRange
     start: Fraction = Fraction(0)
+    number: int = 0
+    """Number of the next source frame to be read."""
     index: int = 0
     """Number of the next source frame to become part of an interval."""
+    outputs_before: int = 0
+    """Number of output frames so far."""
+    exposed: int | None = None
+    """`Step.frame_number` of the last of them."""
+    step: float = math.inf
     last: FrameGroup | None = None
     """Previous group of frames."""
+
+    def __post_init__(self) -> None:
+        entry = self.outputs.entry
+        if entry is not None:
+            self.start, self.step, self.outputs_before = entry.start, entry.step, entry.outputs_before
+            self.number = self.index = entry.number
 
     def shown(self, frames: Iterator[Frame]) -> Iterator[SourceFrame]:
         """Yield the source's frames with their positions, at the schedule's presentation times, and count them."""
         last: Fraction | None = None
         for frame in frames:
-            if last is None:
+            if self.number == 0:
                 self.start = frame.time
-            self.summary.frame_intervals.note(frame.time)
-            number = self.summary.frames_in
+            self.summary.frame_intervals.note(frame.time, self.start)
+            number = self.number
+            self.number += 1
             self.summary.frames_in += 1
             moment = rising_time(self.schedule, self.start, frame.time, last)
             if moment is None:
@@ -258,29 +332,40 @@ class _LoopState:
                 yield self.interval(self.last, held)
             self.last = held
 
-    def skipped(self, steps: Iterable[Step]) -> int:
-        """Return how many of the next steps are of frames that the sink has already; must be called in order."""
-        count = 0
-        for step in steps:
-            if not self.skip:
-                break
-            self.skip -= not step.is_sample
-            count += 1
-        return count
+    def makes(self, number: int) -> bool:
+        """Return whether the pixels of an output frame are needed."""
+        return number in self.outputs and number >= self.outputs.first + self.outputs.skip
+
+    def counts(self, interval: _Interval) -> bool:
+        """Return whether an interval belongs to this run, of all that write a part of the output."""
+        return interval.first_output in self.outputs
 
     def interval(self, held: FrameGroup, following: FrameGroup) -> _Interval:
         """Return the interval from one held picture to the next; must be called in order."""
         frames = [*(shown.frame for shown in held), following[0].frame]
-        steps = []
-        for frame, after in pairwise(frames):
+        first_output = self.outputs_before
+        steps, numbers = list[list[Step]](), list[int]()
+        for shown, (frame, after) in zip(held, pairwise(frames), strict=True):
             steps.append(list(self.schedule.steps(self.index, self.start, frame.time, after.time)))
+            numbers += [self.output_number(step, shown) for step in steps[-1]]
             self.index += 1
         end = frames[-1].time
         pair = self.interpolator.pair(held[0].image, following[0].image, end - frames[0].time)
-        return _Interval(held, steps, end, pair, (self.place(held[0]), self.place(following[0])))
+        places = self.place(held[0]), self.place(following[0])
+        return _Interval(held, steps, numbers, first_output, end, pair, places)
+
+    def output_number(self, step: Step, shown: SourceFrame) -> int:
+        """Return the number of the output frame that a step belongs to; must be called in order."""
+        if step.is_sample:  # of the exposure of the frame before or of the next one
+            return self.outputs_before - (step.frame_number == self.exposed)
+        number, self.exposed = self.outputs_before, step.frame_number
+        self.outputs_before += 1
+        if number in (self.outputs.first, self.outputs.stop):
+            self.summary.boundaries[number] = SourceMoment(self.place(shown), shown.frame.time)
+        return number
 
     def place(self, shown: SourceFrame) -> int:
-        """Return the place of a frame among those that are read, from 0."""
+        """Return the place of a frame in the clip, from 0."""
         position = shown.image.source_position
         assert position is not None, "known of every frame of a clip"
         return position.number - self.beginning.number
@@ -295,21 +380,24 @@ def _output_frames(
 ) -> Generator[_Shown, None, Fraction]:
     """Yield the output frames without durations, or the samples of each; return when the clip ends."""
     shown, summary = clip.shown(frames), clip.summary
-    moments = group_singly(shown) if detector is None else group_duplicates(shown, detector)
+    moments = group_singly(shown) if detector is None else group_duplicates(shown, detector, clip.step)
+    scenes = 0
     for made in in_order(_tasks(clip, moments)):
         summary.frames_made += made.new
         if made.begins:
+            scenes += made.scene_cut
+        if made.begins and clip.counts(made.interval):
             summary.duplicates += made.duplicates
             summary.scene_cuts += made.scene_cut
         for frame, step, is_later in zip(made.frames, made.steps, made.past_cut, strict=True):
             # the cuts so far include the one of this interval
-            yield _Shown(frame, step, summary.scene_cuts - (made.scene_cut and not is_later))
+            yield _Shown(frame, step, scenes - (made.scene_cut and not is_later))
         if made.ends:
             if made.interval.pair.search_radius is not None:
                 summary.search_radii.add(made.interval.pair.search_radius)
             made.interval.pair.release_caches()
-    if clip.last is None or clip.summary.frames_in < 2:
-        count = "one frame" if clip.summary.frames_in else "no frame"
+    if clip.last is None or clip.number < 2:
+        count = "one frame" if clip.number else "no frame"
         raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
     last = clip.last[-1].frame
     end = last.time + (last.duration or 1 / clip.info.rate)
@@ -317,9 +405,10 @@ def _output_frames(
     end = meant if meant > last.time else end
     for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
         if step.t == 0 or holds_last_frame:
-            clip.summary.frames_made += _is_new(step, last)
+            number = clip.output_number(step, clip.last[-1])
+            clip.summary.frames_made += _is_new(step, last) and number in clip.outputs
             confidence = _certain(last, step, 0) if clip.needs.confidence else None
-            yield _Shown(replace(last, time=step.time, confidence=confidence), step, summary.scene_cuts)
+            yield _Shown(replace(last, time=step.time, confidence=confidence), step, scenes)
     return end
 
 
@@ -350,7 +439,12 @@ def _exposed(shown: Generator[_Shown, None, Fraction]) -> Generator[Frame, None,
 
 def _developed(shown: _Shown, exposure: Exposure) -> Frame:
     """Return an output frame with the mean of its samples; the frame itself if there are no others."""
-    return shown.frame if exposure.count == 1 else replace(shown.frame, image=exposure.image(), original=None)
+    return shown.frame if exposure.count == 1 else _replaced(shown.frame, exposure.image())
+
+
+def _replaced(frame: Frame, image: Image) -> Frame:
+    """Return a frame with an image that was made for it."""
+    return replace(frame, image=image, original=None, preceding=frame.original or frame.preceding)
 
 
 def _tasks(clip: _LoopState, moments: Iterable[FrameGroup]) -> Iterator[Callable[[], _OutputPart]]:
@@ -359,23 +453,20 @@ def _tasks(clip: _LoopState, moments: Iterable[FrameGroup]) -> Iterator[Callable
     Lags one pair behind the source, because the motion of a pair depends on the next one.
     """
     for before, interval, after in with_neighbours(clip.intervals(moments)):
-        count = sum(map(len, interval.steps))
-        skipped = clip.skipped(chain.from_iterable(interval.steps))
+        if clip.outputs.is_past(interval.first_output - 2):  # two frames tell when the last one and its exposure end
+            return
+        count = len(interval.numbers)
         neighbours = before and before.pair, after and after.pair
         for begin in range(0, max(count, 1), FRAMES_PER_TASK):
             part = range(begin, min(begin + FRAMES_PER_TASK, count))
-            yield partial(_make, interval, neighbours, clip.interpolator, part, skipped, clip.needs)
+            yield partial(_make, interval, neighbours, clip, part)
 
 
 def _make(
-    interval: _Interval,
-    neighbours: tuple[Pair | None, Pair | None],
-    interpolator: Interpolator,
-    part: range,
-    skipped: int,
-    needs: Needs,
+    interval: _Interval, neighbours: tuple[Pair | None, Pair | None], clip: _LoopState, part: range
 ) -> _OutputPart:
-    """Make the output frames of a part of an interval; the first `skipped` of the interval may carry any image."""
+    """Make the output frames of a part of an interval; those that are not needed carry any image."""
+    needs = clip.needs
     is_held = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
     if is_held:
         # no motion follows the held picture, so it stays held until the cut at the end of its last frame
@@ -384,16 +475,17 @@ def _make(
     else:
         shown, first_to_move = [(interval.held[0], step) for step in _merge_steps(interval)], 0
     moves = [index >= first_to_move and step.t > 0 for index, (_, step) in enumerate(shown)]
-    inner = [shown[index][1].t for index in part if moves[index] and index >= skipped]
+    is_made = [move and clip.makes(number) for move, number in zip(moves, interval.numbers, strict=True)]
+    inner = [shown[index][1].t for index in part if is_made[index]]
     made, scene_cut = (
-        _between(interpolator, interval.pair, inner, neighbours, needs) if any(moves) else (iter(()), False)
+        _between(clip.interpolator, interval.pair, inner, neighbours, needs) if any(moves) else (iter(()), False)
     )
     frames = []
     for index in part:
         each, step = shown[index]
         if moves[index]:
-            image, confidence = (each.frame.image, None) if index < skipped else next(made)
-            frames.append(Frame(image, step.time, confidence=confidence))
+            image, confidence = next(made) if is_made[index] else (each.frame.image, None)
+            frames.append(Frame(image, step.time, preceding=each.frame.original, confidence=confidence))
         else:  # between frames that show the same, a repeated one is certain
             confidence = _certain(each.frame, step, 1) if needs.confidence else None
             frames.append(replace(each.frame, time=step.time, confidence=confidence))
@@ -401,7 +493,8 @@ def _make(
         first = moves.index(True) - part.start
         field01, field10 = interval.pair.fields
         frames[first] = replace(frames[first], motion=PairMotion(*interval.places, field01.flow, field10.flow))
-    new = sum(_is_new(shown[index][1], shown[index][0].frame) for index in part)
+    written = [index for index in part if interval.numbers[index] in clip.outputs]
+    new = sum(_is_new(shown[index][1], shown[index][0].frame) for index in written)
     steps = [shown[index][1] for index in part]
     past_cut = [scene_cut and moves[index] and shown[index][1].t > Fraction(1, 2) for index in part]
     duplicates = 0 if is_held else len(interval.held) - 1

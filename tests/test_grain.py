@@ -19,7 +19,7 @@ from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
 from fpsboost.motion.zero import ZeroMotion
-from fpsboost.streaming import run_conversion
+from fpsboost.streaming import OutputRange, run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.schedule import ByFactor
 from fpsboost.ycbcr import Coding, YCbCrImage
@@ -223,7 +223,14 @@ def test_threads_and_earlier_runs_change_no_grain():
     def made(threads, skip=0):
         sink = FakeSink()
         interpolator = replace(GRAINY, duplicates=None)
-        run_conversion(FakeSource(frames), interpolator, sink, ByFactor(Fraction(3)), threads=threads, skip=skip)
+        run_conversion(
+            FakeSource(frames),
+            interpolator,
+            sink,
+            ByFactor(Fraction(3)),
+            threads=threads,
+            outputs=OutputRange(skip=skip),
+        )
         return [frame.array for frame in sink.frames]
 
     whole = made(1)

@@ -282,7 +282,7 @@ def test_the_rhythm_of_a_clip():
     """The shortest and longest interval, and where that begins, seconds after the first frame."""
     frame_intervals = FrameIntervals()
     for tick in (100, 104, 110, 113):
-        frame_intervals.note(Fraction(tick, 100))
+        frame_intervals.note(Fraction(tick, 100), Fraction(1))
     assert (frame_intervals.shortest, frame_intervals.longest, frame_intervals.begin) == (
         Fraction(3, 100),
         Fraction(6, 100),

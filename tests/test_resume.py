@@ -36,7 +36,7 @@ from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.observer import Summary
-from fpsboost.streaming import run_conversion
+from fpsboost.streaming import OutputRange, run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, OutputTiming
@@ -100,7 +100,9 @@ def run(
         )
         with sink:
             interpolator = interpolator or replace(find_method("blend"), cuts=None)
-            return run_conversion(source, interpolator, sink, FACTOR, Stop(stop_after), skip=sink.completed_frames)
+            return run_conversion(
+                source, interpolator, sink, FACTOR, Stop(stop_after), outputs=OutputRange(skip=sink.completed_frames)
+            )
 
 
 def stop(clip: Path, target: Path, after: int, **options: Any) -> str:
@@ -245,7 +247,7 @@ def test_the_default_method_goes_on_the_same(tmp_path, resumed_at):
     for skip in (0, resumed_at):
         sink, schedule = Sink(), ByFactor(Fraction(7, 2))
         with VideoSource(path) as source:
-            summary = run_conversion(source, find_method("nlm-fast"), sink, schedule, skip=skip)
+            summary = run_conversion(source, find_method("nlm-fast"), sink, schedule, outputs=OutputRange(skip=skip))
         assert summary.completed_frames == skip
         results.append((sink.images, facts(summary)))
     (whole, expected), (resumed, found) = results
@@ -272,7 +274,10 @@ def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
         def write(self, frame: Frame) -> None: ...
 
     method = replace(find_method("nlm-fast"), synthesizer=Blend())
-    found = [facts(run_conversion(Source(), method, Sink(), FACTOR, skip=skip)) for skip in (0, 17, 30, 48)]
+    found = [
+        facts(run_conversion(Source(), method, Sink(), FACTOR, outputs=OutputRange(skip=skip)))
+        for skip in (0, 17, 30, 48)
+    ]
     assert found[0].scene_cuts == 1
     assert found[0].duplicates > 2
     assert found == [found[0]] * 4

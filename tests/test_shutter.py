@@ -22,7 +22,7 @@ from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import run_conversion
+from fpsboost.streaming import OutputRange, run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timing.rate import OutputRate
@@ -47,7 +47,9 @@ def exposed(frames, schedule, shutter, interpolator=BLEND, skip=0, threads=2, ho
     sink = FakeSink()
     sink.holds_last_frame = holds_last_frame
     sampled = schedule if shutter is None else ExposureSchedule(schedule, shutter)
-    summary = run_conversion(FakeSource(frames), interpolator, sink, sampled, skip=skip, threads=threads)
+    summary = run_conversion(
+        FakeSource(frames), interpolator, sink, sampled, outputs=OutputRange(skip=skip), threads=threads
+    )
     return sink.frames, summary
 
 

@@ -39,7 +39,7 @@ PROGRAMMING = words(
     flash folder format function height index info input json kwargs limit memory method name number observer
     option options original output overwrite place policy position presentation range read ready resume run save
     score search second seconds sink size source step summary thread threads threshold time times tolerance total
-    unit value warning width write
+    entry job join stop target unit value warning width write
     """
 )
 """Terms of programs."""
@@ -47,10 +47,11 @@ PROGRAMMING = words(
 ENGLISH = words(
     """
     across affordable after amount around as at before begin between by bytes change check choice compensate
+    boundaries
     completed conversion convert curved difference duration end every expected extrapolated fill find first for
     forgiving fpsboost full given has held highest in is keep last longest lowest made mapped mean merged most
-    multiple must needs neighbours note of opened others out overhead part pause per planned radii reached
-    remaining repeats share shortest side skip slow smallest space start still takes to varies whole with wrote
+    multiple must needs neighbours note of opened others out overhead part pause per planned preceding radii reached
+    moment past remaining repeats share shortest side skip slow smallest space start still takes to varies whole with wrote
     """
 )
 """Words of everyday English in names that read as sentences."""

@@ -125,20 +125,24 @@ def group_singly(frames: Iterable[SourceFrame]) -> Iterator[FrameGroup]:
         yield (shown,)
 
 
-def group_duplicates(frames: Iterable[SourceFrame], detector: DuplicateDetector) -> Iterator[FrameGroup]:
+def group_duplicates(
+    frames: Iterable[SourceFrame], detector: DuplicateDetector, step: float = math.inf
+) -> Iterator[FrameGroup]:
     """Group duplicate frames; those of a still, and those at the end of the clip, form groups of one.
 
     Parameters
     ----------
     frames : iterable of SourceFrame
     detector : DuplicateDetector
+    step : float
+        Difference of the first of them from the picture before it; infinite at the start of a clip.
 
     Yields
     ------
     tuple of SourceFrame
         All frames, in order. At most as many are read ahead as a held picture may have.
     """
-    for picture in find_pictures(frames, detector):
+    for picture in find_pictures(frames, detector, step):
         yield from group_singly(picture.frames) if picture.is_still else [picture.frames]
 
 
@@ -152,7 +156,9 @@ class Picture(NamedTuple):
     """Number of frames, at the end of `frames`, that repeat the frame before them."""
 
 
-def find_pictures(frames: Iterable[SourceFrame], detector: DuplicateDetector) -> Iterator[Picture]:
+def find_pictures(
+    frames: Iterable[SourceFrame], detector: DuplicateDetector, step: float = math.inf
+) -> Iterator[Picture]:
     """Find the frames that show the same picture.
 
     Frames are compared with the first one of the picture and not with the previous one, so that a slow fade or pan is
@@ -162,6 +168,8 @@ def find_pictures(frames: Iterable[SourceFrame], detector: DuplicateDetector) ->
     ----------
     frames : iterable of SourceFrame
     detector : DuplicateDetector
+    step : float
+        See `group_duplicates`.
 
     Yields
     ------
@@ -170,7 +178,6 @@ def find_pictures(frames: Iterable[SourceFrame], detector: DuplicateDetector) ->
     """
     arriving = iter(frames)
     waiting: deque[SourceFrame] = deque()
-    step = math.inf
     while True:
         first = waiting.popleft() if waiting else next(arriving, None)
         if first is None:

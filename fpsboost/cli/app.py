@@ -40,6 +40,8 @@ EXAMPLES = """
   fpsboost in.mp4 frames/ --method nlm-exhaustive      the report's method
   fpsboost a.mp4 b.mov renders/ out/                   several, into a folder
   fpsboost in.mp4 out.mp4 --resume                     go on if it was stopped
+  fpsboost in.mp4 out.mp4 --chunk 3/8                  one part of eight
+  fpsboost join out.mp4 out.mp4.parts/                 and all of them joined
   ffmpeg -i in -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
   fpsboost probe in.mp4                                what a clip is
   fpsboost plan renders/ plan/ --budget 10%            regions worth rendering
@@ -126,7 +128,8 @@ def convert(
     if len(inputs) == 1:
         run(input, None if run_options.in_place else output)
         return
-    of_one_clip = ["--vectors"] if motion.vectors is not None else run_options.side.given
+    of_one_clip = [*["--vectors"] * (motion.vectors is not None), *["--chunk"] * (run_options.chunk is not None)]
+    of_one_clip += run_options.side.given
     if of_one_clip:
         raise OptionError(f"{' and '.join(of_one_clip)} goes with one clip; convert several inputs one by one.")
     if run_options.in_place:
@@ -147,6 +150,7 @@ app.command(
     "fpsboost.cli.plan:plan", help="Say which regions of the frames between are worth rendering.", help_epilogue=""
 )
 app.command("fpsboost.cli.merge:merge", help="Put rendered regions back into the frames.", help_epilogue="")
+app.command("fpsboost.cli.join:join", help="Put the parts of a conversion together.", help_epilogue="")
 app.command("fpsboost.cli.tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
 
 

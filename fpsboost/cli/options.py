@@ -137,6 +137,14 @@ class CutOptions:
 
 
 @dataclass(frozen=True)
+class JoinOptions:
+    """Options for joining parts."""
+
+    input: str | None = option(None, "The input, if it was moved.", metavar="IN")
+    overwrite: bool = option(False, "Replace an existing output.", short="y")
+
+
+@dataclass(frozen=True)
 class MessageOptions:
     """How much is printed."""
 
@@ -251,7 +259,7 @@ class SweepOptions:
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions),
     *(MessageOptions, HidingOptions, ContestOptions, ResultOptions, SweepOptions),
-    *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions),
+    *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions, JoinOptions),
 )
 
 QUOTES = "'\""

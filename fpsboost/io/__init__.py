@@ -7,7 +7,8 @@ video file, an animation, a folder of images, a pattern of images (``shot_%04d.p
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
@@ -116,6 +117,25 @@ class TakesSideData(Protocol):
     """Whether frames that are made are to have their confidence."""
     needs_motion: bool
     """Whether frames are to have the motion between the frames of the source around them."""
+
+
+@runtime_checkable
+class RandomAccess(Protocol):
+    """Contract: source that knows when its frames are shown without decoding them, and can begin at any of them."""
+
+    def frame_times(self) -> Sequence[Fraction] | None:
+        """Return the times of all frames in order, as iterating yields them, seconds; None if only decoding tells.
+
+        Must be called before the first frame is read.
+        """
+        ...
+
+    def begin_at(self, number: int) -> None:
+        """Begin reading at a frame, counted from 0; must be called before the first frame is read.
+
+        It and all that follow are the same as if read from the start.
+        """
+        ...
 
 
 @runtime_checkable

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
+from pathlib import Path
 
 from fpsboost.frame import ClipInfo
 from fpsboost.io.staging import JobFingerprint
@@ -11,6 +13,25 @@ from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.trim import Window
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.timing.schedule import OutputTiming
+
+
+@dataclass(frozen=True)
+class OutputPart:
+    """Part of an output, which becomes a folder of its own.
+
+    Attributes
+    ----------
+    folder : Path
+        Appears when the part is complete.
+    first : int
+        Number of its first frame, counted from 0, among those of the whole output.
+    complete : callable
+        Called with the folder of the finished files before it gets its final name, to add what describes them.
+    """
+
+    folder: Path
+    first: int
+    complete: Callable[[Path], None]
 
 
 @dataclass(frozen=True)
@@ -41,6 +62,8 @@ class Output:
         Frames written per frame of the source, for the numbers of images; numbered one by one without it.
     in_place : bool
         Write images beside those of the source.
+    part : OutputPart or None
+        The part that is written; None for all of it.
     """
 
     path: str
@@ -54,3 +77,4 @@ class Output:
     window: Window | None = None
     factor: Fraction | None = None
     in_place: bool = False
+    part: OutputPart | None = None

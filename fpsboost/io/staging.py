@@ -30,6 +30,8 @@ LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
 MAX_FACT_LENGTH = 60
 MAX_NAME_BYTES = 230
 """Maximum bytes of a name, which leaves room for prefix and suffix; the limit of file systems is 255."""
+IDENTIFYING_BYTES = 1 << 16
+"""Bytes at the beginning and at the end of a file that identify it together with its size."""
 SHORT_NAME_LENGTH = 50
 """Number of characters to which a longer name is cut."""
 
@@ -60,10 +62,17 @@ class ReadsFiles(Protocol):
         ...
 
 
-def fingerprint_options(**values: Any) -> dict[str, str]:
+def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None, /, **values: Any) -> dict[str, str]:
     """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
 
     Options that read files contribute the state of the files, too.
+
+    Parameters
+    ----------
+    state_of : callable, optional
+        Function that returns the state of files; `fingerprint_files` by default.
+    **values : object
+        Options by their names.
 
     Raises
     ------
@@ -75,18 +84,19 @@ def fingerprint_options(**values: Any) -> dict[str, str]:
     >>> fingerprint_options(factor=2, fps=None)
     {'factor': '2', 'fps': 'None'}
     """
-    return dict(fact for name, value in values.items() for fact in _facts(name, value))
+    state_of = state_of or fingerprint_files
+    return dict(fact for name, value in values.items() for fact in _facts(name, value, state_of))
 
 
-def _facts(name: str, value: Any) -> Iterator[tuple[str, str]]:
+def _facts(name: str, value: Any, state_of: Callable[[Iterable[Path]], str]) -> Iterator[tuple[str, str]]:
     if isinstance(value, ReadsFiles):
-        yield f"{name}_files", fingerprint_files(value.files)
+        yield f"{name}_files", state_of(value.files)
     if not is_dataclass(value):
         yield name, str(value)
         return
     yield name, type(value).__name__
     for field in fields(value):
-        yield from _facts(f"{name}.{field.name}", getattr(value, field.name))
+        yield from _facts(f"{name}.{field.name}", getattr(value, field.name), state_of)
 
 
 def fingerprint_files(files: Iterable[Path]) -> str:
@@ -100,6 +110,25 @@ def fingerprint_files(files: Iterable[Path]) -> str:
     states = [(file.name, file.stat()) for file in files]
     listed = json.dumps([(name, state.st_size, state.st_mtime_ns) for name, state in states])
     return hashlib.sha256(listed.encode()).hexdigest()
+
+
+def identify_files(files: Iterable[Path]) -> str:
+    """Return a digest of sizes, beginnings and ends, which are the same for copies of the files on other machines.
+
+    Raises
+    ------
+    OSError
+        A file cannot be read.
+    """
+    digest = hashlib.sha256()
+    for path in files:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            digest.update(f"{size}\n".encode())
+            for begin in (0, max(0, size - IDENTIFYING_BYTES)):
+                file.seek(begin)
+                digest.update(file.read(IDENTIFYING_BYTES))
+    return digest.hexdigest()
 
 
 def hidden_place(folder: Path, name: str) -> Path:

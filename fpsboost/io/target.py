@@ -14,10 +14,12 @@ from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.io.images.numbered import ImageSink
 from fpsboost.io.images.numbering import is_pattern
+from fpsboost.io.images.part_sink import ImagePartSink
 from fpsboost.io.opening import PIPES, TargetRequirements
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
+from fpsboost.io.video.part_sink import VideoPartSink
 from fpsboost.io.video.pipe import PipeSink
 from fpsboost.io.video.sink import VideoSink
 
@@ -125,6 +127,13 @@ class Target:
         if self.kind == "animation":
             raise OptionError(f"`resume` cannot go on with the animation {self.path}; leave it out.")
 
+    def check_parts(self) -> None:
+        """Raise `OptionError` if the output cannot be put together of parts."""
+        if self.kind == "pipe":
+            raise OptionError("`chunk` makes a part of a file, and standard output is none; name a file.")
+        if self.kind == "animation":
+            raise OptionError(f"`chunk` is for videos and images, and {self.path} will be an animation; leave it out.")
+
     def open(self, output: Output) -> FrameSink:
         """Prepare the output for writing; it appears when the sink is left without an error.
 
@@ -137,6 +146,9 @@ class Target:
         """
         if output.job is not None and output.job.resume:
             self.check_resume()
+        if output.part is not None:
+            self.check_parts()
+            return ImagePartSink(output) if self.kind == "images" else VideoPartSink(output)
         if self.kind == "pipe":
             return PipeSink(output)
         if self.kind == "animation":

@@ -200,9 +200,8 @@ def _check_density(info: ClipInfo) -> None:
     )
 
 
-def stretched(frames: Iterable[Frame], stretch: Fraction) -> Iterator[Frame]:
-    """Yield the frames with times and durations multiplied by `stretch`, counted from the time of the first one."""
-    start: Fraction | None = None
+def stretched(frames: Iterable[Frame], stretch: Fraction, start: Fraction | None = None) -> Iterator[Frame]:
+    """Yield the frames with times and durations multiplied by `stretch`, counted from `start`, else the first one."""
     for frame in frames:
         start = frame.time if start is None else start
         yield replace(frame, time=start + (frame.time - start) * stretch, duration=frame.duration * stretch)
@@ -226,10 +225,10 @@ class FrameIntervals:
     _first: Fraction | None = None
     _last: Fraction = Fraction(0)
 
-    def note(self, time: Fraction) -> None:
-        """Add the presentation time of the next frame."""
+    def note(self, time: Fraction, start: Fraction) -> None:
+        """Add the presentation time of the next frame; `start` is that of the clip's first one."""
         if self._first is None:
-            self._first = time
+            self._first = start
         else:
             interval = time - self._last
             self.shortest = min(self.shortest or interval, interval)

@@ -10,9 +10,9 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -23,24 +23,20 @@ from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, Outpu
 from fpsboost.frame import ClipInfo, Frame, Image, as_array, describe
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import ClosesOnExit
-from fpsboost.io.images.exr_header import ExrHeader, parse_exr_header
-from fpsboost.io.images.exr_layers import contents_of
 from fpsboost.io.images.files import (
     IMAGE_SUFFIXES,
-    check_format,
     check_size,
     content_of,
     decode_image,
-    encode_image,
     extension_of,
-    losses,
     needs_float,
     unread_channels,
 )
-from fpsboost.io.images.kinds import holds_more_pictures, stored_otherwise
-from fpsboost.io.images.metadata import ImageMetadata, can_pass, lost_metadata, metadata_of, upright
+from fpsboost.io.images.image_encoder import ImageEncoder, ImageFile
+from fpsboost.io.images.kinds import holds_more_pictures
+from fpsboost.io.images.metadata import metadata_of, upright
 from fpsboost.io.images.numbering import find_images, is_pattern
-from fpsboost.io.images.passes import ALL, BEAUTY, Passes, encode_like, losses_like
+from fpsboost.io.images.passes import ALL, BEAUTY, Passes
 from fpsboost.io.images.sequence import FileSequence, NumberedImages, Numbering
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output
@@ -57,13 +53,6 @@ MOVING = "moving.json"
 """Says, in the hidden folder, which images are getting their names, and how many frames there are."""
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
-
-
-@dataclass(frozen=True)
-class ImageFile:
-    """The file that a frame was read from: its `Frame.original`."""
-
-    path: Path
 
 
 class ImageSource(ClosesOnExit):
@@ -310,38 +299,22 @@ class ImageSink:
         path, images, factor, frame_count = output.path, output.stream.images, output.factor, output.expected_frames
         self._path, self._job, self._frame_count = path, output.job, frame_count
         self._overwrite, self._in_place = output.overwrite, output.in_place
-        self._half = images is None or not images.needs_float
-        kept = None if images is None or factor is None else images.numbers_for(factor)
-        self._anew = kept is None
-        self._first, self._step = kept or (1 if images is None else images.first_number, 1)
+        self._first, self._step, kept = first_number(images, factor)
         self._next = self._first
         self._originals = {file.name for file in images.files} if images is not None and output.in_place else set[str]()
-        self._metadata = ImageMetadata()
-        self._exr: ExrHeader | None = None
-        self._layers = () if images is None else images.layers
-        if images is not None:
-            self._follow(*_read_again(images.files[0]))
+        self._encoder = ImageEncoder(path, images, anew=not kept)
         self._names: list[str] = []
         self._frames = 0
         self._frames_there = 0
-        self._kinds = set[str]()
-        self._remarks: list[str] = []
-        if images is not None and images.step > 1 and kept is None and factor is not None:
-            self._remarks.append(
-                f"{factor} times the frames do not fit between numbers that rise by {images.step}: all were numbered "
-                f"anew, one by one; `factor={images.step}` makes just those that are missing."
-            )
+        self._remarks = numbering_remarks(images, factor, kept=kept)
         with explained(OutputError, "write to", path, "check the path and the permissions"):
             self._is_folder = Path(path).is_dir() or not is_pattern(path)
             if output.in_place:
                 self._numbering = self._numbering_in_place(images, factor)
-            elif self._is_folder and kept and images is not None and images.numbering is not None:
-                self._numbering = replace(images.numbering, folder=Path(path))
-            elif self._is_folder:
-                self._numbering = _name_in_folder(Path(path), images, frame_count)
             else:
-                self._numbering = Numbering.parse(path)
-                self._remark_on_digits(frame_count)
+                self._numbering = choose_numbering(output)
+                if not self._is_folder:
+                    self._remark_on_digits(frame_count)
             self._check_place(output.info)
             if images is not None and not output.in_place:
                 self._refuse_inputs(images)
@@ -371,7 +344,7 @@ class ImageSink:
     @property
     def remarks(self) -> list[str]:
         """Sentences about what the files could not hold."""
-        return [*self._unfinished.remarks, *self._remarks]
+        return [*self._unfinished.remarks, *self._remarks, *self._encoder.remarks]
 
     @property
     def completed_frames(self) -> int:
@@ -507,65 +480,40 @@ class ImageSink:
         self._next += self._step
         self._frames += 1
         if path.name in self._originals:  # in place: stays as it is
-            _, data = _read_again(path)
-            self._follow(path, data)
-            self._remark_on_kind(path, data, frame.array, passes=True)
+            self._encoder.passes_in_place(path, frame.array)
             return
-        check_format(path, frame.array)
-        self._remarks += [remark for remark in losses(path, frame.array) if remark not in self._remarks]
+        self._encoder.check(path, frame.array)
         if self._frames > self._frames_there:
-            data = self._content(path, frame)
+            data = self._encoder.content(path, frame)
             with explained(OutputError, "write", path, "check the free space and the permissions"):
                 write_safely(self._unfinished.staged / path.name, data)
         self._names.append(path.name)
 
-    def _content(self, path: Path, frame: Frame) -> bytes:
-        """Return the bytes to write: of an original into a file of its own type that file, else an encoded image."""
-        if isinstance(frame.original, ImageFile):
-            source, data = _read_again(frame.original.path)
-            self._follow(source, data)
-            is_same = _one_name(extension_of(source.name)) == _one_name(extension_of(path.name))
-            passes = is_same and can_pass(data)
-            self._remark_on_kind(source, data, frame.array, passes=passes)
-            if passes:
-                return data
-        for lost in lost_metadata(extension_of(path.name), self._metadata, frame.array.shape[2]):
-            remark = f"{self._path} cannot hold the {lost} of its source; left out."
-            self._remarks += [remark] * (remark not in self._remarks)
-        if self._exr is not None and extension_of(path.name) == ".exr":
-            self._remark_on_layers(self._exr)
-            return encode_like(self._exr, frame.image)
-        return encode_image(path, frame.array, half=self._half, metadata=self._metadata)
+    def join(self, files: Sequence[Path]) -> None:
+        """Take image files that were written elsewhere, all of the output's in order, instead of frames.
 
-    def _follow(self, source: Path, data: bytes) -> None:
-        """Have the frames made from here on say what an original says."""
-        self._metadata = metadata_of(source, data)
-        if extension_of(source.name) == ".exr":
-            self._exr = parse_exr_header(source, data)
+        Parameters
+        ----------
+        files : sequence of Path
+            They stay where they are.
 
-    def _remark_on_layers(self, header: ExrHeader) -> None:
-        """Remark, once, what the frames between do not have of the originals."""
-        lost = [f"The originals {each}." for each in losses_like(header)]
-        made = {name for layer in self._layers for name in layer.channels}
-        contents = contents_of(header)
-        left_out = [layer.name for layer in contents.layers if not made.issuperset(layer.channels)]
-        if left_out:
-            lost.append("The originals passed with all their layers, of which the frames between have fewer.")
-        if self._anew and any(layer.has_vectors for layer in self._layers):
-            lost.append(
-                "Motion vectors lead from one original to the next, also in the frames between, as the originals' do."
-            )
-        self._remarks += [remark for remark in lost if remark not in self._remarks]
-
-    def _remark_on_kind(self, source: Path, data: bytes, image: Image, *, passes: bool) -> None:
-        """Remark, once per storage kind, that frames are written differently from the originals."""
-        how = stored_otherwise(data, image.shape[2])
-        if not how or how in self._kinds:
-            return
-        self._kinds.add(how)
-        written = {1: "gray", 3: "RGB"}.get(image.shape[2], "RGB with alpha")
-        which = "the frames between" if passes else "all frames"
-        self._remarks.append(f"{source.name} and its like are stored {how}; {which} were written as {written}.")
+        Raises
+        ------
+        OutputError
+            They are not named as the images of this output, or cannot be copied.
+        """
+        with explained(OutputError, "write to", self._path, "check the free space and the permissions"):
+            for file in files:
+                path = self._numbering.path(self._next)
+                if file.name != path.name:
+                    raise OutputError(
+                        f"{self._path} would name an image {path.name} that is called {file.name} in its part; name "
+                        "the output as then."
+                    )
+                _link_or_copy(file, self._unfinished.staged / path.name)
+                self._next += self._step
+                self._frames += 1
+                self._names.append(path.name)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -613,14 +561,38 @@ class ImageSink:
         self._unfinished.leave(error, count, self._frame_count, stays=self._replaced.exists())
 
 
-def _read_again(path: Path) -> tuple[Path, bytes]:
-    """Read an input again that could be read before; return its path and content."""
-    return path, content_of(path, "leave the input as it is until all is done")
+def first_number(images: NumberedImages | None, factor: Fraction | None) -> tuple[int, int, bool]:
+    """Return the number of the first image that is written, their step, and whether the source's numbers are kept."""
+    kept = None if images is None or factor is None else images.numbers_for(factor)
+    first, step = kept or (1 if images is None else images.first_number, 1)
+    return first, step, kept is not None
 
 
-def _one_name(extension: str) -> str:
-    """Return the shorter of two extensions that stand for one type of file."""
-    return {".jpeg": ".jpg", ".tiff": ".tif"}.get(extension, extension)
+def numbering_remarks(images: NumberedImages | None, factor: Fraction | None, *, kept: bool) -> list[str]:
+    """Return remarks on images that are numbered otherwise than their source."""
+    if images is None or images.step == 1 or kept or factor is None:
+        return []
+    return [
+        f"{factor} times the frames do not fit between numbers that rise by {images.step}: all were numbered anew, "
+        f"one by one; `factor={images.step}` makes just those that are missing."
+    ]
+
+
+def choose_numbering(output: Output) -> Numbering:
+    """Return how the images of an output are named, which are not written in place.
+
+    Raises
+    ------
+    OptionError
+        A pattern has no place for numbers.
+    """
+    path, images = output.path, output.stream.images
+    if is_pattern(path) and not Path(path).is_dir():
+        return Numbering.parse(path)
+    _, _, kept = first_number(images, output.factor)
+    if kept and images is not None and images.numbering is not None:
+        return replace(images.numbering, folder=Path(path))
+    return _name_in_folder(Path(path), images, output.expected_frames)
 
 
 def _name_in_folder(folder: Path, images: NumberedImages | None, frame_count: int | None) -> Numbering:
@@ -632,6 +604,14 @@ def _name_in_folder(folder: Path, images: NumberedImages | None, frame_count: in
     if images.numbering is None:
         return Numbering(folder, "", max(digits, VIDEO_DIGITS), images.files[0].suffix)
     return replace(images.numbering, folder=folder, digits=max(digits, images.numbering.digits))
+
+
+def _link_or_copy(here: Path, there: Path) -> None:
+    """Give a file a second name, or copy it where that is another disk or the disk knows no links."""
+    try:
+        os.link(here, there)
+    except OSError:
+        shutil.copy2(here, there)
 
 
 def _move_new(here: Path, there: Path) -> None:

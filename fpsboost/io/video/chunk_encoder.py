@@ -31,10 +31,15 @@ class ChunkEncoder:
         Opened and closed for every chunk.
     chunk_frames : int
         Frames per chunk; the last one may have fewer.
+    first : int
+        Number of the first chunk.
     """
 
-    def __init__(self, folder: Path, chunks: list[Chunk], encoder: VideoEncoder, chunk_frames: int) -> None:
+    def __init__(
+        self, folder: Path, chunks: list[Chunk], encoder: VideoEncoder, chunk_frames: int, first: int = 0
+    ) -> None:
         self._folder, self._chunks, self._encoder, self._chunk_frames = folder, chunks, encoder, chunk_frames
+        self._first = first
         self._writer: ChunkWriter | None = None
         self._frames = 0
         self._durations: dict[int, int] = {}
@@ -49,7 +54,7 @@ class ChunkEncoder:
         """
         if self._writer is None:
             extradata = bytes(self._encoder.stream.codec_context.extradata or b"")
-            self._writer = ChunkWriter(self._folder, len(self._chunks), extradata)
+            self._writer = ChunkWriter(self._folder, self._first + len(self._chunks), extradata)
         self._durations[pts] = duration
         self._keep(self._writer, self._encoder.encode(frame, pts, duration))
         self._frames += 1

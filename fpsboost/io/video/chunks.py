@@ -139,11 +139,11 @@ class Chunk:
             yield Times(pts, None if dts == NO_DTS else dts, duration), bool(is_keyframe), side_data, size
 
 
-def find_chunks(folder: Path) -> list[Chunk]:
-    """Return the complete chunks of an earlier run, up to the first that is missing or damaged."""
+def find_chunks(folder: Path, first: int = 0) -> list[Chunk]:
+    """Return the complete chunks in a folder from a number on, up to the first that is missing or damaged."""
     found: list[Chunk] = []
     while True:
-        path = folder / f"{len(found):08d}{CHUNK_SUFFIX}"
+        path = folder / f"{first + len(found):08d}{CHUNK_SUFFIX}"
         frames = _frames_if_intact(path) if path.exists() else None
         if frames is None:
             return found

@@ -8,36 +8,23 @@ that is stopped therefore leaves its finished chunks, and a later run that resum
 
 from __future__ import annotations
 
-import contextlib
-import errno
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import av
-import av.error
-import numpy as np
-
 from fpsboost.errors import CompleteAlreadyError, OutputError
-from fpsboost.frame import Frame, Image, describe
+from fpsboost.frame import Frame
 from fpsboost.io.output import Output
 from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
-from fpsboost.io.video.chunk_encoder import ChunkEncoder
-from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, find_chunks
-from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
-from fpsboost.io.video.encoding import (
-    EXACT_TIME_BASE_CONTAINERS,
-    MATROSKA_TICK,
-    VIDEO_SUFFIXES,
-    choose_encoder,
-    containers,
-    depth_of,
-)
+from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk
+from fpsboost.io.video.encoder import traits_of_image
+from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, VIDEO_SUFFIXES, containers
+from fpsboost.io.video.explaining import explained_writing
 from fpsboost.io.video.fitting import fit_streams
 from fpsboost.io.video.traits import VideoTraits
-from fpsboost.io.video.ycc import has_alpha
+from fpsboost.io.video.video_chunks import VideoChunks
 from fpsboost.io.writable import check_writable
 
 
@@ -66,43 +53,32 @@ class VideoSink:
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
         self._plan = output
         self._name, self._path = output.path, Path(output.path)
-        suffix = self._path.suffix.lower()
-        if suffix not in containers:
-            raise OutputError(f"{self._name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
-        self._container = containers[suffix]
+        self._container = container_of(self._path, self._name)
         self._unfinished = StagingDirectory(
-            hidden_place(self._path.parent, self._path.name), f"output{suffix}", self._name, output.job
+            hidden_place(self._path.parent, self._path.name),
+            f"output{self._path.suffix.lower()}",
+            self._name,
+            output.job,
         )
         resumes = output.job is not None and output.job.resume
         if resumes and not output.overwrite and self._is_complete_already():
             raise CompleteAlreadyError(complete_already(self._name))
         check_writable(self._path, self._name, output.stream.files, output.overwrite)
-        if self._container not in EXACT_TIME_BASE_CONTAINERS and 1 / output.timing.rate < MATROSKA_TICK:
-            raise OutputError(
-                f"{self._name} counts time in milliseconds and cannot hold {float(output.timing.rate):g} frames per "
-                "second; write an .mp4 or .mov instead."
-            )
-        self._codec, self._options = self._choose_encoder(output.stream.traits)
-        self._fitting = fit_streams(output, self._codec, self._container)
-        self._chunk_frames = chunk_frames
-        self._encoder: VideoEncoder | None = None
+        check_time_base(output, self._container)
+        self._video = VideoChunks(output, self._container, chunk_frames)
+        self._fitting = fit_streams(output, self._video.codec, self._container)
         self._assembly: Assembly | None = None
-        self._chunk_encoder: ChunkEncoder | None = None
-        self._chunks: list[Chunk] = []
-        self._frames_there = self._frames_seen = 0
-        self._last_pts: int | None = None
-        self._alpha_dropped = self._light_clipped = False
-        self._remarks: list[str] = []
+        self._frames_there = 0
 
     @property
     def remarks(self) -> list[str]:
-        parts = (self._unfinished, self._encoder, self._assembly)
-        return [*(remark for part in parts if part for remark in part.remarks), *self._remarks]
+        parts = (self._unfinished, self._video, self._assembly)
+        return [remark for part in parts if part for remark in part.remarks]
 
     @property
     def details(self) -> str:
         """Encoder, pixel format and options."""
-        return "" if self._encoder is None else f"{self._name}: {self._encoder.details}"
+        return self._video.details
 
     @property
     def completed_frames(self) -> int:
@@ -111,11 +87,11 @@ class VideoSink:
 
     def __enter__(self) -> Self:
         try:
-            with self._explained():
+            with explained_writing(self._name):
                 # Created at once, so that a folder without write permission is detected before any work is done.
                 self._unfinished.open()
-                self._chunks = find_chunks(self._unfinished.folder)
-                self._frames_there = self._frames_finished
+                self._video.open(self._unfinished.folder)
+                self._frames_there = self._video.completed_frames
                 if self._plan.stream.traits is not None:
                     self._start(self._plan.stream.traits)
         except BaseException as error:
@@ -128,7 +104,7 @@ class VideoSink:
     ) -> None:
         try:
             if kind is None:
-                with self._explained():
+                with explained_writing(self._name):
                     self._finish()
         except BaseException as failure:
             self._leave(failure)
@@ -143,70 +119,44 @@ class VideoSink:
         OutputError
             The frame does not fit the clip, or the file cannot be written.
         """
-        if frame.image.shape[:2] != (self._plan.info.height, self._plan.info.width):
-            raise OutputError(
-                f"{self._name} is {self._plan.info.width}x{self._plan.info.height} and cannot take a frame of "
-                f"{describe(frame.image)}; make all frames one size first."
-            )
-        with self._explained():
-            if self._encoder is None:
+        self._video.check_size(frame)
+        with explained_writing(self._name):
+            if not self._video.is_started:
                 self._start(traits_of_image(frame.pixels))
-            assert self._encoder is not None
-            if frame.image.dtype == np.float32:
-                self._remark_on_floats(frame.array)
-            if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(self._encoder.pixel_format):
-                self._alpha_dropped = True
-                self._remarks.append(f"{self._name} cannot hold an alpha channel, which was left out.")
-            pts = round(frame.time / self._plan.timing.time_base)
-            if self._last_pts is not None and pts <= self._last_pts:
-                raise OutputError(
-                    f"{self._name} cannot tell two frames at {float(frame.time):.6f} s apart; choose a lower rate."
-                )
-            self._last_pts = pts
-            self._frames_seen += 1
-            if self._frames_seen > self._frames_there:
-                assert self._chunk_encoder is not None
-                end = round((frame.time + frame.duration) / self._plan.timing.time_base)
-                self._chunk_encoder.write(frame, pts, max(1, end - pts))
+            self._video.write(frame)
+
+    def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
+        """Take chunks that were encoded elsewhere, all of the output's, instead of frames.
+
+        Parameters
+        ----------
+        chunks : sequence of Chunk
+        traits : VideoTraits
+            Traits of the source's first frame.
+
+        Raises
+        ------
+        OutputError
+            The encoder or the container cannot take such frames.
+        """
+        with explained_writing(self._name):
+            if not self._video.is_started:
+                self._start(traits)
+        self._video.chunks[:] = chunks
 
     def _start(self, traits: VideoTraits) -> None:
         """Set up the encoder and write the file's header, so that errors occur before any work is done.
 
         Without the traits of a source, the traits are those of the first frame.
         """
-        self._codec, self._options = self._choose_encoder(traits)
-        self._encoder = VideoEncoder(self._plan, self._codec, self._options, self._container, traits)
-        self._chunk_encoder = ChunkEncoder(self._unfinished.folder, self._chunks, self._encoder, self._chunk_frames)
-        self._assembly = Assembly(
-            self._unfinished.staged, self._encoder.stream, self._plan, traits.display_matrix, self._fitting
-        )
-
-    def _remark_on_floats(self, image: Image) -> None:
-        """Add a remark, once each, on depth and light of floating-point images that the integer format cannot hold."""
-        assert self._encoder is not None
-        if self._last_pts is None and depth_of(self._encoder.pixel_format) == 16:  # else a remark exists already
-            self._remarks.append(f"{self._name} holds the floating-point values of its source in 16 bits.")
-        if not self._light_clipped and _is_beyond_white(image):
-            self._light_clipped = True
-            self._remarks.append(
-                f"{self._name} holds no light beyond white or below black, which was clipped; images as .exr keep it."
-            )
-
-    def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
-        """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
-        known = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
-        return choose_encoder(self._plan.encoding, self._container, self._name, *known)
-
-    @property
-    def _frames_finished(self) -> int:
-        return sum(chunk.frames for chunk in self._chunks)
+        template = self._video.start(traits)
+        self._assembly = Assembly(self._unfinished.staged, template, self._plan, traits.display_matrix, self._fitting)
 
     def _finish(self) -> None:
-        if self._assembly is None or self._last_pts is None:
+        self._video.finish()
+        if self._assembly is None or not self._video.chunks:
             raise OutputError(f"{self._name} was not written because there were no frames.")
-        if self._chunk_encoder is not None:
-            self._chunk_encoder.finish()
-        self._assembly.finish(self._chunks)
+        self._assembly.finish(self._video.chunks)
         self._unfinished.publish(self._path)
 
     def _is_complete_already(self) -> bool:
@@ -217,36 +167,30 @@ class VideoSink:
 
     def _leave(self, error: BaseException | None) -> None:
         """Close and discard everything but the finished chunks that a later run can resume from."""
-        if self._chunk_encoder is not None:
-            self._chunk_encoder.discard()
+        self._video.discard()
         if self._assembly is not None:
             self._assembly.discard()
-        self._unfinished.leave(error, self._frames_finished, self._plan.expected_frames)
-
-    @contextlib.contextmanager
-    def _explained(self) -> Iterator[None]:
-        """Convert errors of FFmpeg and the operating system into an OutputError with a message about the file."""
-        try:
-            yield
-        except (av.error.FFmpegError, OSError) as error:
-            raise OutputError(_explain(error, self._name)) from error
+        self._unfinished.leave(error, self._video.completed_frames, self._plan.expected_frames)
 
 
-def _is_beyond_white(image: Image) -> bool:
-    """Return whether a float image has colours outside 0 to 1."""
-    colours = image[..., :3]
-    return bool(np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0)
+def container_of(path: Path, name: str) -> str:
+    """Return FFmpeg's name of the container that a file name asks for.
+
+    Raises
+    ------
+    OutputError
+        It asks for none.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in containers:
+        raise OutputError(f"{name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")
+    return containers[suffix]
 
 
-def _explain(error: Exception, name: str) -> str:
-    reasons = {
-        errno.ENOSPC: f"{name} could not be finished because the disk is full; free some space and run again.",
-        errno.EDQUOT: f"{name} could not be finished because the disk quota is used up; free some space and run again.",
-        errno.EACCES: f"{name} may not be written; check the permissions of its folder.",
-        errno.EPERM: f"{name} may not be written; check the permissions of its folder.",
-        errno.EROFS: f"{name} lies on a read-only disk; choose another folder.",
-        errno.EFBIG: f"{name} grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
-    }
-    number = getattr(error, "errno", None)
-    reason = getattr(error, "strerror", None) or error
-    return reasons.get(number or 0, f"{name} could not be written ({reason}); try another `codec` or container.")
+def check_time_base(output: Output, container: str) -> None:
+    """Raise `OutputError` if a container cannot tell the frames of an output apart."""
+    if container not in EXACT_TIME_BASE_CONTAINERS and 1 / output.timing.rate < MATROSKA_TICK:
+        raise OutputError(
+            f"{output.path} counts time in milliseconds and cannot hold {float(output.timing.rate):g} frames per "
+            "second; write an .mp4 or .mov instead."
+        )

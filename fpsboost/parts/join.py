@@ -1,0 +1,246 @@
+"""Join the parts of a conversion into what one run makes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.frame import Pixels
+from fpsboost.io.images.numbered import ImageSink
+from fpsboost.io.part_folder import part_files
+from fpsboost.io.staging import identify_files
+from fpsboost.io.trim import Window
+from fpsboost.io.video.chunks import Chunk, find_chunks
+from fpsboost.io.video.encoder import traits_of_image
+from fpsboost.io.video.sink import VideoSink
+from fpsboost.method_table import find_method
+from fpsboost.observer import Observer, SilentObserver, Summary
+from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, stored
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, closing_remarks, opened_clip, prepare
+from fpsboost.run_options import RunOptions
+from fpsboost.timing.rate import FrameIntervals
+
+
+def join(
+    output: str,
+    parts: Sequence[str | Path],
+    *,
+    input: str | None = None,
+    overwrite: bool = False,
+    observer: Observer | None = None,
+) -> Summary:
+    """Join the parts of a conversion; the result is the same as that of one run.
+
+    Sound, subtitles and everything else are taken from the input now. The parts stay as they are.
+
+    Parameters
+    ----------
+    output : str
+        Video or folder of images, of the type that the parts were made for.
+    parts : sequence of str or Path
+        Folders of parts, in any order, or the folder that holds them.
+    input : str, optional
+        The input, if it is not where it was when the parts were made.
+    overwrite : bool
+        Replace an existing output.
+    observer : Observer, optional
+        Informed when all is checked.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    InputError
+        A part is missing, there twice, damaged, or of another job; or the input has changed.
+    OptionError
+        No parts are named, or `output` is of another type.
+    OutputError
+        The output exists, or cannot be written.
+
+    Examples
+    --------
+    >>> join("out.mp4", ["out.mp4.parts"])  # doctest: +SKIP
+    """
+    begin = time.perf_counter()
+    folders = find_parts(parts)
+    manifests = [Manifest.read(folder) for folder in folders]
+    ordered = check_complete(list(zip(folders, manifests, strict=True)))
+    first = ordered[0][1]
+    run = RunOptions(overwrite=overwrite)
+    # nothing is made here, so a method that takes images of any kind stands for the one that has made the parts
+    job = ConversionJob(
+        input or first.input, output, first.rate, find_method("nearest"), first.decoding, first.encoding
+    )
+    with opened_clip(job, run) as clip:
+        _check_input(clip, first)
+        ready = prepare(job, run, clip)
+        _check_target(ready, first)
+        ready.output = replace(ready.output, window=_window(ordered))
+        summary = _summary(ordered)
+        sink = ready.target.open(ready.output)
+        (observer or SilentObserver()).opened(clip.source.info, summary.frames_out)
+        with sink:
+            if isinstance(sink, VideoSink):
+                sink.join(_chunks(ordered), clip.whole.stream_info.traits or traits_of_image(_first_pixels(clip)))
+            elif isinstance(sink, ImageSink):
+                sink.join([path for folder, manifest in ordered for path in _images(folder, manifest)])
+        summary.remarks += [remark for remark in sink.remarks if remark not in summary.remarks]
+        closing = closing_remarks(job, clip, ready, summary.frame_intervals)
+        summary.remarks += [remark for remark in closing if remark not in summary.remarks]
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+PartFiles = tuple[Path, Manifest]
+"""Folder of a part, and its manifest."""
+
+
+def find_parts(parts: Sequence[str | Path]) -> list[Path]:
+    """Return the folders of parts: those named, or those in a folder that holds them.
+
+    Raises
+    ------
+    OptionError
+        None are named.
+    InputError
+        A name is no part and no folder of parts.
+    """
+    if not parts:
+        raise OptionError("No parts are named; name their folders, or the folder that holds them.")
+    found: list[Path] = []
+    for part in map(Path, parts):
+        if not part.is_dir():
+            raise InputError(f"{part} is no folder of a part; name the folders that `chunk` has made.")
+        inside = [] if (part / MANIFEST_NAME).exists() else sorted(part.glob(f"*/{MANIFEST_NAME}"))
+        found += [path.parent for path in inside] or [part]
+    return found
+
+
+def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
+    """Return the parts in order, if all of one job are there, whole, and fit together.
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
+    by_number: dict[int, PartFiles] = {}
+    (folder0, manifest0), *_ = parts
+    for folder, manifest in parts:
+        other = by_number.setdefault(manifest.part.number, (folder, manifest))[0]
+        if other != folder:
+            raise InputError(f"{other} and {folder} are both part {manifest.part}; name one of them.")
+        if manifest.part.count != manifest0.part.count:
+            raise InputError(
+                f"{folder0} is one of {manifest0.part.count} parts and {folder} one of {manifest.part.count}; join "
+                "parts of one conversion."
+            )
+        difference = first_difference(manifest0.facts, manifest.facts)
+        if difference is not None:
+            raise InputError(f"{folder0} and {folder} differ in their {difference}; make one of them again.")
+    missing = [str(number) for number in range(1, manifest0.part.count + 1) if number not in by_number]
+    if missing:
+        some = ", ".join(missing[:8]) + (", ..." if len(missing) > 8 else "")
+        raise InputError(
+            f"Of {manifest0.part.count} parts, {some} {'is' if len(missing) == 1 else 'are'} missing; make them first."
+        )
+    ordered = [by_number[number] for number in sorted(by_number)]
+    for folder, manifest in ordered:
+        _check_files(folder, manifest)
+    filled = [each for each in ordered if each[1].frames]
+    for (folder, manifest), (next_folder, following) in pairwise(filled):
+        if not _fits(manifest, following):
+            raise InputError(
+                f"{next_folder} does not go on where {folder} ends, because {following.input} has damaged places "
+                "before it; convert it in one run."
+            )
+    return ordered
+
+
+def _fits(manifest: Manifest, following: Manifest) -> bool:
+    """Return whether a part begins where another one ends."""
+    ends, begins = manifest.ends, following.begins
+    if manifest.first + manifest.frames != following.first or ends is None or begins is None:
+        return False
+    return ends.time == begins.time and (ends.number == begins.number or not manifest.counts_frames)
+
+
+def _check_files(folder: Path, manifest: Manifest) -> None:
+    """Raise `InputError` unless the files of a part are as they were written."""
+    with explained(InputError, "read", folder, "make this part again"):
+        found = {path.name for path in part_files(folder)} - {MANIFEST_NAME}
+        expected = {file.name for file in manifest.files}
+        if found != expected:
+            name = min(found ^ expected)
+            state = "is missing" if name in expected else "does not belong there"
+            raise InputError(f"{folder / name} {state}; make part {manifest.part} again.")
+        for file in manifest.files:
+            if (folder / file.name).stat().st_size != file.size or stored(folder / file.name) != file:
+                raise InputError(f"{folder / file.name} is damaged; make part {manifest.part} again.")
+
+
+def _check_input(clip: OpenedClip, manifest: Manifest) -> None:
+    with explained(InputError, "read", clip.whole.info.name, "check that it is still there"):
+        identity = identify_files(clip.whole.stream_info.files)
+    if identity != manifest.facts.get("input"):
+        raise InputError(f"{clip.whole.info.name} is not what the parts were made of; name that with `input`.")
+
+
+def _check_target(ready: Preparation, manifest: Manifest) -> None:
+    suffix = Path(ready.target.path).suffix.lower() if ready.target.kind == "video" else "images"
+    if suffix != manifest.facts.get("output_type"):
+        raise OptionError(f"{ready.target.path} is of another type than {manifest.output}; name a file of that type.")
+
+
+def _window(parts: Sequence[PartFiles]) -> Window | None:
+    """Return the part of the clip that all parts together show."""
+    filled = [manifest for _, manifest in parts if manifest.frames]
+    if not filled or filled[0].window is None or filled[-1].window is None:
+        return None
+    return replace(filled[0].window, end=filled[-1].window.end)
+
+
+def _chunks(parts: Sequence[PartFiles]) -> list[Chunk]:
+    """Return the chunks of all parts in order."""
+    chunks: list[Chunk] = []
+    for folder, manifest in parts:
+        found = find_chunks(folder, len(chunks))
+        if sum(chunk.frames for chunk in found) != manifest.frames:
+            raise InputError(f"{folder} does not hold its {manifest.frames} frames; make part {manifest.part} again.")
+        chunks += found
+    return chunks
+
+
+def _images(folder: Path, manifest: Manifest) -> list[Path]:
+    """Return the images of a part in order."""
+    return [folder / file.name for file in manifest.files]
+
+
+def _first_pixels(clip: OpenedClip) -> Pixels:
+    return next(iter(clip.whole)).pixels
+
+
+def _summary(parts: Sequence[PartFiles]) -> Summary:
+    """Return the summary of the whole conversion."""
+    manifests = [manifest for _, manifest in parts]
+    summary = Summary(
+        frames_in=max(each.frames_read for each in manifests),
+        frames_out=sum(each.frames for each in manifests),
+        frames_made=sum(each.frames_made for each in manifests),
+        scene_cuts=sum(each.scene_cuts for each in manifests),
+        duplicates=sum(each.duplicates for each in manifests),
+    )
+    intervals = [each.intervals for each in manifests if each.intervals.longest]
+    if intervals:
+        longest = max(intervals, key=lambda each: (each.longest, -each.begin))
+        shortest = min(each.shortest for each in intervals)
+        summary.frame_intervals = FrameIntervals(shortest, longest.longest, longest.begin)
+    for manifest in manifests:
+        summary.remarks += [remark for remark in manifest.remarks if remark not in summary.remarks]
+    return summary

@@ -1,0 +1,218 @@
+"""Making of a part: which output frames it has, where its source begins, and what is noted of it when it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from importlib.metadata import version
+from pathlib import Path
+
+import cv2
+
+from fpsboost.analysis.scene_cuts import counts_frames
+from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.frame import Frame
+from fpsboost.io import RandomAccess
+from fpsboost.io.output import OutputPart
+from fpsboost.io.part import Part, part_folder
+from fpsboost.io.part_folder import part_files
+from fpsboost.io.staging import fingerprint_options, identify_files
+from fpsboost.io.video.chunks import CHUNK_FRAMES
+from fpsboost.observer import SourceMoment, Summary
+from fpsboost.parts.entry import find_entry
+from fpsboost.parts.manifest import Boundary, Intervals, Manifest, stored
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip
+from fpsboost.run_options import RunOptions
+from fpsboost.streaming import OutputRange
+from fpsboost.timing.schedule import ByFactor, count_frames
+from fpsboost.version import __version__
+
+
+@dataclass
+class PartPlan:
+    """Part of a conversion that is being made.
+
+    Attributes
+    ----------
+    part : Part
+    outputs : OutputRange
+        Its output frames.
+    output : OutputPart
+        Its folder, for its sink.
+    remarks : list of str
+        What is to be said of how its source is read.
+    summary : Summary or None
+        Result of the loop, once it has run.
+    """
+
+    part: Part
+    outputs: OutputRange
+    output: OutputPart
+    remarks: list[str] = field(default_factory=list)
+    summary: Summary | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are more parts than chunks, so that this one has no frames."""
+        return self.outputs.first == self.outputs.stop
+
+    def expected_frames(self, total: int | None) -> int | None:
+        """Return the number of its frames, if the number of all of them is known."""
+        stop = total if self.outputs.stop is None else self.outputs.stop
+        return None if stop is None else max(0, stop - self.outputs.first)
+
+
+def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> PartPlan:
+    """Choose the output frames of a part, and begin to read the source where it needs to be read for them.
+
+    Parts are whole chunks of a video, in which its encoder begins anew, or any frames of images. All runs cut a job in
+    the same way.
+
+    Parameters
+    ----------
+    job : ConversionJob
+    run : RunOptions
+        With `chunk`.
+    clip : OpenedClip
+        Not read yet.
+    ready : Preparation
+
+    Raises
+    ------
+    OptionError
+        The input or the output cannot be cut into parts.
+    """
+    assert run.chunk is not None
+    ready.target.check_parts()
+    if not clip.whole.stream_info.files:
+        raise OptionError("`chunk` reads a part of a file, and standard input is none; name a file.")
+    source = clip.source
+    times = source.frame_times() if isinstance(source, RandomAccess) else None
+    total = count_outputs(job, clip, ready, times)
+    if total is None:
+        raise OptionError(
+            f"{source.info.name} does not say how many frames it holds; convert it whole, without `chunk`."
+        )
+    outputs = outputs_of(run.chunk, total, CHUNK_FRAMES if ready.target.kind == "video" else 1)
+    plan: PartPlan
+
+    def complete(folder: Path) -> None:
+        manifest_of(plan, job, run, clip, ready, folder).write(folder)
+
+    plan = PartPlan(run.chunk, outputs, OutputPart(part_folder(ready.target.path, run.chunk), outputs.first, complete))
+    if outputs.first == 0 or plan.is_empty:
+        return plan
+    if times is None or not isinstance(source, RandomAccess):
+        plan.remarks.append(
+            f"{source.info.name} does not list its frames, so that all those before a part were decoded for it."
+        )
+        return plan
+    detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
+    schedule = exposed(ready.base_schedule, job.rate)
+
+    @contextmanager
+    def read_from(number: int) -> Iterator[Iterator[Frame]]:
+        with opened_clip(job, run) as again:
+            assert isinstance(again.source, RandomAccess)
+            again.source.begin_at(number)
+            yield iter(again.source)
+
+    entry = find_entry(times, schedule, detector, outputs.first, read_from)
+    source.begin_at(entry.number)
+    plan.outputs = replace(outputs, entry=entry)
+    return plan
+
+
+def count_outputs(
+    job: ConversionJob, clip: OpenedClip, ready: Preparation, times: Sequence[Fraction] | None
+) -> int | None:
+    """Return the number of output frames by which a job is cut; None if nothing tells before all is decoded."""
+    info = clip.source.info
+    if times:
+        info = replace(info, frame_count=len(times), duration=times[-1] - times[0] + 1 / info.rate)
+    return count_frames(ready.base_schedule, info, ready.target.has_clock)
+
+
+def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
+    """Return the output frames of a part.
+
+    Parameters
+    ----------
+    part : Part
+    total : int
+        Number of all output frames, as far as it is known beforehand.
+    unit : int
+        Number of frames that stay together.
+
+    Examples
+    --------
+    >>> outputs_of(Part(2, 3), 1000, 240).first, outputs_of(Part(2, 3), 1000, 240).stop
+    (240, 720)
+    """
+    units = -(-total // unit)
+    first = units * (part.number - 1) // part.count * unit
+    stop = None if part.number == part.count else units * part.number // part.count * unit
+    return OutputRange(first, stop)
+
+
+def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> dict[str, str]:
+    """Return everything that must be the same wherever parts of a job are made.
+
+    These are the content of the input (by size, beginning and end), all options, and the versions of the programs.
+
+    Raises
+    ------
+    InputError
+        The input cannot be read.
+    """
+    name = clip.whole.info.name
+    with explained(InputError, "read", name, "check that it is still there"):
+        return fingerprint_options(
+            identify_files,
+            fpsboost=__version__,
+            libraries=f"PyAV {version('av')}, OpenCV {cv2.__version__}",
+            input=identify_files(clip.whole.stream_info.files),
+            output_type=Path(ready.target.path).suffix.lower() if ready.target.kind == "video" else "images",
+            rate=job.rate,
+            method=job.method,
+            decoding=job.decoding,
+            encoding=job.encoding,
+        )
+
+
+def manifest_of(
+    plan: PartPlan, job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation, folder: Path
+) -> Manifest:
+    """Return the manifest of a part whose files are complete."""
+    summary, outputs = plan.summary, plan.outputs
+    assert summary is not None
+    intervals = summary.frame_intervals
+    by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or counts_frames(job.method.cuts)
+    return Manifest(
+        part=plan.part,
+        input=str(Path(job.input).absolute()),
+        output=ready.target.path,
+        rate=job.rate,
+        decoding=job.decoding,
+        encoding=job.encoding,
+        facts=facts_of(job, run, clip, ready),
+        first=outputs.first,
+        frames=summary.frames_out,
+        frames_made=summary.frames_made,
+        frames_read=summary.frames_in + (0 if outputs.entry is None else outputs.entry.number),
+        scene_cuts=summary.scene_cuts,
+        duplicates=summary.duplicates,
+        begins=_boundary(summary.boundaries.get(outputs.first)),
+        ends=None if outputs.stop is None else _boundary(summary.boundaries.get(outputs.stop)),
+        counts_frames=by_number,
+        window=clip.window,
+        intervals=Intervals(intervals.shortest, intervals.longest, intervals.begin),
+        remarks=[*plan.remarks, *summary.remarks],
+        files=[stored(path) for path in part_files(folder)],
+    )
+
+
+def _boundary(moment: SourceMoment | None) -> Boundary | None:
+    return None if moment is None else Boundary(*moment)

@@ -1,0 +1,296 @@
+"""Preparation of a conversion: opens the source and works out everything that is known before the first frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from fpsboost.analysis.scene_cuts import counts_frames
+from fpsboost.analysis.vector_fit import fit_vectors
+from fpsboost.errors import OptionError
+from fpsboost.frame import Image
+from fpsboost.interpolator import Interpolator
+from fpsboost.io import DescribedSource, FrameSource
+from fpsboost.io.images.files import read_image
+from fpsboost.io.images.sequence import NumberedImages
+from fpsboost.io.opening import check_images, open_source
+from fpsboost.io.output import Output
+from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.target import Target
+from fpsboost.io.trim import Window, trim_source
+from fpsboost.io.vectors.folder import UsesVectors, VectorFolder
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.run_options import RunOptions
+from fpsboost.timing.rate import FrameIntervals, OutputRate
+from fpsboost.timing.schedule import Schedule, count_frames
+from fpsboost.timing.shutter import ExposureSchedule
+
+
+@dataclass(frozen=True)
+class ConversionJob:
+    """Conversion of a clip: everything that shapes its output.
+
+    Parameters
+    ----------
+    input : str
+        See `fpsboost.convert`.
+    output : str or None
+        See `fpsboost.convert`; None for images beside the input.
+    rate : OutputRate
+    method : Interpolator
+    decoding : DecodeOptions
+    encoding : Encoding
+    """
+
+    input: str
+    output: str | None
+    rate: OutputRate
+    method: Interpolator
+    decoding: DecodeOptions = DecodeOptions()
+    encoding: Encoding = field(default_factory=Encoding)
+
+    def target(self, run: RunOptions) -> Target:
+        """Return what the output is.
+
+        Raises
+        ------
+        OptionError
+            There is none, or an option does not apply to it.
+        """
+        _check_shutter(self.rate, self.method, run)
+        target = Target.parse(_resolve_output(self.input, self.output, in_place=run.in_place, overwrite=run.overwrite))
+        target.check_encoding(self.encoding)
+        return target
+
+
+@dataclass
+class OpenedClip:
+    """Source of a conversion.
+
+    Attributes
+    ----------
+    whole : DescribedSource
+        The whole clip.
+    source : FrameSource
+        The part of it that is converted.
+    window : Window or None
+        That part, for what accompanies the frames; None for all.
+    """
+
+    whole: DescribedSource
+    source: FrameSource
+    window: Window | None
+
+
+@contextmanager
+def opened_clip(job: ConversionJob, run: RunOptions) -> Iterator[OpenedClip]:
+    """Open the source of a job while the block lasts.
+
+    Raises
+    ------
+    OptionError, InputError
+        See `fpsboost.io.opening.open_source`; or the method cannot make the source's layers.
+    """
+    rate, interpolator, target = job.rate, job.method, job.target(run)
+    requirements = target.requirements(
+        job.encoding,
+        needs_rate=rate.fps is not None or job.decoding.trim.needs_rate,
+        takes_planes=interpolator.takes_planes and rate.shutter is None,
+        takes_layers=interpolator.takes_layers and rate.shutter is None,
+    )
+    with open_source(
+        job.input,
+        requirements=requirements,
+        decoding=job.decoding,
+        fill_gaps=rate.fill_gaps,
+        in_place=run.in_place,
+        limit=run.limit,
+    ) as whole:
+        _check_layers(whole.stream_info.images, interpolator, rate)
+        may_skip = not counts_frames(interpolator.cuts)
+        yield OpenedClip(whole, *trim_source(whole, job.decoding.trim, may_skip=may_skip, stretch=rate.stretch))
+
+
+@dataclass
+class Preparation:
+    """What is known of a conversion before its first frame.
+
+    Attributes
+    ----------
+    target : Target
+    interpolator : Interpolator
+        The method, for this clip.
+    base_schedule : Schedule
+        Schedule of the output frames.
+    output : Output
+        The output, for its sink.
+    remarks : list of str
+        What is lost.
+    """
+
+    target: Target
+    interpolator: Interpolator
+    base_schedule: Schedule
+    output: Output
+    remarks: list[str]
+
+
+def prepare(job: ConversionJob, run: RunOptions, clip: OpenedClip) -> Preparation:
+    """Work out the frames and the output of a job.
+
+    Raises
+    ------
+    OptionError, InputError
+        An option does not suit the clip.
+    """
+    target, rate, interpolator = job.target(run), job.rate, job.method
+    info, stream = clip.source.info, clip.whole.stream_info
+    encoding, lost = _adapt_audio(job.encoding, stream, rate)
+    schedule = rate.schedule(info, has_clock=target.has_clock)
+    multiple = schedule.rate(info.rate) / info.rate
+    images = stream.images
+    keeps_numbers = images is not None and not target.has_rate and images.numbers_for(multiple) is not None
+    if rate.fill_gaps or keeps_numbers:  # an image that repeats another is none that is missing
+        interpolator = replace(interpolator, duplicates=None)
+    expected = count_frames(schedule, info, holds_last_frame=target.has_clock)
+    interpolator, on_vectors = _match_vectors(interpolator, clip.whole.info.name, images, multiple, expected)
+    output = Output(
+        target.path,
+        clip.whole.info,
+        rate.timing(info, schedule),
+        stream,
+        encoding=encoding,
+        expected_frames=expected,
+        overwrite=run.overwrite,
+        window=clip.window,
+        factor=multiple,
+        in_place=run.in_place,
+    )
+    return Preparation(target, interpolator, schedule, output, [*lost, *on_vectors])
+
+
+def closing_remarks(job: ConversionJob, clip: OpenedClip, ready: Preparation, intervals: FrameIntervals) -> list[str]:
+    """Return what is to be said of the whole conversion when it is done.
+
+    Parameters
+    ----------
+    job : ConversionJob
+    clip : OpenedClip
+    ready : Preparation
+    intervals : FrameIntervals
+        Intervals of the source, complete to its end.
+    """
+    images, info = clip.whole.stream_info.images, clip.source.info
+    remarks = [*ready.remarks, *job.rate.remarks(info, ready.base_schedule, intervals)]
+    if images is not None and images.step > 1 and ready.target.has_rate:
+        remarks.append(
+            f"`input_fps` counts the images of {info.name} and not their numbers: of a scene with 24 numbers a second "
+            f"it is 24/{images.step}, or 24 with `fill_gaps`."
+        )
+    return remarks
+
+
+def exposed(schedule: Schedule, rate: OutputRate) -> Schedule:
+    """Return the schedule of the samples of every exposure; the schedule itself without motion blur."""
+    return schedule if rate.exposure is None else ExposureSchedule(schedule, rate.exposure)
+
+
+def _check_layers(images: NumberedImages | None, interpolator: Interpolator, rate: OutputRate) -> None:
+    """Raise `OptionError` if images have layers that a method does not make."""
+    if images is None or not images.layers or (interpolator.takes_layers and rate.shutter is None):
+        return
+    first = images.files[0].name
+    names = ", ".join(layer.name for layer in images.layers[:3]) + (", ..." if len(images.layers) > 3 else "")
+    if interpolator.at_cuts == "extrapolate":
+        raise OptionError(
+            f"`at_cuts='extrapolate'` makes no layers, and {first} has some ({names}); give `at_cuts='repeat'`, or "
+            "`passes='beauty'` for the picture alone."
+        )
+    for option, is_given in (("`match_grain`", interpolator.match_grain), ("`shutter`", rate.shutter is not None)):
+        if is_given:
+            raise OptionError(
+                f"{option} changes the picture alone, and {first} has layers ({names}); leave it out, or give "
+                "`passes='beauty'`."
+            )
+    raise OptionError(
+        f"The method makes no layers, and {first} has some ({names}); choose nlm, nlm-fast, dis, farneback, tvl1, "
+        "blend or nearest, or give `passes='beauty'` for the picture alone."
+    )
+
+
+def _check_shutter(rate: OutputRate, interpolator: Interpolator, run: RunOptions) -> None:
+    """Raise OptionError if motion blur is asked for where it cannot be made."""
+    if rate.shutter is None:
+        return
+    if run.in_place:
+        raise OptionError("`shutter` blurs every frame, and `in_place` keeps the originals; write to another folder.")
+    parts = interpolator.estimator, interpolator.synthesizer
+    if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
+        raise OptionError("`shutter` needs frames at times that `vectors` says nothing of; leave one of them out.")
+    if run.side.given:
+        raise OptionError(
+            f"`shutter` averages frames, which have no one map of {' or '.join(run.side.given)}; leave one of them out."
+        )
+
+
+def _resolve_output(input: str, output: str | None, *, in_place: bool, overwrite: bool) -> str:
+    """Return the path of the output."""
+    if not in_place:
+        if output is None:
+            raise OptionError(f"There is no output for {input}; name one, or give `in_place` for images beside it.")
+        return output
+    if output is not None:
+        raise OptionError(f"`in_place` writes beside the images of {input}; leave the output {output} out.")
+    if overwrite:
+        raise OptionError("`in_place` replaces nothing; leave `overwrite` out.")
+    check_images(input, "`in_place`")
+    return input
+
+
+def _match_vectors(
+    interpolator: Interpolator, name: str, images: NumberedImages | None, factor: Fraction, count: int | None
+) -> tuple[Interpolator, list[str]]:
+    """Match a renderer's vectors to the output's frame numbers if both have numbers; return remarks if they differ."""
+    if images is None or not images.numbers or count is None:
+        return interpolator, []
+    kept = images.numbers_for(factor)
+    if interpolator.needs_every_frame and kept is None and (images.step > 1 or images.fills_gaps):
+        raise OptionError(
+            f"A renderer's motion vectors go by the numbers of {name}, and {factor} times the frames do not fit "
+            f"between those; give `factor={images.step}`."
+        )
+    first, step = kept or (images.first_number + int(images.skipped * factor), 1)
+    numbers = range(first, first + count * step, step)
+
+    def matched(vectors: VectorFolder) -> VectorFolder:
+        vectors = vectors.matched(numbers, must_match=kept is not None)
+        return fit_vectors(vectors, _compared_frames(images, factor)) if factor.denominator == 1 else vectors
+
+    return interpolator.with_vectors(matched)
+
+
+def _compared_frames(images: NumberedImages, factor: Fraction) -> Iterator[tuple[tuple[int, Image], tuple[int, Image]]]:
+    """Yield a pair of frames from the beginning, the middle and the end, each with its number in the output."""
+
+    def frame(index: int) -> tuple[int, Image]:
+        place = images.numbers[index] - images.numbers[0] if images.fills_gaps else int(index * factor)
+        return place, read_image(images.files[index])
+
+    last = len(images.files) - 2
+    for index in sorted({0, last // 2, last} if last >= 0 else ()):
+        yield frame(index), frame(index + 1)
+
+
+def _adapt_audio(encoding: Encoding, stream: StreamInfo, output_rate: OutputRate) -> tuple[Encoding, list[str]]:
+    """Drop the audio of slow motion unless it is to be stretched; return a remark if audio is lost."""
+    if output_rate.slow_motion_sound == "stretch" and not encoding.audio:
+        raise OptionError("`slow_motion_sound='stretch'` and `audio=False` contradict each other; give one of them.")
+    if output_rate.stretch == 1 or not encoding.audio or output_rate.slow_motion_sound == "stretch":
+        return encoding, []
+    video = stream.video
+    has_sound = video is not None and "sound" in video.companions
+    lost = [f"{video.name} has sound, which slow motion leaves out."] if video is not None and has_sound else []
+    return replace(encoding, audio=False, audio_codec=None), lost
