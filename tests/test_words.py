@@ -50,7 +50,8 @@ ENGLISH = words(
     completed conversion convert curved difference duration end every expected extrapolated fill find first for
     forgiving fpsboost full given has held highest in is keep last longest lowest made mapped mean merged most
     multiple must needs neighbours note of opened others out overhead part pause per planned radii reached
-    remaining repeats share shortest side skip slow smallest space start still takes to varies whole with wrote
+    remaining repeats share shortest side skip slow smallest space start still takes to varies whole with without
+    wrote
     """
 )
 """Words of everyday English in names that read as sentences."""
