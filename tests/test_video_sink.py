@@ -579,7 +579,11 @@ def test_matroska_is_too_coarse_for_extreme_rates(tmp_path):
 
 @pytest.mark.parametrize(
     ("width", "given", "wanted"),
-    [(48, (), "none:cutree=0 "), (64, (), "none "), (48, (("x265-params", "rd=2"),), "none:rd=2:cutree=0 ")],
+    [
+        (48, (), "none:info=0:pools=16:cutree=0 "),
+        (64, (), "none:info=0:pools=16 "),
+        (48, (("x265-params", "rd=2"),), "none:info=0:pools=16:rd=2:cutree=0 "),
+    ],
 )
 def test_x265_keeps_within_its_memory(tmp_path, width, given, wanted):
     """What it does in narrow pictures beyond their edge is off there, whatever else it is told."""

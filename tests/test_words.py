@@ -51,7 +51,7 @@ ENGLISH = words(
     first for forgiving fpsboost full given has held highest in is keep last longest lowest made mapped mean merged
     moment most multiple must needs neighbours note of opened others out overhead part past pause per planned
     preceding radii reached remaining repeats share shortest side skip slow smallest space start still takes to
-    varies whole with wrote
+    varies whole with without wrote
     """
 )
 """Words of everyday English in names that read as sentences."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.video.x264 import repeatable_parameters
+from fpsboost.io.video.repeatable import repeatable_parameters
 from fpsboost.motion.block import colour_values, white_of
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField

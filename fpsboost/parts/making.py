@@ -23,6 +23,7 @@ from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.observer import SourceMoment, Summary
 from fpsboost.parts.entry import find_entry
 from fpsboost.parts.manifest import Boundary, Intervals, Manifest, stored
+from fpsboost.parts.self_test import self_test
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import OutputRange
@@ -160,7 +161,8 @@ def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
 def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> dict[str, str]:
     """Return everything that must be the same wherever parts of a job are made.
 
-    These are the content of the input (by size, beginning and end), all options, and the versions of the programs.
+    These are the content of the input (by size, beginning and end), all options, the versions of the programs,
+    and a digest of made frames, which tells whether machines calculate the same.
 
     Raises
     ------
@@ -168,11 +170,14 @@ def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prepa
         The input cannot be read.
     """
     name = clip.whole.info.name
+    with opened_clip(job, run) as again:
+        image = next(iter(again.whole)).image
     with explained(InputError, "read", name, "check that it is still there"):
         return fingerprint_options(
             identify_files,
             fpsboost=__version__,
             libraries=f"PyAV {version('av')}, OpenCV {cv2.__version__}",
+            self_test=self_test(ready.interpolator, image),
             input=identify_files(clip.whole.stream_info.files),
             output_type=ready.target.file_type,
             rate=job.rate,

@@ -13,7 +13,7 @@ from av.codec.context import OptionFlags
 
 from fpsboost.errors import OptionError
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.x264 import repeatable_parameters
+from fpsboost.io.video.repeatable import repeatable_options
 from fpsboost.io.video.ycc import has_alpha
 
 containers = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}
@@ -54,7 +54,6 @@ class Encoder:
 encoders = {
     "h264": Encoder(
         *("libx264", 18, 51, "medium", x26x_presets, "preset"),
-        tuple(("x264-params", each) for each in repeatable_parameters),
         needs_whole_chroma=True,
         lossless=(("qp", "0"),),  # not crf 0, which is lossy beyond 8 bits
     ),
@@ -156,7 +155,8 @@ def choose_encoder(
     _check_pixel_format(codec, encoding.pixel_format)
     options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
     _check_encoder_options(codec, encoding.encoder_options)
-    return encoder, _merged_options(options, encoding.encoder_options)
+    given = {*options, *dict(encoding.encoder_options)}
+    return encoder, _merged_options(options, (*repeatable_options(encoder, given), *encoding.encoder_options))
 
 
 def encodes_alpha(encoding: Encoding, container: str) -> bool:

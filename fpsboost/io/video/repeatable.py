@@ -1,0 +1,69 @@
+"""Options with which an encoder's packets follow from its frames, whatever the machine.
+
+Chunks of one output may be encoded on several machines, and runs are compared by what they have written. By default the
+number of cores decides how many threads an encoder has, and with the number of threads many cut pictures into other
+slices, search motion within other limits, or name the number in the stream.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import cv2
+
+CPU_AVX_512F = 13  # OpenCV's number of the CPU feature, which has no name in Python
+
+repeatable_parameters = ("asm=avx2",) if cv2.checkHardwareSupport(CPU_AVX_512F) else ()
+"""Entries of ``x264-params`` that make x264 repeat itself; empty where none is needed.
+
+With AVX-512, decisions of x264 (core 165) depend on memory next to its tables, so two runs rarely make the same stream.
+"""
+
+ENCODER_THREADS = 8
+"""Threads of an encoder, on any number of cores.
+
+With x264 at 1920x1080, presets veryfast to slow, they take no more processor time on 1, 2 or 4 cores than the number
+that x264 chooses there. On more cores they bound an encoder to 8 of them, more than its share of a conversion. Each
+costs x264 about 20 MB at that size.
+"""
+
+threads_of_encoders = {
+    "libx265": 4,
+    "libvpx": 1,  # it takes no more than there are cores
+    "mjpeg": 1,  # with more it cannot choose the codes of a picture, and files grow by 15 %
+}
+"""Threads of the encoders that have another number than `ENCODER_THREADS`."""
+
+# PyAV asks for threads that share a picture: slices cost bits, and there are more of them with every thread
+_x264_options = (("thread_type", "frame"), *(("x264-params", each) for each in repeatable_parameters))
+
+_further_options = {
+    "libx264": _x264_options,
+    "libx264rgb": _x264_options,
+    # As on 16 cores, where it encodes 4 pictures at once: its lookahead decides differently with a pool of less than 4
+    # threads. Its note of its own options names the features of the processor.
+    "libx265": (("x265-params", "info=0"), ("x265-params", "pools=16")),
+}
+
+_of_svt_at_a_rate = (("svtav1-params", "lp=1"),)  # with more threads it aims at a rate differently in every run
+
+
+def repeatable_options(encoder: str, given: Collection[str] = ()) -> tuple[tuple[str, str], ...]:
+    """Return the options with which an encoder makes the same packets on any number of cores.
+
+    Parameters
+    ----------
+    encoder : str
+        FFmpeg's name.
+    given : collection of str
+        Names of the other options.
+
+    Examples
+    --------
+    >>> repeatable_options("mjpeg")
+    (('threads', '1'),)
+    """
+    threads = threads_of_encoders.get(encoder, ENCODER_THREADS)
+    aims_at_a_rate = not {"b", "maxrate"}.isdisjoint(given)
+    further = _of_svt_at_a_rate if encoder == "libsvtav1" and aims_at_a_rate else _further_options.get(encoder, ())
+    return ("threads", str(threads)), *further

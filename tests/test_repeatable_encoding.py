@@ -1,0 +1,98 @@
+"""Packets follow from frames, whatever the number of cores."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.io.output import Output
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
+from fpsboost.io.video.encoding import choose_encoder
+from fpsboost.io.video.repeatable import ENCODER_THREADS, repeatable_parameters
+from fpsboost.timing.schedule import OutputTiming
+
+RATE = Fraction(25)
+
+
+def packets_of_noise(encoding: Encoding) -> bytes:
+    """Encode twelve small pictures and return extradata and packets, one after the other."""
+    info = ClipInfo("noise", 96, 128, RATE, 1 / RATE, 12)
+    images = np.random.default_rng(0).integers(0, 256, (12, 96, 128, 3), dtype=np.uint8)
+    encoder, options = choose_encoder(encoding, "matroska", "out.mkv")
+    traits = traits_of_image(images[0])
+    output = Output("out.mkv", info, OutputTiming(RATE, Fraction(1, 1000)), encoding=encoding)
+    video = VideoEncoder(output, encoder, options, "matroska", traits)
+    extradata = bytes(video.stream.codec_context.extradata or b"")
+    packets = [each for k, image in enumerate(images) for each in video.encode(Frame(image, k / RATE), 40 * k, 40)]
+    return extradata + b"".join(bytes(each) for each in (*packets, *video.finish()))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "wanted"),
+    [
+        (Encoding("h264"), {"threads": str(ENCODER_THREADS), "thread_type": "frame"}),
+        (Encoding("libx264rgb"), {"threads": str(ENCODER_THREADS), "thread_type": "frame"}),
+        (Encoding("hevc"), {"threads": "4", "x265-params": "log-level=none:info=0:pools=16"}),
+        (Encoding("hevc", lossless=True), {"x265-params": "log-level=none:lossless=1:info=0:pools=16"}),
+        (Encoding("vp9"), {"threads": str(ENCODER_THREADS)}),
+        (Encoding("mjpeg"), {"threads": "1"}),
+        (Encoding("ffv1"), {"threads": str(ENCODER_THREADS)}),
+        (Encoding("av1", bitrate=100_000), {"svtav1-params": "lp=1"}),
+        (Encoding("av1", encoder_options=(("maxrate", "100000"),)), {"svtav1-params": "lp=1"}),
+    ],
+)
+def test_numbers_of_threads_are_given(encoding, wanted):
+    """No encoder is left to choose its own."""
+    _, options = choose_encoder(encoding, "matroska", "out.mkv")
+    assert wanted.items() <= options.items()
+
+
+def test_a_quality_of_av1_needs_no_single_thread():
+    """Only where SVT-AV1 aims at a rate does it depend on its threads."""
+    assert "svtav1-params" not in choose_encoder(Encoding("av1"), "matroska", "out.mkv")[1]
+
+
+def test_options_of_the_user_win():
+    """Their number of threads stays, by either of its names."""
+    own = Encoding("h264", encoder_options=(("threads", "2"), ("thread_type", "slice"), ("x264-params", "ref=2")))
+    _, options = choose_encoder(own, "matroska", "out.mkv")
+    assert (options["threads"], options["thread_type"]) == ("2", "slice")
+    assert options["x264-params"] == ":".join([*repeatable_parameters, "ref=2"])
+    by_parameter = Encoding("h264", preset="ultrafast", encoder_options=(("x264-params", "threads=3"),))
+    assert b" threads=3 " in packets_of_noise(by_parameter)
+
+
+def test_x264_says_what_it_was_given():
+    """The note in the stream names as many threads as anywhere, and no slices."""
+    found = re.search(rb" threads=(\d+) lookahead_threads=\d+ sliced_threads=(\d)", packets_of_noise(Encoding("h264")))
+    assert found is not None
+    assert found.groups() == (b"8", b"0")
+
+
+def test_x265_says_nothing_of_the_processor():
+    """Neither its features nor its cores."""
+    assert b"cpuid" not in packets_of_noise(Encoding("hevc", preset="ultrafast"))
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be taken away here")
+def test_cores_do_not_matter():
+    """A process with one core makes the packets that this one makes."""
+    program = (
+        "import os, sys, hashlib; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
+        "from test_repeatable_encoding import *\n"
+        "for name in sys.argv[1:]: print(hashlib.sha256(packets_of_noise(Encoding(name))).hexdigest())"
+    )
+    names = ["libx264", "libx264rgb", "libvpx-vp9", "mpeg4"]
+    command = [sys.executable, "-c", program, *names]
+    digests = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True).stdout
+    assert digests.split() == [hashlib.sha256(packets_of_noise(Encoding(name))).hexdigest() for name in names]

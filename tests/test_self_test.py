@@ -1,0 +1,133 @@
+"""The digest by which two machines tell whether they compute the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from fpsboost.frame import FrameImage
+from fpsboost.kernels.compiling import told_of_compiling
+from fpsboost.layered import Layer, LayeredImage
+from fpsboost.method_table import configure, methods
+from fpsboost.parts.self_test import self_test
+from fpsboost.synthesis.blend import Blend
+from fpsboost.ycbcr import Coding, YCbCrImage
+
+every_method = pytest.mark.parametrize("method", methods)
+
+
+def in_planes(pixel_format: str, bits: int, chroma: tuple[int, int]) -> YCbCrImage:
+    """Return a small gray image of 4 x 6 pixels in planes."""
+    dtype = np.uint8 if bits == 8 else np.uint16
+    y, cb, cr = (np.full(size, 1 << (bits - 1), dtype) for size in ((4, 6), chroma, chroma))
+    return YCbCrImage((y, cb, cr), Coding(bits, 1, False, "left", pixel_format))
+
+
+def with_layers() -> LayeredImage:
+    """Return a small image with a layer of each kind."""
+    zeros = np.zeros((4, 6), np.float32)
+    layers = (
+        Layer("Z", "depth", {"Z": zeros}),
+        Layer("N", "normals", {f"N.{name}": zeros for name in "XYZ"}),
+        Layer("Light", "linear", {name: zeros.astype(np.float16) for name in "RGB"}),
+        Layer("Object", "nearest", {"Object": zeros.astype(np.uint32)}),
+    )
+    return LayeredImage(np.zeros((4, 6, 3), np.float32), layers)
+
+
+kinds: dict[str, Callable[[], FrameImage]] = {
+    "gray": lambda: np.zeros((4, 6, 1), np.uint8),
+    "gray and alpha": lambda: np.zeros((4, 6, 2), np.uint16),
+    "BGR": lambda: np.zeros((4, 6, 3), np.uint8),
+    "deep": lambda: np.zeros((4, 6, 3), np.uint16),
+    "float": lambda: np.zeros((4, 6, 3), np.float32),
+    "BGRA": lambda: np.zeros((4, 6, 4), np.uint8),
+    "4:2:0": lambda: in_planes("yuv420p", 8, (2, 3)),
+    "4:2:2": lambda: in_planes("yuv422p10le", 10, (4, 3)),
+    "layers": with_layers,
+}
+
+
+@pytest.fixture
+def no_kernel_is_compiled():
+    """No kernel is compiled that `compile_for` has not."""
+    compiled: list[bool] = []
+    with told_of_compiling(lambda: compiled.append(True)):
+        yield
+    assert not compiled
+
+
+@every_method
+def test_a_digest_repeats_itself(method, request):
+    """Twice the same, with no kernel but those of `compile_for`, and the image stays as it is."""
+    image = np.full((2, 3, 3), 7, np.uint8)
+    methods[method].compile_for(image)
+    request.getfixturevalue("no_kernel_is_compiled")
+    first = self_test(methods[method], image)
+    assert first == self_test(methods[method], np.zeros((9, 5, 3), np.uint8))
+    assert len(first) == 64
+    assert (image == 7).all()
+
+
+def test_another_method_has_another_digest():
+    """Methods, and parameters of one; but not two forms of the same search."""
+    image = np.zeros((4, 6, 3), np.uint8)
+    digests = {name: self_test(each, image) for name, each in methods.items() if name != "nlm-passes"}
+    assert len(set(digests.values())) == len(digests)
+    larger = configure(methods["nlm"], "nlm", {"patch_radius": 3})
+    assert self_test(larger, image) not in digests.values()
+
+
+@pytest.mark.parametrize("method", ["nlm", "nlm-fast", "blend"])
+def test_every_kind_of_image_has_its_digest(method):
+    """Types, channels, planes and layers; none is like another one."""
+    digests = [self_test(methods[method], make()) for make in kinds.values()]
+    assert len(set(digests)) == len(kinds)
+
+
+def test_layers_belong_to_it():
+    """Two images that differ in the kind of a layer."""
+    image = with_layers()
+    other = replace(image, layers=(replace(image.layers[0], kind="linear"), *image.layers[1:]))
+    assert self_test(methods["blend"], image) != self_test(methods["blend"], other)
+
+
+@pytest.mark.parametrize("method", ["nlm", "farneback-warp"])
+def test_motion_is_followed(method):
+    """The clip is one scene: blending at cuts makes no difference."""
+    image = np.zeros((4, 6, 3), np.uint8)
+    blended = replace(methods[method], at_cuts="blend")
+    assert self_test(blended, image) == self_test(methods[method], image)
+
+
+@pytest.mark.parametrize("method", ["nlm", "dis", "farneback"])
+def test_threads_do_not_matter(method):
+    """With one thread OpenCV makes what it makes with four."""
+    image = np.zeros((4, 6, 3), np.uint8)
+    before = cv2.getNumThreads()
+    try:
+        digests = set()
+        for threads in (1, 4):
+            cv2.setNumThreads(threads)
+            digests.add(self_test(methods[method], image))
+    finally:
+        cv2.setNumThreads(before)
+    assert len(digests) == 1
+
+
+def test_one_bit_is_noticed(monkeypatch):
+    """A sample that is off by one changes the digest."""
+    image, original = np.zeros((4, 6, 3), np.uint8), Blend.synthesize
+
+    def off_by_one(self, pair, times):
+        for made in original(self, pair, times):
+            made[3, 5, 0] ^= 1
+            yield made
+
+    expected = self_test(methods["blend"], image)
+    monkeypatch.setattr(Blend, "synthesize", off_by_one)
+    assert self_test(methods["blend"], image) != expected
