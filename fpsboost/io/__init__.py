@@ -7,7 +7,8 @@ video file, an animation, a folder of images, a pattern of images (``shot_%04d.p
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
@@ -116,6 +117,31 @@ class TakesSideData(Protocol):
     """Whether frames that are made are to have their confidence."""
     needs_motion: bool
     """Whether frames are to have the motion between the frames of the source around them."""
+
+
+@runtime_checkable
+class RandomAccess(Protocol):
+    """Contract: source that knows when its frames are shown without decoding them, and can begin at any of them."""
+
+    def frame_times(self) -> Sequence[Fraction] | None:
+        """Return the times of all frames in order, seconds; None if only decoding tells. Before the first is read.
+
+        They are exactly those that iterating yields: iterating raises `InputError` at a frame that has another time.
+        """
+        ...
+
+    def begin_at(self, number: int) -> None:
+        """Begin reading at a frame, counted from 0. Before the first is read.
+
+        Images, times and durations are those of reading from the start, bit by bit. Where that cannot be had without
+        decoding the frames before, they are decoded and dropped, and a remark says why.
+
+        Raises
+        ------
+        InputError
+            There is no such frame, as far as that is known; otherwise while iterating.
+        """
+        ...
 
 
 @runtime_checkable
