@@ -16,7 +16,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.observer import SilentObserver, Summary
-from fpsboost.parts.making import plan_part
+from fpsboost.parts.making import plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, exposed, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import OutputRange, run_conversion
@@ -121,8 +121,10 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             threads = limit.affordable_threads(info.width, info.height, available_cores(), planes)
         observer = run.observer or SilentObserver()
         expected = count_frames(ready.base_schedule, info, sink.holds_last_frame)
-        observer.opened(info, expected if part is None else part.expected_frames(expected))
+        observer.opened(info, expected if part is None else part.output.frames)
         with sink:
+            if part is not None:
+                share_index(clip, part.output.folder.parent)
             there = sink.completed_frames if isinstance(sink, Resumable) else 0
             if part is not None and part.is_empty:
                 summary = Summary()

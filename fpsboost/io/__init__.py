@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo, Frame
     from fpsboost.io.stream_info import StreamInfo
+    from fpsboost.io.video.frame_index import FrameIndex
 
 
 class FrameSource(Protocol):
@@ -124,17 +125,37 @@ class RandomAccess(Protocol):
     """Contract: source that knows when its frames are shown without decoding them, and can begin at any of them."""
 
     def frame_times(self) -> Sequence[Fraction] | None:
-        """Return the times of all frames in order, as iterating yields them, seconds; None if only decoding tells.
+        """Return the times of all frames in order, seconds; None if only decoding tells. Before the first is read.
 
-        Must be called before the first frame is read.
+        They are exactly those that iterating yields: iterating raises `InputError` at a frame that has another time.
         """
         ...
 
     def begin_at(self, number: int) -> None:
-        """Begin reading at a frame, counted from 0; must be called before the first frame is read.
+        """Begin reading at a frame, counted from 0. Before the first is read.
 
-        It and all that follow are the same as if read from the start.
+        Images, times and durations are those of reading from the start, bit by bit. Where that cannot be had without
+        decoding the frames before, they are decoded and dropped, and a remark says why.
+
+        Raises
+        ------
+        InputError
+            There is no such frame, as far as that is known; otherwise while iterating.
         """
+        ...
+
+
+@runtime_checkable
+class SharesIndex(Protocol):
+    """Contract: source that reads a file to list its frames, and can take that list from another source of the file."""
+
+    @property
+    def frame_index(self) -> FrameIndex | None:
+        """The list; None if there is none, or `RandomAccess.frame_times` was not called yet."""
+        ...
+
+    def take_index(self, index: FrameIndex) -> None:
+        """Take the list of a source of the same file; must be called before `RandomAccess.frame_times`."""
         ...
 
 

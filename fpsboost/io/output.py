@@ -25,12 +25,15 @@ class OutputPart:
         Appears when the part is complete.
     first : int
         Number of its first frame, counted from 0, among those of the whole output.
+    frames : int or None
+        Number of its frames, as far as it is known.
     complete : callable
         Called with the folder of the finished files before it gets its final name, to add what describes them.
     """
 
     folder: Path
     first: int
+    frames: int | None
     complete: Callable[[Path], None]
 
 

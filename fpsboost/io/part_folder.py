@@ -11,6 +11,8 @@ from fpsboost.io.output import Output
 from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place, sync
 
 REPLACED = "replaced"
+INDEX_NAME = ".index.npz"
+"""File in the folder of all parts with the list of the input's frames."""
 
 
 class PartFolder:
@@ -38,7 +40,7 @@ class PartFolder:
 
     def __init__(self, output: Output) -> None:
         assert output.part is not None
-        self._part, self._frames_expected = output.part, output.expected_frames
+        self._part = output.part
         folder = output.part.folder
         self.name = str(folder)
         self._staging = StagingDirectory(hidden_place(folder.parent, folder.name), "output", self.name, output.job)
@@ -95,12 +97,16 @@ class PartFolder:
         frames : int
             Number of finished frames.
         """
-        self._staging.leave(error, frames, self._frames_expected)
+        self._staging.leave(error, frames, self._part.frames)
         self._remove_parent()
 
     def _remove_parent(self) -> None:
+        """Remove the folder of all parts if it holds none."""
+        parent = self._part.folder.parent
         with suppress(OSError):
-            self._part.folder.parent.rmdir()  # fails unless it is empty
+            if os.listdir(parent) == [INDEX_NAME]:
+                (parent / INDEX_NAME).unlink()
+            parent.rmdir()  # fails unless it is empty
 
 
 def part_files(folder: Path) -> list[Path]:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, overload, runtime_checkable
 
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.io import ClosesOnExit, FrameSource
+from fpsboost.io import ClosesOnExit, FrameSource, RandomAccess, SharesIndex
+from fpsboost.timing.position import Position
 from fpsboost.timing.trim import Trim
+
+if TYPE_CHECKING:
+    from fpsboost.io.video.frame_index import FrameIndex
 
 TIME_TOLERANCE = Fraction(1, 1000)
 """Maximum seconds by which a clock that counts in milliseconds puts a frame before its position."""
@@ -33,7 +38,7 @@ class Window:
     origin : Fraction
         Time of the clip's first frame.
     skipped : int
-        Number of frames before the part that were read.
+        Number of frames before the part that were read, or that reading it has left out by their times.
     stretch : Fraction
         Duration in the output as a multiple of that in the clip.
     """
@@ -108,6 +113,40 @@ def beginning(source: FrameSource) -> SourcePosition:
     return source.beginning if isinstance(source, HasBeginning) else SourcePosition(0, Fraction(0))
 
 
+class TimesOfPart(Sequence[Fraction]):
+    """Times of a part of a clip, which count from its first frame and are made when they are asked for.
+
+    Parameters
+    ----------
+    times : sequence of Fraction
+        Times of all frames of the clip, seconds.
+    first, last : int
+        Number of the part's first frame, and of the one after its last.
+
+    Examples
+    --------
+    >>> list(TimesOfPart([Fraction(3), Fraction(4), Fraction(6)], 1, 3))
+    [Fraction(0, 1), Fraction(2, 1)]
+    """
+
+    def __init__(self, times: Sequence[Fraction], first: int, last: int) -> None:
+        self._times, self._numbers = times, range(first, max(first, last))
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, index: int) -> Fraction: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Fraction]: ...
+
+    def __getitem__(self, index: int | slice) -> Fraction | list[Fraction]:
+        if isinstance(index, slice):
+            return [self[number] for number in range(len(self))[index]]
+        return self._times[self._numbers[index]] - self._times[self._numbers[0]]
+
+
 class TrimmedSource(ClosesOnExit):
     """Source of the frames that lie in a part of another source; the first one has time 0.
 
@@ -143,6 +182,9 @@ class TrimmedSource(ClosesOnExit):
         planned_end = None if end is None else origin + end
         self._rounding = min(source.info.time_base, TIME_TOLERANCE)
         self._is_cut_short = False
+        self._first = self._dropped = 0
+        self._begun = False
+        self._own_remarks: list[str] = []
         self.window = Window(
             origin + begin, None if counts_frames else planned_end, planned_end, origin, stretch=stretch
         )
@@ -153,7 +195,7 @@ class TrimmedSource(ClosesOnExit):
 
     @property
     def remarks(self) -> list[str]:
-        return self._source.remarks
+        return [*self._own_remarks, *self._source.remarks]
 
     @property
     def beginning(self) -> SourcePosition:
@@ -168,12 +210,64 @@ class TrimmedSource(ClosesOnExit):
     def close(self) -> None:
         self._source.close()
 
+    def frame_times(self) -> Sequence[Fraction] | None:
+        """See `fpsboost.io.RandomAccess.frame_times`; None, too, for a source that knows no times of frames."""
+        times = self._source.frame_times() if isinstance(self._source, RandomAccess) else None
+        if times is None:
+            return None
+        start, end = self._trim.start, self._trim.end
+        first = 0 if start is None else self._first_at(times, start)
+        return TimesOfPart(times, first, len(times) if end is None else self._first_at(times, end))
+
+    @property
+    def frame_index(self) -> FrameIndex | None:
+        """See `fpsboost.io.SharesIndex.frame_index`."""
+        return self._source.frame_index if isinstance(self._source, SharesIndex) else None
+
+    def take_index(self, index: FrameIndex) -> None:
+        """See `fpsboost.io.SharesIndex.take_index`."""
+        if isinstance(self._source, SharesIndex):
+            self._source.take_index(index)
+
+    def begin_at(self, number: int) -> None:
+        """See `fpsboost.io.RandomAccess.begin_at`; fills `window` as far as the times of frames tell it.
+
+        Raises
+        ------
+        InputError
+            There is no such frame.
+        """
+        times = self._source.frame_times() if isinstance(self._source, RandomAccess) else None
+        if times is None or not isinstance(self._source, RandomAccess):
+            self._dropped = number
+            if number:
+                self._own_remarks.append(
+                    f"{self.info.name} was read from where the range begins, because the times of its frames are known "
+                    "only by decoding them."
+                )
+            return
+        part = self.frame_times()
+        assert part is not None
+        if number >= len(part):
+            raise InputError(f"The range of {self.info.name} has {len(part)} frames, and none has the number {number}.")
+        first = 0 if self._trim.start is None else self._first_at(times, self._trim.start)
+        self._source.begin_at(first + number)
+        self._first, self._begun = first + number, True
+        self.window.origin, self.window.begin, self.window.skipped = times[0], times[first], first
+
+    def _first_at(self, times: Sequence[Fraction], place: Position) -> int:
+        """Return the number of the first frame at or after a position, of frames at these times."""
+        numbers = range(len(times))
+        return bisect_left(
+            numbers, True, key=lambda number: place.is_reached(number, times[number] - times[0] + self._rounding)
+        )
+
     def __iter__(self) -> Iterator[Frame]:
         last: Frame | None = None
-        for frame in self._trimmed_frames():
+        for number, frame in enumerate(self._trimmed_frames(), -self._dropped):
             if last is not None:
                 yield replace(last, time=last.time - self.window.begin)
-            last = frame
+            last = frame if number >= 0 else None
         if last is None:
             raise InputError(
                 f"{self._source.info.name} has ended where `start={self._trim.start}` would be; name an earlier one."
@@ -186,10 +280,10 @@ class TrimmedSource(ClosesOnExit):
     def _trimmed_frames(self) -> Iterator[Frame]:
         """Yield the frames of the part at their times in the clip."""
         start, end, window = self._trim.start, self._trim.end, self.window
-        if start is not None and self._may_skip and isinstance(self._source, Seekable):
+        if start is not None and not self._begun and self._may_skip and isinstance(self._source, Seekable):
             self._source.skip_to(window.begin - self._rounding)
-        begun = False
-        for number, frame in enumerate(self._source):
+        begun = self._begun
+        for number, frame in enumerate(self._source, self._first):
             if number == 0 and not isinstance(self._source, Seekable):
                 window.origin = frame.time
             seconds = frame.time - window.origin + self._rounding

@@ -14,14 +14,15 @@ import cv2
 from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import Frame
-from fpsboost.io import RandomAccess
+from fpsboost.io import FrameSource, RandomAccess, SharesIndex
 from fpsboost.io.output import OutputPart
 from fpsboost.io.part import Part, part_folder
-from fpsboost.io.part_folder import part_files
+from fpsboost.io.part_folder import INDEX_NAME, part_files
 from fpsboost.io.staging import fingerprint_options, identify_files
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.observer import SourceMoment, Summary
 from fpsboost.parts.entry import find_entry
+from fpsboost.parts.index_file import read_index, write_index
 from fpsboost.parts.manifest import Boundary, Intervals, Manifest, stored
 from fpsboost.parts.self_test import self_test
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip
@@ -59,11 +60,6 @@ class PartPlan:
         """Whether there are more parts than chunks, so that this one has no frames."""
         return self.outputs.first == self.outputs.stop
 
-    def expected_frames(self, total: int | None) -> int | None:
-        """Return the number of its frames, if the number of all of them is known."""
-        stop = total if self.outputs.stop is None else self.outputs.stop
-        return None if stop is None else max(0, stop - self.outputs.first)
-
 
 def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> PartPlan:
     """Choose the output frames of a part, and begin to read the source where it needs to be read for them.
@@ -89,8 +85,8 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     ready.target.check_parts()
     if not clip.whole.stream_info.files:
         raise OptionError("`chunk` reads a part of a file, and standard input is none; name a file.")
-    source = clip.source
-    times = source.frame_times() if isinstance(source, RandomAccess) else None
+    source, folder = clip.source, part_folder(ready.target.path, run.chunk)
+    times = frame_times(clip, folder.parent)
     total = count_outputs(job, clip, ready, times)
     if total is None:
         raise OptionError(
@@ -102,7 +98,8 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     def complete(folder: Path) -> None:
         manifest_of(plan, job, run, clip, ready, folder).write(folder)
 
-    plan = PartPlan(run.chunk, outputs, OutputPart(part_folder(ready.target.path, run.chunk), outputs.first, complete))
+    frames = (total if outputs.stop is None else outputs.stop) - outputs.first
+    plan = PartPlan(run.chunk, outputs, OutputPart(folder, outputs.first, frames, complete))
     if outputs.first == 0 or plan.is_empty:
         return plan
     if times is None or not isinstance(source, RandomAccess):
@@ -117,6 +114,7 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     def read_from(number: int) -> Iterator[Iterator[Frame]]:
         with opened_clip(job, run) as again:
             assert isinstance(again.source, RandomAccess)
+            hand_over_index(source, again.source)
             again.source.begin_at(number)
             yield iter(again.source)
 
@@ -124,6 +122,36 @@ def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prep
     source.begin_at(entry.number)
     plan.outputs = replace(outputs, entry=entry)
     return plan
+
+
+def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
+    """Return the times of all frames, from the list in the folder of all parts if it is there; None if none tells."""
+    source = clip.source
+    if not isinstance(source, RandomAccess):
+        return None
+    if isinstance(source, SharesIndex) and (folder / INDEX_NAME).exists():
+        index = read_index(folder, _identity(clip))
+        if index is not None:
+            source.take_index(index)
+    return source.frame_times()
+
+
+def share_index(clip: OpenedClip, folder: Path) -> None:
+    """Leave the list of frames for other parts in the folder of all parts, if it was read from the whole file."""
+    source = clip.source
+    if isinstance(source, SharesIndex) and source.frame_index is not None:
+        write_index(folder, _identity(clip), source.frame_index)
+
+
+def hand_over_index(source: FrameSource, other: FrameSource) -> None:
+    """Give the list of frames of a source to another one of the same file."""
+    if isinstance(source, SharesIndex) and isinstance(other, SharesIndex) and source.frame_index is not None:
+        other.take_index(source.frame_index)
+
+
+def _identity(clip: OpenedClip) -> str:
+    with explained(InputError, "read", clip.whole.info.name, "check that it is still there"):
+        return identify_files(clip.whole.stream_info.files)
 
 
 def count_outputs(
@@ -178,7 +206,7 @@ def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prepa
             fpsboost=__version__,
             libraries=f"PyAV {version('av')}, OpenCV {cv2.__version__}",
             self_test=self_test(ready.interpolator, image),
-            input=identify_files(clip.whole.stream_info.files),
+            input=_identity(clip),
             output_type=ready.target.file_type,
             rate=job.rate,
             method=job.method,

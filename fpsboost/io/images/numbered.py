@@ -123,6 +123,7 @@ class ImageSource(ClosesOnExit):
         numbers = list(found.numbers)
         self._places = [number - numbers[0] for number in numbers] if fill_gaps else range(len(found.files))
         self._begins = Fraction(0)
+        self._first = 0
         if found.files[0].suffix.lower() not in IMAGE_SUFFIXES:
             raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
         self._upright, self._linear, self._view, self._limit = upright, linear, view, limit or MemoryLimit()
@@ -192,17 +193,40 @@ class ImageSource(ClosesOnExit):
 
     def __iter__(self) -> Iterator[Frame]:
         first = None
-        for place, path in zip(self._places, self.images.files, strict=True):
+        numbers = range(len(self.images.files))
+        for number in [*numbers[: min(self._first, 1)], *numbers[self._first :]]:  # the first one is the measure of all
+            path = self.images.files[number]
             image = self._decoded(path, content_of(path))
             if first is None:
                 first = image
+            if number < self._first:
+                continue
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
                     f"{path} ({describe(image)}) is unlike {self.images.files[0]} ({describe(first)}); "
                     "make all images one size and type."
                 )
             original = None if self._upright else ImageFile(path)
-            yield Frame(image, (place - self._places[0]) / self.info.rate, 1 / self.info.rate, original)
+            yield Frame(image, self._time_of(number), 1 / self.info.rate, original)
+
+    def frame_times(self) -> Sequence[Fraction]:
+        """See `fpsboost.io.RandomAccess.frame_times`."""
+        return [self._time_of(number) for number in range(len(self._places))]
+
+    def begin_at(self, number: int) -> None:
+        """See `fpsboost.io.RandomAccess.begin_at`; of the images before, only the first one is read.
+
+        Raises
+        ------
+        InputError
+            There is no such image.
+        """
+        if number >= len(self.images.files):
+            raise InputError(f"{self.info.name} has {len(self.images.files)} images, and none has the number {number}.")
+        self._first = number
+
+    def _time_of(self, number: int) -> Fraction:
+        return (self._places[number] - self._places[0]) / self.info.rate
 
     def _decoded(self, path: Path, data: bytes) -> Image | LayeredImage:
         if self._passes is not None and self._passes.layers:

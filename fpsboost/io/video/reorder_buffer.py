@@ -33,9 +33,15 @@ class ReorderBuffer(Generic[P]):
     interval : float
         Usual picture interval, ticks. If sorted times are closer than half of it, they were not interchanged but
         damaged, and are left unchanged.
+
+    Attributes
+    ----------
+    has_interchanged : bool
+        Whether pictures have come with interchanged times.
     """
 
     def __init__(self, interval: float) -> None:
+        self.has_interchanged = False
         self._interval = interval
         self._owed: Counter[int] = Counter()
         self._waiting: list[P] = []
@@ -70,6 +76,7 @@ class ReorderBuffer(Generic[P]):
         ready, self._waiting = self._waiting, []
         times = [picture.pts for picture in ready if picture.pts is not None]
         rising = sorted(times)
+        self.has_interchanged |= times != rising
         if times != rising and self._are_plausible(rising):
             following = iter(rising)
             for picture in ready:

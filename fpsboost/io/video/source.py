@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,7 +27,9 @@ from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.stream_info import StreamInfo, VideoFile
 from fpsboost.io.video.damage import Damage, counted
 from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.entry_points import can_begin
 from fpsboost.io.video.fields import frames_of_fields
+from fpsboost.io.video.frame_index import INDEXED, EntryPoint, FrameIndex, TickTimes, UnindexedError, read_index
 from fpsboost.io.video.frame_times import in_rising_order
 from fpsboost.io.video.nominal_rate import (
     as_fraction,
@@ -39,7 +41,7 @@ from fpsboost.io.video.nominal_rate import (
 from fpsboost.io.video.orientation import is_on_its_side, turned_upright
 from fpsboost.io.video.packets import read_packets
 from fpsboost.io.video.planes import coding_of, in_planes
-from fpsboost.io.video.reorder_buffer import ReorderBuffer
+from fpsboost.io.video.reorder_buffer import MAX_REORDERED, ReorderBuffer
 from fpsboost.io.video.size_change import FormatUnifier
 from fpsboost.io.video.stream_choice import choose_video, left_out_remarks
 from fpsboost.io.video.survey import survey
@@ -53,9 +55,9 @@ from fpsboost.io.video.unsupported import (
 from fpsboost.io.video.ycc import has_alpha, to_bgr, to_bgra
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
-SEEKABLE = ("matroska", "mov")
-"""Containers whose index says which frames decoding can begin at."""
 STEPS_BACK = (0, 1, 10)
+CHECKED_PICTURES = 2 * MAX_REORDERED
+"""Number of pictures, from the first, that an index is compared with before it is believed."""
 decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
@@ -130,6 +132,9 @@ class VideoSource(ClosesOnExit):
         self._unifier: FormatUnifier | None = None
         self._furthest = self._last_packet = Fraction(0)
         self._ahead: list[av.VideoFrame] = []
+        self._index: FrameIndex | None = None
+        self._unindexed: str | None = None
+        self._first = self._dropped = 0
         self.start = clocks.start
         self._ticks = tick or 1 / self._rate
         self.coded_rate = self._rate
@@ -208,6 +213,8 @@ class VideoSource(ClosesOnExit):
     def first_time(self) -> Fraction:
         """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
         assert self.traits is not None
+        if not self._ahead:  # begun again since
+            self._ahead.append(next(self._progressive))
         picture = self._ahead[0]
         return Fraction(0) if picture.pts is None else self._time_of(picture)
 
@@ -222,7 +229,7 @@ class VideoSource(ClosesOnExit):
             Nothing decodes.
         """
         first = self.first_time()
-        seekable = self._container.format.name.startswith(SEEKABLE) and not self._decoding.deinterlace
+        seekable = self._container.format.name.startswith(INDEXED) and not self._decoding.deinterlace
         if time <= first or not seekable or self._ahead[0].pts is None:
             return
         for earlier in STEPS_BACK:  # some indexes count decoding times, which come before those of showing
@@ -242,10 +249,130 @@ class VideoSource(ClosesOnExit):
         self._begin()
         return next(self._progressive, None)
 
+    def frame_times(self) -> Sequence[Fraction] | None:
+        """See `fpsboost.io.RandomAccess.frame_times`; reads all packets, and decodes the first frames.
+
+        Raises
+        ------
+        InputError
+            Nothing decodes.
+        """
+        if self._index is None and self._unindexed is None:
+            try:
+                self._index = self._checked_index()
+            except UnindexedError as reason:
+                self._unindexed = str(reason)
+        return None if self._index is None else TickTimes(self._index.ticks, self._ticks, self.start)
+
+    @property
+    def frame_index(self) -> FrameIndex | None:
+        """See `fpsboost.io.SharesIndex.frame_index`."""
+        return self._index
+
+    def take_index(self, index: FrameIndex) -> None:
+        """See `fpsboost.io.SharesIndex.take_index`."""
+        self._index = index
+
+    def begin_at(self, number: int) -> None:
+        """See `fpsboost.io.RandomAccess.begin_at`; decodes from the key frame before.
+
+        Raises
+        ------
+        InputError
+            Nothing decodes, or there is no such frame.
+        """
+        times = self.frame_times()
+        if times is not None and number >= len(times):
+            raise InputError(f"{self._name} has {counted(len(times), 'frame')}, and none has the number {number}.")
+        if number == 0:
+            return
+        if self._index is not None:
+            points = self._index.entry_points_before(number)
+            for point in [points[step] for step in STEPS_BACK if step < len(points) and points[step].number > 0]:
+                if self._can_begin_at(point) and self._decode_up_to(number, point):
+                    self._first = number
+                    return
+            is_short = bool(points) and points[0].number == 0
+            reason = None if is_short else "decoding cannot begin at the key frames before"
+        else:
+            reason = self._unindexed
+        self._reopen()
+        self._dropped = number
+        if reason is not None:
+            self._remarks.append(f"{self._name} was read from its beginning, because {reason}.")
+
+    def _checked_index(self) -> FrameIndex:
+        """Return the index of the frames, of which the first ones have been compared with their pictures."""
+        assert self.traits is not None
+        if not self._container.format.name.startswith(INDEXED):
+            raise UnindexedError("its container has no index of frames")
+        if self._decoding.deinterlace:
+            raise UnindexedError("its packets tell nothing of fields")
+        with open_video(self.path, self._name) as file:
+            index = read_index(file, self._stream.index)
+        pictures = list(islice((picture.pts for picture in self._in_order()), CHECKED_PICTURES))
+        is_right = pictures == index.ticks[:CHECKED_PICTURES].tolist() and not self._is_off_index()
+        self._reopen()
+        if not is_right:
+            raise UnindexedError("its packets and its pictures have different times")
+        return index
+
+    def _is_off_index(self) -> bool:
+        """Return whether what was decoded so far shows that packets and pictures do not correspond."""
+        has_interchanged = self._buffer is not None and self._buffer.has_interchanged
+        return has_interchanged or self._damage != Damage(corrupt=self._damage.corrupt)
+
+    def _can_begin_at(self, point: EntryPoint) -> bool:
+        """Return whether seeking leads to a key frame, after which nothing hangs on what is before."""
+        packet = self._packet_after_seek(point)
+        return packet is not None and can_begin(self._stream, packet)
+
+    def _packet_after_seek(self, point: EntryPoint) -> av.Packet[Any] | None:
+        """Seek to an entry point, and return its packet; None if its container's index leads elsewhere."""
+        for time in (point.pts, point.dts):  # indexes count either
+            if time is None:
+                continue
+            try:
+                self._container.seek(time, stream=self._stream, backward=True)
+                packet = next((packet for packet in self._container.demux(self._stream) if packet.size), None)
+                if packet is not None and packet.pts == point.pts:
+                    self._container.seek(time, stream=self._stream, backward=True)
+                    return packet
+            except av.error.FFmpegError:
+                continue
+        return None
+
+    def _decode_up_to(self, number: int, point: EntryPoint) -> bool:
+        """Decode from an entry point, where the file is, up to a frame; return whether the pictures are those listed.
+
+        Pictures before the entry point's are left out: they hang on what is before.
+        """
+        assert self._index is not None
+        self._begin()  # nothing has been read since the seek
+        ticks = self._index.ticks
+        expected = point.number
+        for picture in self._pictures:
+            if picture.pts is not None and picture.pts < ticks[point.number]:
+                continue
+            if picture.pts != ticks[expected] or picture.is_corrupt or self._is_off_index():
+                return False
+            if expected == number:
+                self._ahead = [picture]
+                self._count_from(picture)
+                return True
+            expected += 1
+        return False
+
+    def _count_from(self, picture: av.VideoFrame) -> None:
+        """Count damage and interlaced pictures from a picture on, as if the ones before had not been decoded."""
+        self._damage.corrupt = 0
+        self._decoded, self._flagged_interlaced = 1, int(picture.interlaced_frame)
+
     def _begin(self) -> None:
         """Decode from where the file is, and count what is wrong from there on."""
         self._damage = Damage()
         self._decoded = self._flagged_interlaced = 0
+        self._buffer: ReorderBuffer[av.VideoFrame] | None = None
         self._pictures = self._decode()
         fields = self._decoding.deinterlace
         self._progressive = frames_of_fields(self._pictures, self._ticks, self._name) if fields else self._pictures
@@ -270,12 +397,15 @@ class VideoSource(ClosesOnExit):
         matrix = self.traits.display_matrix
         coding = coding_of(self.traits) if self._keeps_planes else None
         last: Frame | None = None
-        count = 0
+        count = self._first
         try:
             for picture, time in in_rising_order(self._timed(), 1 / self._rate, self._info.time_base, self._damage):
                 if last is not None:
                     yield last
+                self._compare_with_index(count, time)
                 count += 1
+                if count <= self._dropped:
+                    continue
                 duration = self._duration_of(picture)
                 if coding is not None:
                     last = Frame(in_planes(picture, coding), time, duration, picture)
@@ -283,16 +413,30 @@ class VideoSource(ClosesOnExit):
                     last = Frame(turned_upright(self._convert(picture), matrix), time, duration)
                 else:
                     last = Frame(self._convert(picture), time, duration, picture)
-            assert last is not None  # `traits` has found a frame, and the first one is never left out
+            if last is None:  # `traits` has found a frame, and the first one is never left out
+                raise InputError(f"{self._name} has ended before frame {self._dropped}; begin at an earlier one.")
+            self._compare_with_index(count, None)
             yield replace(last, duration=self._last_duration(last))
         finally:  # also where not all of the clip was asked for
             self._conclude(count)
         self._compare_with_header(last.time + last.duration, count)
 
+    def _compare_with_index(self, number: int, time: Fraction | None) -> None:
+        """Raise `InputError` if a frame, or that there is none, is not what `frame_times` has promised."""
+        if self._index is None:
+            return
+        ticks = self._index.ticks
+        listed = None if number == len(ticks) else int(ticks[number]) * self._ticks - self.start
+        if time != listed:
+            raise InputError(
+                f"{self._name} is damaged: its frame {number} is not at the time that its packets promise; convert it "
+                "whole, in one run."
+            )
+
     def _timed(self) -> Iterator[tuple[av.VideoFrame, Fraction]]:
         """Yield the pictures, all alike, with the times that the file gives them."""
         end: Fraction | None = None
-        for number, decoded in enumerate(self._in_order()):
+        for number, decoded in enumerate(self._in_order(), self._first):
             picture = self._unified(decoded, number)
             time = self._time_of(picture, end)
             end = time + self._duration_of(picture)
@@ -317,6 +461,7 @@ class VideoSource(ClosesOnExit):
         decoder = self._stream.codec_context if seeing is None else seeing
         lost_alpha = lost_alpha_remark(self._name)
         buffer = ReorderBuffer[av.VideoFrame](float(1 / self._rate / self._ticks)) if decoder.codec.reorder else None
+        self._buffer = buffer
         for packet in chain(self._packets(), [None]):
             if packet is not None and seeing is None and lost_alpha not in self._remarks:
                 self._remarks += [lost_alpha] * self._has_hidden_alpha(packet)
@@ -332,12 +477,16 @@ class VideoSource(ClosesOnExit):
             for picture in pictures:
                 if picture.time_base is None:  # of the last ones, which no packet brought out
                     picture.time_base = self._ticks
-                self._damage.corrupt += picture.is_corrupt
-                self._decoded += 1
-                self._flagged_interlaced += picture.interlaced_frame
-                yield from [picture] if buffer is None else buffer.push(picture)
+                yield from self._counted([picture] if buffer is None else buffer.push(picture))
         if buffer is not None:
-            yield from buffer.flush()
+            yield from self._counted(buffer.flush())
+
+    def _counted(self, pictures: list[av.VideoFrame]) -> Iterator[av.VideoFrame]:
+        for picture in pictures:
+            self._damage.corrupt += picture.is_corrupt
+            self._decoded += 1
+            self._flagged_interlaced += picture.interlaced_frame
+            yield picture
 
     def _decoder_of_hidden_alpha(self) -> av.VideoCodecContext | None:
         """Return a decoder for VP8/VP9 alpha, which FFmpeg's native decoders ignore; None if not needed."""

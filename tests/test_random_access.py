@@ -1,0 +1,235 @@
+"""Beginning in the middle: the same frames, bit by bit, as reading from the start."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from video_truth import samples_of, spoil_packets, write_clip
+
+from fpsboost.errors import InputError
+from fpsboost.frame import Frame
+from fpsboost.io import FrameSource, RandomAccess
+from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.trim import TrimmedSource, beginning
+from fpsboost.io.video.capture import ArraySource
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.frame_index import TickTimes
+from fpsboost.io.video.source import VideoSource
+from fpsboost.timing.position import parse_position
+from fpsboost.timing.trim import Trim
+
+FAST = {"preset": "ultrafast"}
+B_FRAMES = {**FAST, "bf": "2", "g": "6", "sc_threshold": "0"}
+OPEN_GROUPS = {
+    "preset": "veryfast",
+    "bf": "3",
+    "g": "6",
+    "sc_threshold": "0",
+    "x264-params": "open-gop=1:b-pyramid=normal",
+}
+REFRESHED = {"preset": "veryfast", "g": "8", "sc_threshold": "0", "x264-params": "intra-refresh=1"}
+X265 = "log-level=none:keyint=6:min-keyint=6:bframes=3:frame-threads=1:pools=1"
+LATER = {"auto-alt-ref": "1", "lag-in-frames": "16", "g": "8", "b": "200k", "deadline": "realtime", "cpu-used": "8"}
+CODECS: dict[str, dict[str, Any]] = {
+    "B-frames.mp4": {"options": B_FRAMES},
+    "B-frames.mov": {"options": B_FRAMES},
+    "B-frames.mkv": {"options": B_FRAMES},
+    "open groups.mp4": {"options": OPEN_GROUPS},
+    "open groups.mkv": {"options": OPEN_GROUPS},
+    "hevc.mp4": {"codec": "libx265", "options": {**FAST, "x265-params": X265}},
+    "hevc.mkv": {"codec": "libx265", "options": {**FAST, "x265-params": X265}},
+    "vp8.webm": {"codec": "libvpx", "options": LATER},
+    "vp9.webm": {"codec": "libvpx-vp9", "options": LATER},
+    "vp9.mp4": {"codec": "libvpx-vp9", "options": LATER},
+    "av1.mkv": {"codec": "libsvtav1", "options": {"preset": "12", "g": "8", "svtav1-params": "lp=1"}},
+    "mpeg2.mov": {"codec": "mpeg2video", "options": {"g": "6", "bf": "2"}},
+    "mpeg2.mkv": {"codec": "mpeg2video", "options": {"g": "6", "bf": "2"}},
+    "mpeg4.mp4": {"codec": "mpeg4", "options": {"g": "6", "bf": "2", "b": "4M"}},
+    "prores.mov": {"codec": "prores_ks", "pixel_format": "yuv422p10le"},
+    "mjpeg.mov": {"codec": "mjpeg", "pixel_format": "yuvj420p"},
+    "ffv1.mkv": {"codec": "ffv1", "options": {"g": "4"}},
+}
+UNEVEN = [0, 1, 2, 5, 6, 7, 8, 13, 14, 15, 16, 17, 18, 30, 31, 32, 33, 34, 35, 36, 37, 38, 41, 42, 43, 44]
+
+
+def content(frame: Frame) -> tuple[Any, ...]:
+    """What must not change: time, duration, and every sample of the image and of the decoder's picture."""
+    original = frame.original
+    planes = [plane.tobytes() for plane in samples_of(original)] if isinstance(original, av.VideoFrame) else original
+    return frame.time, frame.duration, np.asarray(frame.image).tobytes(), planes
+
+
+def read(source: FrameSource) -> list[tuple[Any, ...]]:
+    """All frames that a source yields."""
+    return [content(frame) for frame in source]
+
+
+def check(opened: Callable[[], Any], numbers: list[int], said: str = "") -> None:
+    """Compare reading from the start with reading from some frames; `said` is in the remarks of the latter alone."""
+    with opened() as source:
+        whole = read(source)
+        remarks = source.remarks
+    for number in [each % len(whole) for each in numbers]:
+        with opened() as source:
+            times = source.frame_times()
+            is_known = not said or "cannot begin" in said
+            assert list(times) == [frame[0] for frame in whole] if is_known else times is None
+            source.begin_at(number)
+            assert read(source) == whole[number:], number
+            more = [remark for remark in source.remarks if remark not in remarks]
+            assert (bool(more) and said in more[0]) if said else not more
+
+
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [(name, range(26)) for name in CODECS] + [(name, UNEVEN) for name in ("open groups.mp4", "vp9.webm", "hevc.mkv")],
+)
+def test_frames_are_those_of_reading_from_the_start(tmp_path, name, times):
+    """In every container with an index, whatever hangs on what: groups that are open, frames that are hidden."""
+    clip = write_clip(tmp_path / name, times=times, **CODECS[name])
+    check(lambda: VideoSource(clip), [0, 1, 7, 12, 16, -2, -1])
+
+
+@pytest.mark.parametrize("name", ["open groups.mp4", "hevc.mkv", "vp8.webm", "mpeg2.mov", "prores.mov"])
+def test_what_lies_before_is_not_decoded(tmp_path, name):
+    """Decoding begins at a key frame shortly before."""
+    clip = write_clip(tmp_path / name, times=range(60), **CODECS[name])
+    with VideoSource(clip) as source:
+        source.begin_at(55)
+        assert source._first == 55
+        assert source._decoded == 1
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_a_key_frame_that_is_none_is_not_believed(tmp_path, suffix):
+    """Pictures that are refreshed little by little are marked as key frames, and are not like those of reading all."""
+    clip = write_clip(tmp_path / f"in{suffix}", times=range(26), options=REFRESHED)
+    check(lambda: VideoSource(clip), [0, 1, 7])
+    check(lambda: VideoSource(clip), [9, -1], "read from its beginning, because decoding cannot begin at the key frame")
+
+
+@pytest.mark.parametrize("name", ["in.avi", "in.ts", "in.flv", "in.h264"])
+def test_containers_without_times_of_frames(tmp_path, name):
+    """What comes before is decoded and dropped, and that is said."""
+    clip = write_clip(tmp_path / name, times=range(12), options=B_FRAMES, container=name[3:] if "264" in name else None)
+    check(lambda: VideoSource(clip), [1, 9, -1], "was read from its beginning, because its container has no index")
+
+
+def test_fields_hang_on_those_before(tmp_path):
+    """Deinterlaced frames are those of decoding all."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(12), options=B_FRAMES)
+    opened = lambda: VideoSource(clip, decoding=DecodeOptions(deinterlace=True))  # noqa: E731
+    check(opened, [1, 9, -1], "because its packets tell nothing of fields")
+
+
+def test_damage_at_the_start_is_no_index(tmp_path):
+    """A packet that becomes no picture: all is decoded."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(26), options=B_FRAMES)
+    spoil_packets(clip, [3])
+    check(lambda: VideoSource(clip), [1, 9, -1], "because its packets and its pictures have different times")
+
+
+def test_damage_that_no_check_has_found_is_an_error(tmp_path):
+    """Times that were promised are kept, or it is said."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(80), options={**FAST, "crf": "0", "g": "1"})
+    spoil_packets(clip, [60])
+    for number in (0, 59, 60):
+        with VideoSource(clip) as source:
+            assert len(source.frame_times() or ()) == 80
+            source.begin_at(number)
+            with pytest.raises(InputError, match=r"in\.mp4 is damaged: its frame 60 is not at the time"):
+                list(source)
+    with VideoSource(clip) as source:
+        source.begin_at(70)
+        assert [frame.time for frame in source] == [Fraction(k, 25) for k in range(70, 80)]
+
+
+@pytest.mark.parametrize("number", [10, 99])
+def test_a_frame_that_is_not_there(tmp_path, number):
+    """With times or without, in images and in a range."""
+    clip = write_clip(tmp_path / "in.mp4")
+    for source in (VideoSource(clip), TrimmedSource(VideoSource(clip), Trim(parse_position("2f", "--start"), None))):
+        with source, pytest.raises(InputError, match=f"none has the number {number}"):
+            source.begin_at(number)
+    raw = write_clip(tmp_path / "in.avi")
+    with VideoSource(raw) as source:
+        source.begin_at(number)
+        with pytest.raises(InputError, match=f"has ended before frame {number}"):
+            list(source)
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [(None, None), ("7f", None), ("0.3", "0.9"), ("0.31", "20f"), (None, "0.81"), ("9f", "0.81"), ("0", "99")],
+)
+@pytest.mark.parametrize("name", ["B-frames.mp4", "B-frames.mkv", "in.avi"])
+@pytest.mark.parametrize("may_skip", [True, False])
+def test_ranges(tmp_path, name, start, end, may_skip):
+    """Frames count from the start of the range, and its place on the clip's clock is told as by reading it whole."""
+    clip = write_clip(tmp_path / name, times=range(5, 31), options=B_FRAMES)
+    places = [None if text is None else parse_position(text, "--x") for text in (start, end)]
+    opened = lambda: TrimmedSource(VideoSource(clip), Trim(*places), may_skip=may_skip)  # noqa: E731
+    check(opened, [1, 4, -1], "because the times of its frames" if name == "in.avi" else "")
+    with opened() as whole, opened() as part:
+        frames = read(whole)
+        part.begin_at(len(frames) - 1)
+        read(part)
+        skipped = part.window.skipped if may_skip else whole.window.skipped
+        assert replace(whole.window, skipped=skipped) == part.window
+        assert beginning(whole) == beginning(part)
+
+
+@pytest.mark.parametrize("fill_gaps", [False, True])
+def test_images(tmp_path, save_images, fill_gaps):
+    """By their files, from the part on that is kept, and compared with its first image."""
+    save_images(tmp_path, count=9)
+    if fill_gaps:
+        (tmp_path / "shot_0004.png").unlink()
+
+    def opened() -> ImageSource:
+        source = ImageSource(str(tmp_path), Fraction(24), fill_gaps=fill_gaps)
+        source.keep(2, None)
+        return source
+
+    check(opened, [0, 1, 3, -1])
+    with opened() as source:
+        source.begin_at(3)
+        assert source.beginning == opened().beginning
+    with opened() as source, pytest.raises(InputError, match="none has the number 7"):
+        source.begin_at(7)
+
+
+def test_an_image_unlike_the_first_is_an_error(tmp_path, save_images):
+    """Whatever image reading begins at."""
+    save_images(tmp_path, count=3)
+    save_images(tmp_path, "shot_{:04d}.png", count=1, dtype=np.uint16)
+    with ImageSource(str(tmp_path), Fraction(24)) as source:
+        source.begin_at(2)
+        with pytest.raises(InputError, match=r"0003.* is unlike .*0001"):
+            list(source)
+
+
+def test_times_in_ticks_are_a_sequence():
+    """Exact seconds, found by halving."""
+    times = TickTimes(np.array([100, 140, 200, 201]), Fraction(1, 1000), Fraction(1, 10))
+    assert list(times) == [Fraction(0), Fraction(1, 25), Fraction(1, 10), Fraction(101, 1000)]
+    assert list(times[1:3]) == [Fraction(1, 25), Fraction(1, 10)]
+    assert (times[-1], bisect_left(times, Fraction(1, 20)), times.index(Fraction(1, 10))) == (Fraction(101, 1000), 2, 2)
+    for missing in (Fraction(1, 20), Fraction(9)):
+        with pytest.raises(ValueError, match="is no time of a frame"):
+            times.index(missing)
+
+
+def test_who_can_begin_anywhere(tmp_path, save_images):
+    """Videos and images, and not what comes once."""
+    save_images(tmp_path)
+    assert isinstance(VideoSource(write_clip(tmp_path / "in.mp4")), RandomAccess)
+    assert isinstance(ImageSource(str(tmp_path), Fraction(24)), RandomAccess)
+    assert not isinstance(ArraySource([np.zeros((4, 4, 3), np.uint8)], Fraction(24)), RandomAccess)
