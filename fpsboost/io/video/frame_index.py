@@ -124,7 +124,7 @@ def read_index(container: av.container.InputContainer, video: int) -> FrameIndex
     """
     stream = cast(av.VideoStream, container.streams[video])
     codec = stream.codec_context.codec.canonical_name
-    declared, is_complete = stream.frames, container.format.name.startswith("mov")
+    listed = len(stream.index_entries)
     damage = Damage()
     pts: list[int] = []
     dts: list[int | None] = []
@@ -139,8 +139,8 @@ def read_index(container: av.container.InputContainer, video: int) -> FrameIndex
         flags.append((packet.is_keyframe, not packet.is_discard and is_shown(codec, packet)))
     if damage != Damage():
         raise UnindexedError("parts of it cannot be read")
-    if is_complete and declared and len(pts) != declared:
-        raise UnindexedError(f"it holds {len(pts)} packets and declares {declared}")
+    if len(pts) < listed:
+        raise UnindexedError(f"it lists {listed} packets and holds {len(pts)}")
     if not pts:
         raise UnindexedError("it holds no packets")
     return _index_of(np.array(pts, np.int64), dts, *np.array(flags, bool).T)
