@@ -20,7 +20,7 @@ from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.trim import TrimmedSource, beginning
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.frame_index import TickTimes
+from fpsboost.io.video.frame_index import TickTimes, read_index
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.position import parse_position
 from fpsboost.timing.trim import Trim
@@ -229,6 +229,17 @@ def test_an_image_unlike_the_first_is_an_error(tmp_path, save_images):
         source.begin_at(2)
         with pytest.raises(InputError, match=r"0003.* is unlike .*0001"):
             list(source)
+
+
+@pytest.mark.parametrize("name", ["B-frames.mp4", "open groups.mp4", "hevc.mp4", "mpeg2.mov", "prores.mov"])
+def test_packets_are_listed_without_reading_them(tmp_path, name, monkeypatch):
+    """What the header alone says is what the packets say."""
+    clip = write_clip(tmp_path / name, times=UNEVEN, **CODECS[name])
+    listed = read_index(clip, 0)
+    monkeypatch.setattr("fpsboost.io.video.frame_index.has_whole_header", lambda path: False)
+    index = read_index(clip, 0)
+    assert listed.ticks.tolist() == index.ticks.tolist()
+    assert listed.entry_points == index.entry_points
 
 
 def test_times_in_ticks_are_a_sequence():

@@ -298,8 +298,7 @@ class VideoSource(ClosesOnExit):
             raise UnindexedError("its container has no index of frames")
         if self._decoding.deinterlace:
             raise UnindexedError("its packets tell nothing of fields")
-        with open_video(self.path, self._name) as file:
-            index = read_index(file, self._stream.index)
+        index = read_index(self.path, self._stream.index)
         pictures = list(islice((picture.pts for picture in self._in_order()), CHECKED_PICTURES))
         is_right = pictures == index.ticks[:CHECKED_PICTURES].tolist() and not self._is_off_index()
         self._reopen()
