@@ -149,7 +149,7 @@ def _read_packets(container: av.container.InputContainer, stream: av.VideoStream
     """Return the index of a stream; where packets are blank, FFmpeg does not see which are key frames."""
     codec = stream.codec_context.codec.canonical_name
     listed = len(stream.index_entries)
-    key_times = {entry.timestamp for entry in stream.index_entries if entry.is_keyframe} if is_blank else None
+    keys = [entry.is_keyframe for entry in stream.index_entries] if is_blank else []
     damage = Damage()
     pts: list[int] = []
     dts: list[int | None] = []
@@ -161,8 +161,11 @@ def _read_packets(container: av.container.InputContainer, stream: av.VideoStream
             raise UnindexedError("some of its packets are damaged")
         pts.append(packet.pts)
         dts.append(packet.dts)
-        is_key = packet.is_keyframe if key_times is None else packet.dts in key_times
-        flags.append((is_key, not packet.is_discard and is_shown(codec, packet)))
+        if is_blank and len(pts) > listed:
+            raise UnindexedError(f"it holds more than the {listed} packets that it lists")
+        flags.append(
+            (keys[len(pts) - 1] if is_blank else packet.is_keyframe, not packet.is_discard and is_shown(codec, packet))
+        )
     if damage != Damage():
         raise UnindexedError("parts of it cannot be read")
     if len(pts) < listed:
