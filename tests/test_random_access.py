@@ -20,7 +20,7 @@ from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.trim import TrimmedSource, beginning
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.frame_index import TickTimes
+from fpsboost.io.video.frame_index import TickTimes, read_index
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.position import parse_position
 from fpsboost.timing.trim import Trim
@@ -110,9 +110,24 @@ def test_what_lies_before_is_not_decoded(tmp_path, name):
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
 def test_a_key_frame_that_is_none_is_not_believed(tmp_path, suffix):
     """Pictures that are refreshed little by little are marked as key frames, and are not like those of reading all."""
-    clip = write_clip(tmp_path / f"in{suffix}", times=range(26), options=REFRESHED)
-    check(lambda: VideoSource(clip), [0, 1, 7])
-    check(lambda: VideoSource(clip), [9, -1], "read from its beginning, because decoding cannot begin at the key frame")
+    clip = write_clip(tmp_path / f"in{suffix}", times=range(100), options=REFRESHED)
+    check(lambda: VideoSource(clip), [0, 1, 9])
+    check(lambda: VideoSource(clip), [-1], "read from its beginning, because decoding cannot begin at the key frame")
+
+
+@pytest.mark.parametrize("container", ["mp4", "fragments", "mkv"])
+def test_frames_before_the_beginning_are_not_counted(tmp_path, container):
+    """An edit list that begins within a group: its frames before that are decoded, and not shown."""
+    whole = write_clip(tmp_path / "whole.mkv", times=range(40), options=B_FRAMES)
+    clip = tmp_path / f"in.{'mkv' if container == 'mkv' else 'mp4'}"
+    options = {"movflags": "frag_keyframe+default_base_moof"} if container == "fragments" else {}
+    with av.open(str(whole)) as file, av.open(str(clip), "w", options=options) as output:
+        target = output.add_stream_from_template(file.streams.video[0])
+        for number, packet in enumerate(each for each in file.demux() if each.size):
+            packet.stream, packet.dts = target, 40 * number - 80 - 120
+            packet.pts -= 120
+            output.mux(packet)
+    check(lambda: VideoSource(clip), [0, 1, 4, 20, -1])
 
 
 @pytest.mark.parametrize("name", ["in.avi", "in.ts", "in.flv", "in.h264"])
@@ -214,6 +229,17 @@ def test_an_image_unlike_the_first_is_an_error(tmp_path, save_images):
         source.begin_at(2)
         with pytest.raises(InputError, match=r"0003.* is unlike .*0001"):
             list(source)
+
+
+@pytest.mark.parametrize("name", ["B-frames.mp4", "open groups.mp4", "hevc.mp4", "mpeg2.mov", "prores.mov"])
+def test_packets_are_listed_without_reading_them(tmp_path, name, monkeypatch):
+    """What the header alone says is what the packets say."""
+    clip = write_clip(tmp_path / name, times=UNEVEN, **CODECS[name])
+    listed = read_index(clip, 0)
+    monkeypatch.setattr("fpsboost.io.video.frame_index.has_whole_header", lambda path: False)
+    index = read_index(clip, 0)
+    assert listed.ticks.tolist() == index.ticks.tolist()
+    assert listed.entry_points == index.entry_points
 
 
 def test_times_in_ticks_are_a_sequence():

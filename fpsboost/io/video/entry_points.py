@@ -15,6 +15,9 @@ import av.stream
 H264_IDR, H264_SEI = 5, 6
 RECOVERY_POINT = 6
 HEVC_RANDOM_ACCESS = range(16, 22)
+HIDING = ("vp8", "vp9")
+"""Codecs that have packets of which no picture is shown."""
+
 MPEG2_PICTURE, MPEG4_PICTURE = b"\x00\x00\x01\x00", b"\x00\x00\x01\xb6"
 
 

@@ -1,7 +1,7 @@
 """Times of a video's frames, and the frames at which decoding can begin, from its packets alone.
 
-Indexes of containers list decoding times (MP4) or only some key frames (Matroska), so the packets are read; nothing is
-decoded. What they promise is believed only where every packet becomes one picture at a time of its own.
+Indexes of containers list decoding times (MP4) or only some key frames (Matroska), so the packets are listed; nothing
+is decoded. What they promise is believed only where every packet becomes one picture at a time of its own.
 """
 
 from __future__ import annotations
@@ -10,15 +10,18 @@ from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Any, cast, overload
 
 import av
 import av.container
+import av.error
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.io.video.damage import Damage
-from fpsboost.io.video.entry_points import is_shown
+from fpsboost.io.video.entry_points import HIDING, is_shown
+from fpsboost.io.video.header_reader import HeaderReader, has_whole_header
 from fpsboost.io.video.packets import read_packets
 
 INDEXED = ("matroska", "mov")
@@ -114,33 +117,59 @@ class UnindexedError(Exception):
     """A file's packets do not tell the times of its frames; the message says why, as a clause."""
 
 
-def read_index(container: av.container.InputContainer, video: int) -> FrameIndex:
-    """Read all packets of a video stream, of a file that was opened for this, and return what they tell of its frames.
+def read_index(path: Path, video: int) -> FrameIndex:
+    """List all packets of a video stream and return what they tell of its frames.
+
+    Parameters
+    ----------
+    path : Path
+        A file that FFmpeg can read.
+    video : int
+        Number of the stream.
 
     Raises
     ------
     UnindexedError
         Packets lack times or share them, parts of the file cannot be read, or packets become no frame of their own.
     """
-    stream = cast(av.VideoStream, container.streams[video])
+    file = HeaderReader(path)
+    try:
+        with av.open(file, "r", metadata_errors="replace") as container:
+            codec = container.streams[video].codec_context.codec.canonical_name
+            is_listed = container.format.name.startswith("mov") and has_whole_header(path)
+            file.is_blank = is_listed and codec not in HIDING
+            return _read_packets(container, cast(av.VideoStream, container.streams[video]), is_blank=file.is_blank)
+    except (av.error.FFmpegError, OSError):
+        raise UnindexedError("its packets cannot be listed") from None
+    finally:
+        file.close()
+
+
+def _read_packets(container: av.container.InputContainer, stream: av.VideoStream, *, is_blank: bool) -> FrameIndex:
+    """Return the index of a stream; where packets are blank, FFmpeg does not see which are key frames."""
     codec = stream.codec_context.codec.canonical_name
-    declared, is_complete = stream.frames, container.format.name.startswith("mov")
+    listed = len(stream.index_entries)
+    keys = [entry.is_keyframe for entry in stream.index_entries] if is_blank else []
     damage = Damage()
     pts: list[int] = []
     dts: list[int | None] = []
     flags: list[tuple[bool, bool]] = []
-    for packet in read_packets(container, {video}, damage):
+    for packet in read_packets(container, {stream.index}, damage):
         if packet.pts is None:
             raise UnindexedError("some of its packets have no time")
         if packet.is_corrupt:
             raise UnindexedError("some of its packets are damaged")
         pts.append(packet.pts)
         dts.append(packet.dts)
-        flags.append((packet.is_keyframe, not packet.is_discard and is_shown(codec, packet)))
+        if is_blank and len(pts) > listed:
+            raise UnindexedError(f"it holds more than the {listed} packets that it lists")
+        flags.append(
+            (keys[len(pts) - 1] if is_blank else packet.is_keyframe, not packet.is_discard and is_shown(codec, packet))
+        )
     if damage != Damage():
         raise UnindexedError("parts of it cannot be read")
-    if is_complete and declared and len(pts) != declared:
-        raise UnindexedError(f"it holds {len(pts)} packets and declares {declared}")
+    if len(pts) < listed:
+        raise UnindexedError(f"it lists {listed} packets and holds {len(pts)}")
     if not pts:
         raise UnindexedError("it holds no packets")
     return _index_of(np.array(pts, np.int64), dts, *np.array(flags, bool).T)

@@ -288,8 +288,9 @@ class VideoSource(ClosesOnExit):
             return
         if self._index is not None:
             points = self._index.entry_points_before(number)
-            for point in [points[step] for step in STEPS_BACK if step < len(points) and points[step].number > 0]:
-                if self._can_begin_at(point) and self._decode_up_to(number, point):
+            for point in [points[step] for step in STEPS_BACK if step < len(points)]:
+                reached = self._seek_to(point, points)
+                if reached is not None and self._decode_up_to(number, reached):
                     self._first = number
                     return
             is_short = bool(points) and points[0].number == 0
@@ -308,8 +309,7 @@ class VideoSource(ClosesOnExit):
             raise UnindexedError("its container has no index of frames")
         if self._decoding.deinterlace:
             raise UnindexedError("its packets tell nothing of fields")
-        with open_video(self.path, self._name) as file:
-            index = read_index(file, self._stream.index)
+        index = read_index(self.path, self._stream.index)
         pictures = list(islice((picture.pts for picture in self._in_order()), CHECKED_PICTURES))
         is_right = pictures == index.ticks[:CHECKED_PICTURES].tolist() and not self._is_off_index()
         self._reopen()
@@ -322,24 +322,24 @@ class VideoSource(ClosesOnExit):
         has_interchanged = self._buffer is not None and self._buffer.has_interchanged
         return has_interchanged or self._damage != Damage(corrupt=self._damage.corrupt)
 
-    def _can_begin_at(self, point: EntryPoint) -> bool:
-        """Return whether seeking leads to a key frame, after which nothing hangs on what is before."""
-        packet = self._packet_after_seek(point)
-        return packet is not None and can_begin(self._stream, packet)
+    def _seek_to(self, point: EntryPoint, points: list[EntryPoint]) -> EntryPoint | None:
+        """Seek to an entry point or, where the container's index leads elsewhere, to another one of some; return it.
 
-    def _packet_after_seek(self, point: EntryPoint) -> av.Packet[Any] | None:
-        """Seek to an entry point, and return its packet; None if its container's index leads elsewhere."""
+        None where nothing can be read there, or what is there hangs on what is before.
+        """
         for time in (point.pts, point.dts):  # indexes count either
             if time is None:
                 continue
             try:
                 self._container.seek(time, stream=self._stream, backward=True)
                 packet = next((packet for packet in self._container.demux(self._stream) if packet.size), None)
-                if packet is not None and packet.pts == point.pts:
-                    self._container.seek(time, stream=self._stream, backward=True)
-                    return packet
+                reached = next((each for each in points if packet is not None and each.pts == packet.pts), None)
+                if packet is None or reached is None:
+                    continue
+                self._container.seek(time, stream=self._stream, backward=True)
             except av.error.FFmpegError:
                 continue
+            return reached if can_begin(self._stream, packet) else None
         return None
 
     def _decode_up_to(self, number: int, point: EntryPoint) -> bool:
