@@ -504,12 +504,12 @@ class Interpolator:
         if isinstance(image, LayeredImage):
             noise = LayeredImage(as_array(noise), tuple(_still(layer, size) for layer in image.layers))
         first, second, third = (FrameCache(noise) for _ in range(3))
-        rehearsal = self._without_vectors()
+        rehearsal = self.without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
         for _ in rehearsal.between(pair, [0.5], before).images:
             pass
 
-    def _without_vectors(self) -> Interpolator:
+    def without_vectors(self) -> Interpolator:
         """Return an interpolator with the same kernels that needs no rendered motion."""
         parts = {"estimator": self.estimator, "synthesizer": self.synthesizer}
         bare = {name: part.without_vectors() for name, part in parts.items() if isinstance(part, UsesVectors)}
