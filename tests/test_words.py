@@ -46,12 +46,12 @@ PROGRAMMING = words(
 
 ENGLISH = words(
     """
-    across affordable after amount around as at before begin between by bytes change check choice compensate
-    boundaries
-    completed conversion convert curved difference duration end every expected extrapolated fill find first for
-    forgiving fpsboost full given has held highest in is keep last longest lowest made mapped mean merged most
-    multiple must needs neighbours note of opened others out overhead part pause per planned preceding radii reached
-    moment past remaining repeats share shortest side skip slow smallest space start still takes to varies whole with wrote
+    across affordable after amount around as at before begin between boundaries by bytes change check choice
+    compensate completed conversion convert curved difference duration end every expected extrapolated fill find
+    first for forgiving fpsboost full given has held highest in is keep last longest lowest made mapped mean merged
+    moment most multiple must needs neighbours note of opened others out overhead part past pause per planned
+    preceding radii reached remaining repeats share shortest side skip slow smallest space start still takes to
+    varies whole with wrote
     """
 )
 """Words of everyday English in names that read as sentences."""

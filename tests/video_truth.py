@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,7 @@ def write_clip(
     title: str | None = None,
     chapters: bool = False,
     container: str | None = None,
+    picture: Callable[[int, int, int], NDArray[np.uint8]] = scene,
     **tags: Any,
 ) -> Path:
     """Write a clip; `times` and `end` are ticks of `time_base`, `tags` attributes of the encoder's context."""
@@ -76,7 +77,7 @@ def write_clip(
         lines = output.add_mux_stream("subrip") if subtitles else None
         packets = []
         for index, pts in enumerate(times):
-            frame = av.VideoFrame.from_ndarray(scene(index, height, width), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(picture(index, height, width), format="bgr24")
             frame = frame.reformat(format=pixel_format)
             frame.pts, frame.time_base, frame.duration = pts, time_base, durations[pts]
             packets += video.encode(frame)

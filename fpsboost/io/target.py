@@ -67,6 +67,11 @@ class Target:
         return cls(path, "images")
 
     @property
+    def file_type(self) -> str:
+        """Type of the files: the ending of a single one, or ``images``."""
+        return "images" if self.kind == "images" else Path(self.path).suffix.lower()
+
+    @property
     def has_clock(self) -> bool:
         """Whether the output stores when each frame is shown, and the streams of video."""
         return self.kind in ("video", "pipe")

@@ -13,6 +13,7 @@ from fpsboost.frame import Pixels
 from fpsboost.io.images.numbered import ImageSink
 from fpsboost.io.part_folder import part_files
 from fpsboost.io.staging import identify_files
+from fpsboost.io.target import Target
 from fpsboost.io.trim import Window
 from fpsboost.io.video.chunks import Chunk, find_chunks
 from fpsboost.io.video.encoder import traits_of_image
@@ -20,7 +21,7 @@ from fpsboost.io.video.sink import VideoSink
 from fpsboost.method_table import find_method
 from fpsboost.observer import Observer, SilentObserver, Summary
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, stored
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, closing_remarks, opened_clip, prepare
+from fpsboost.preparation import ConversionJob, OpenedClip, closing_remarks, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals
 
@@ -72,6 +73,7 @@ def join(
     manifests = [Manifest.read(folder) for folder in folders]
     ordered = check_complete(list(zip(folders, manifests, strict=True)))
     first = ordered[0][1]
+    _check_target(Target.parse(output), first)
     run = RunOptions(overwrite=overwrite)
     # nothing is made here, so a method that takes images of any kind stands for the one that has made the parts
     job = ConversionJob(
@@ -80,7 +82,6 @@ def join(
     with opened_clip(job, run) as clip:
         _check_input(clip, first)
         ready = prepare(job, run, clip)
-        _check_target(ready, first)
         ready.output = replace(ready.output, window=_window(ordered))
         summary = _summary(ordered)
         sink = ready.target.open(ready.output)
@@ -192,10 +193,10 @@ def _check_input(clip: OpenedClip, manifest: Manifest) -> None:
         raise InputError(f"{clip.whole.info.name} is not what the parts were made of; name that with `input`.")
 
 
-def _check_target(ready: Preparation, manifest: Manifest) -> None:
-    suffix = Path(ready.target.path).suffix.lower() if ready.target.kind == "video" else "images"
-    if suffix != manifest.facts.get("output_type"):
-        raise OptionError(f"{ready.target.path} is of another type than {manifest.output}; name a file of that type.")
+def _check_target(target: Target, manifest: Manifest) -> None:
+    """Raise `OptionError` if an output is of another type than that which parts were made for."""
+    if target.file_type != manifest.facts.get("output_type"):
+        raise OptionError(f"{target.path} is of another type than {manifest.output}; name one of that type.")
 
 
 def _window(parts: Sequence[PartFiles]) -> Window | None:

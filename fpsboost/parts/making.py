@@ -174,7 +174,7 @@ def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prepa
             fpsboost=__version__,
             libraries=f"PyAV {version('av')}, OpenCV {cv2.__version__}",
             input=identify_files(clip.whole.stream_info.files),
-            output_type=Path(ready.target.path).suffix.lower() if ready.target.kind == "video" else "images",
+            output_type=ready.target.file_type,
             rate=job.rate,
             method=job.method,
             decoding=job.decoding,
