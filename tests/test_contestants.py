@@ -174,3 +174,10 @@ def test_vectors_go_to_all_that_take_them():
     assert (searching.vectors, searching.v) == (folder, 0.1)
     assert reprojecting.vectors is folder
     assert not hasattr(default, "vectors")
+
+
+def test_vectors_are_used_or_not():
+    """Any other word is refused."""
+    with pytest.raises(OptionError, match="must be yes or no"):
+        choose(["nlm:vectors=maybe"], None)
+    assert list(choose(["nlm:vectors=yes,dis:vectors=no"], None)[0]) == ["nlm:vectors=yes", "dis:vectors=no"]

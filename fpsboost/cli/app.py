@@ -22,6 +22,7 @@ from fpsboost.cli.progress import JsonReporter, Reporter, print_object
 from fpsboost.cli.signature import GROUPS, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
+from fpsboost.io.part import part_folder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.run_options import RunOptions
@@ -106,6 +107,8 @@ def convert(
 
     def run(input: str, output: str | None, place: str = "") -> None:
         target = input if output is None else output
+        if run_options.chunk is not None:
+            target = str(part_folder(target, run_options.chunk))
         called = "standard output" if output == PIPE else target
         reporter: Reporter | JsonReporter = (
             JsonReporter(called)

@@ -122,7 +122,7 @@ def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
         return Minterpolate.with_options(method.options)
     texts = dict(method.options)
     # as in conversions, vectors are used where they can be
-    if method.name in methods and (not may_use_vectors(methods[method.name]) or texts.pop("vectors", "") == "no"):
+    if method.name in methods and not (may_use_vectors(methods[method.name]) and _uses_vectors(method, texts)):
         vectors = None
     interpolator = find_method(method.name, vectors)
     options = read_options(interpolator, method.name, texts)
@@ -130,6 +130,14 @@ def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
         return InterpolatorMaker(configure(interpolator, method.name, options))
     except OptionError as error:
         raise OptionError(f"In {method.text}: {error}") from None
+
+
+def _uses_vectors(method: NamedMethod, texts: dict[str, str]) -> bool:
+    """Return whether a method is to use rendered vectors; takes the option out of its texts."""
+    answer = texts.pop("vectors", "yes")
+    if answer not in ("yes", "no"):
+        raise OptionError(f"In {method.text}: vectors must be yes or no, not {answer!r}.")
+    return answer == "yes"
 
 
 class Others(NamedTuple):
