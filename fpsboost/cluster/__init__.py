@@ -16,8 +16,8 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     """Convert a clip on the workers of a Dask cluster; the output is that of one process.
 
     Workers need the versions of this process, and the input under the same path. If they see the folder of the output,
-    they write parts there; otherwise parts are copied, in pieces of 16 MiB, to where this is called. A part whose worker
-    dies is made again.
+    they write parts there; otherwise parts are copied, in pieces of 16 MiB, to where this is called. A part whose
+    worker dies is made again.
 
     Parameters
     ----------
