@@ -471,10 +471,17 @@ def test_processes_on_the_command_line(fpsboost_, images, output):
 
 def test_a_scheduler_that_is_not_there(fpsboost_, images, output, monkeypatch):
     """One sentence with its address."""
-    monkeypatch.setattr(dask_engine, "REPLY_SECONDS", 0.2)
+    monkeypatch.setattr(dask_engine, "CONNECT_SECONDS", 0.2)
     result = fpsboost_(images.job.input, output, "--cluster", "tcp://127.0.0.1:1")
     assert result.code == 1
     assert "There is no scheduler at tcp://127.0.0.1:1" in result.err
+
+
+def test_encryption_without_certificates(fpsboost_, images, output):
+    """The sentence names what Dask's configuration lacks."""
+    result = fpsboost_(images.job.input, output, "--cluster", "tls://127.0.0.1:1")
+    assert result.code == 1
+    assert "tls://127.0.0.1:1 needs certificates" in result.err
 
 
 def test_dask_that_is_not_installed(fpsboost_, images, output, monkeypatch):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -113,7 +113,7 @@ def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: S
         parts.folder.mkdir(exist_ok=True)
     with start(parts) as executor:
         utilisation = run_parts([each for each in planned if each not in there], executor, wrote)
-    summary = _join(parts)
+    summary = _join(parts, [part_folder(parts.output, each.part) for each in planned])
     summary.completed_frames, summary.seconds = done_before, time.perf_counter() - begin
     summary.details = " ".join(filter(None, [summary.details, utilisation.sentence()]))
     return summary
@@ -138,8 +138,8 @@ def _plan(parts: JobInParts, workers: int) -> tuple[ClipInfo, list[PlannedPart]]
         return clip.source.info, planned
 
 
-def _join(parts: JobInParts) -> Summary:
-    """Join the parts and remove them.
+def _join(parts: JobInParts, folders: Sequence[Path]) -> Summary:
+    """Join the parts in these folders, and remove them.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def _join(parts: JobInParts) -> Summary:
     """
     while True:
         try:
-            summary = join(parts.output, [parts.folder], overwrite=parts.run.overwrite)
+            summary = join(parts.output, folders, overwrite=parts.run.overwrite)
             break
         except InUseError:
             time.sleep(LOCK_INTERVAL)

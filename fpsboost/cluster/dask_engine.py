@@ -12,6 +12,7 @@ import os
 import pickle
 import shutil
 import time
+from asyncio import CancelledError
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -24,13 +25,14 @@ from typing import Any, Self
 from uuid import uuid4
 
 import dask
-from distributed import Client, Future, LocalCluster
+from distributed import Client, Future, KilledWorker, LocalCluster
+from distributed.security import Security
 
 from fpsboost.cluster.conversion import JobInParts, convert_in_parts
 from fpsboost.cluster.dask_worker import Outcome, WorkerOrder, make_on_worker, read_piece, remove_private
 from fpsboost.cluster.scheduler import MAX_LOST_WORKERS, Done, Failed, Progress, Report
 from fpsboost.cluster.worker_facts import job_facts, job_key
-from fpsboost.errors import ClusterError, OutputError, explained
+from fpsboost.errors import ClusterError, OptionError, OutputError, explained
 from fpsboost.io.part import Part, part_folder
 from fpsboost.io.staging import sync
 from fpsboost.observer import Summary
@@ -43,6 +45,9 @@ WAIT_SECONDS = 0.5
 WORKERS_INTERVAL = 1.0
 """Seconds between questions to the scheduler which workers are there."""
 
+CONNECT_SECONDS = 10
+"""Time that a scheduler gets to accept a connection."""
+
 REPLY_SECONDS = 30
 """Time that the scheduler and workers get for an answer."""
 
@@ -53,6 +58,8 @@ holds in memory of it."""
 
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
     """See `fpsboost.cluster.convert`."""
+    if client.asynchronous:
+        raise OptionError("`client` is asynchronous, and a conversion waits for its parts; give a synchronous one.")
     output = None if job.output is None else os.path.abspath(job.output)
     # as workers get it
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
@@ -206,12 +213,15 @@ class DaskExecutor:
             return
         try:
             outcome = future.result(timeout=REPLY_SECONDS)
-        except Exception as error:
-            # a worker that has died with its result, or has no fpsboost
-            is_lost = isinstance(error, OSError | TimeoutError) or type(error).__name__ in _LOST
-            self._reports.put(Failed(part, worker, None if is_lost else _unreadable(worker, error)))
+        except (OSError, TimeoutError, KilledWorker, CancelledError):  # a worker that has died with its result
+            self._reports.put(Failed(part, worker))
             return
-        if outcome.error is not None:
+        except Exception as error:
+            self._reports.put(Failed(part, worker, _unreadable(worker, error)))
+            return
+        if outcome.is_stopped:
+            self._reports.put(Failed(part, worker))
+        elif outcome.error is not None:
             self._reports.put(Failed(part, worker, outcome.error))
         elif not outcome.is_private and (part_folder(self._parts.output, part).is_dir() or not self._mark.exists()):
             self._reports.put(Done(part))  # another client of this job may have joined and removed it
@@ -258,10 +268,6 @@ class DaskExecutor:
     def _scheduler_gone(self) -> ClusterError:
         address = self._client.scheduler.address if self._client.scheduler is not None else "the cluster"
         return ClusterError(f"The scheduler at {address} is gone; start it again, or leave `cluster` out.")
-
-
-_LOST = {"KilledWorker", "FutureCancelledError", "CancelledError"}
-"""Errors of Dask for a result that no worker has."""
 
 
 class _WorkerLostError(Exception):
@@ -320,12 +326,17 @@ def remote_client(address: str) -> Iterator[Client]:
     Raises
     ------
     ClusterError
-        It cannot be reached.
+        It cannot be reached, or certificates are missing.
     """
+    if address.startswith("tls://") and Security().get_connection_args("client").get("ssl_context") is None:
+        raise ClusterError(
+            f"{address} needs certificates, and Dask's configuration names none; set distributed.comm.tls.ca-file, and "
+            "cert and key of distributed.comm.tls.client."
+        )
     with _quiet():
         try:
-            client = Client(address, timeout=REPLY_SECONDS, set_as_default=False)
-        except (OSError, TimeoutError, TypeError, RuntimeError, ValueError) as error:
+            client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        except (OSError, TimeoutError, RuntimeError, ValueError) as error:
             raise ClusterError(f"There is no scheduler at {address} ({error}); check the address.") from error
         with client:
             yield client

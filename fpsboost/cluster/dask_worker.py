@@ -59,12 +59,15 @@ class Outcome:
         Sizes of the part's files by their names, bytes.
     error : Exception or None
         The error that ended the part; it has no folder then.
+    is_stopped : bool
+        Whether the worker was closed meanwhile, or nobody wanted the part any more; it has no folder then, either.
     """
 
     folder: str = ""
     is_private: bool = False
     sizes: Mapping[str, int] | None = None
     error: Exception | None = None
+    is_stopped: bool = False
 
 
 class _CancelledPartError(Exception):
@@ -87,7 +90,7 @@ def make_on_worker(order: WorkerOrder) -> Outcome:
     try:
         return _made(order, worker, partial(_check_wanted, worker, key))
     except _CancelledPartError:
-        return Outcome()  # which nobody reads
+        return Outcome(is_stopped=True)
     except Exception as error:
         return Outcome(error=picklable(error))
 
@@ -131,7 +134,7 @@ def _check_wanted(worker: Worker, key: Key) -> None:
     """Raise an exception if Dask has no use for the result of a task."""
     task = worker.state.tasks.get(key)
     is_wanted = task is not None and task.state != "cancelled"
-    if not is_wanted or worker.status not in (Status.running, Status.paused):
+    if not is_wanted or worker.status not in (Status.running, Status.paused, Status.closing_gracefully):
         raise _CancelledPartError
 
 

@@ -112,13 +112,15 @@ class Utilisation:
         self.most_workers = max(self.most_workers, workers)
 
     def sentence(self) -> str:
-        """Return it as a sentence.
+        """Return it as a sentence; empty if there was nothing to make.
 
         Examples
         --------
         >>> Utilisation(busy_seconds=36, available_seconds=40, tail_seconds=1, most_workers=4).sentence()
         'Up to 4 workers were busy 90 % of their time; the last part ended 1.0 s after the first worker was idle.'
         """
+        if not self.most_workers:
+            return ""
         share = self.busy_seconds / max(self.available_seconds, 1e-9)
         plural = "s were" if self.most_workers > 1 else " was"
         return (
