@@ -22,8 +22,17 @@ from fpsboost.cluster import convert, scheduler
 from fpsboost.cluster.local_processes import convert_in_processes
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.cluster.scheduler import MAX_FAILURES, MAX_LOST_WORKERS, Done, Failed, Progress, Report, run_parts
+from fpsboost.cluster.worker import PartTask, WorkerObserver, make_part
 from fpsboost.conversion import convert_job
-from fpsboost.errors import ClusterError, CompleteAlreadyError, InputError, OptionError, OutputError, notes_of
+from fpsboost.errors import (
+    ClusterError,
+    CompleteAlreadyError,
+    InputError,
+    InUseError,
+    OptionError,
+    OutputError,
+    notes_of,
+)
 from fpsboost.io.part import Part, part_folder
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
@@ -189,6 +198,7 @@ def few_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fpsboost.cluster.conversion.PARTS_PER_WORKER", 2)
     monkeypatch.setattr("fpsboost.cluster.conversion.LOCK_INTERVAL", 0.02)
     monkeypatch.setattr(dask_engine, "WORKERS_INTERVAL", 0.1)
+    monkeypatch.setattr(dask_engine, "GROWN_CLUSTER", 2)
 
 
 @pytest.fixture(scope="module")
@@ -419,6 +429,22 @@ def test_a_scheduler_that_is_gone_is_said(client, images, output, tmp_path):
             process.wait()
     convert(images.to(output), client, run=RunOptions(resume=True))
     assert images.is_whole(output)
+
+
+def test_a_part_that_another_run_makes_is_waited_for(images, output, monkeypatch):
+    """Its lock is tried until it is free, and the part is taken as it is then."""
+    answers = iter([InUseError("held"), InUseError("held"), CompleteAlreadyError("there")])
+
+    def convert_job(job: ConversionJob, run: RunOptions) -> Summary:
+        raise next(answers)
+
+    monkeypatch.setattr("fpsboost.cluster.worker.LOCK_INTERVAL", 0)
+    monkeypatch.setattr("fpsboost.cluster.worker.convert_job", convert_job)
+    checks: list[None] = []
+    part = Part(1, 2)
+    observer = WorkerObserver(ignore, lambda: checks.append(None))
+    assert make_part(PartTask(images.to(output), part), observer) == part_folder(str(output), part)
+    assert len(checks) == 2
 
 
 def test_parts_of_another_job_are_not_joined(images, output):

@@ -17,7 +17,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import TracebackType
@@ -38,6 +37,9 @@ from fpsboost.io.staging import sync
 from fpsboost.observer import Summary
 from fpsboost.preparation import ConversionJob
 from fpsboost.run_options import RunOptions
+
+GROWN_CLUSTER = 32
+"""Number of workers for which parts are cut at least: nodes of a batch system come one by one."""
 
 WAIT_SECONDS = 0.5
 """Longest time that `DaskExecutor.wait` waits for a report."""
@@ -63,7 +65,7 @@ def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None
     output = None if job.output is None else os.path.abspath(job.output)
     # as workers get it
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))
-    workers = max(1, len(client.nthreads()))
+    workers = max(GROWN_CLUSTER, len(client.nthreads()))
     return convert_in_parts(job, run or RunOptions(), workers, lambda parts: DaskExecutor(client, parts))
 
 
@@ -293,7 +295,6 @@ def local_client(workers: int) -> Iterator[Client]:
     ------
     distributed.Client
     """
-    dashboard = ":0" if find_spec("bokeh") else None
     settings = {"distributed.scheduler.allowed-failures": MAX_LOST_WORKERS}
     with (
         dask.config.set(settings),
@@ -302,7 +303,7 @@ def local_client(workers: int) -> Iterator[Client]:
             threads_per_worker=1,
             memory_limit=0,  # what a conversion takes is checked before it begins
             processes=True,
-            dashboard_address=dashboard,
+            dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,
