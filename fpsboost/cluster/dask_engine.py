@@ -61,7 +61,7 @@ holds in memory of it."""
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
     """See `fpsboost.cluster.convert`."""
     if client.asynchronous:
-        raise OptionError("`client` is asynchronous, and a conversion waits for its parts; give a synchronous one.")
+        raise OptionError("The client is asynchronous, and a conversion waits for its parts; give a synchronous one.")
     output = None if job.output is None else os.path.abspath(job.output)
     # as workers get it
     job = pickle.loads(pickle.dumps(replace(job, input=os.path.abspath(job.input), output=output)))

@@ -36,10 +36,10 @@ class ClusterOptions:
 
     cluster: str | None = option(
         None,
-        "Make parts on Dask workers: tls://HOST:PORT,\ntcp://HOST:PORT, or local.",
+        "Convert on Dask workers: tls://HOST:PORT, or local.",
         metavar="ADDRESS",
     )
-    processes: int | None = option(None, "Make parts in N processes of this machine; else threads alone.")
+    processes: int | None = option(None, "Convert in N processes; else in threads of one.")
 
     def __post_init__(self) -> None:
         if self.cluster is not None and self.processes is not None:
