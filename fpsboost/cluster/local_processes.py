@@ -208,6 +208,7 @@ def _work(tasks: Connection) -> None:
                 tasks.send(picklable(error))
             else:
                 tasks.send(None)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends anyway
 
 
 def _nothing() -> None:
