@@ -233,7 +233,8 @@ def _needs_of(sink: FrameSink) -> Needs:
     return Needs(sink.needs_confidence, sink.needs_motion) if isinstance(sink, TakesSideData) else Needs()
 
 
-class _Interval(NamedTuple):
+@dataclass
+class _Interval:
     """Interval from a held picture, nearly always one frame, to the next: its frames, and each one's output steps."""
 
     held: FrameGroup
@@ -246,6 +247,26 @@ class _Interval(NamedTuple):
     pair: Pair
     places: tuple[int, int]
     """Places of the pair's frames in the clip, from 0."""
+    _shown: _ShownInterval | None = None
+
+    def shown(self, neighbours: tuple[Pair | None, Pair | None]) -> _ShownInterval:
+        """Return what is shown at each step, given the pairs before and after; computed once for all its parts."""
+        if self._shown is None:
+            self._shown = _show(self, neighbours)
+        return self._shown
+
+
+class _ShownInterval(NamedTuple):
+    """What is shown at each step of an interval."""
+
+    steps: list[tuple[SourceFrame, Step]]
+    """The frame that is held or left, and the step, with t relative to the whole interval if it moves."""
+    moves: list[bool]
+    """Whether a frame is made, rather than one repeated."""
+    first_move: int | None
+    """Place of the first of these."""
+    is_held: bool
+    """Whether duplicates are repeated because no motion follows them."""
 
 
 class _OutputPart(NamedTuple):
@@ -456,7 +477,7 @@ def _tasks(clip: _LoopState, moments: Iterable[FrameGroup]) -> Iterator[Callable
         if clip.outputs.is_past(interval.first_output - 2):  # two frames tell when the last one and its exposure end
             return
         count = len(interval.numbers)
-        neighbours = before and before.pair, after and after.pair
+        neighbours = None if before is None else before.pair, None if after is None else after.pair
         for begin in range(0, max(count, 1), FRAMES_PER_TASK):
             part = range(begin, min(begin + FRAMES_PER_TASK, count))
             yield partial(_make, interval, neighbours, clip, part)
@@ -467,18 +488,13 @@ def _make(
 ) -> _OutputPart:
     """Make the output frames of a part of an interval; those that are not needed carry any image."""
     needs = clip.needs
-    is_held = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
-    if is_held:
-        # no motion follows the held picture, so it stays held until the cut at the end of its last frame
-        shown = [(each, step) for each, steps in zip(interval.held, interval.steps, strict=True) for step in steps]
-        first_to_move = len(shown) - len(interval.steps[-1])
-    else:
-        shown, first_to_move = [(interval.held[0], step) for step in _merge_steps(interval)], 0
-    moves = [index >= first_to_move and step.t > 0 for index, (_, step) in enumerate(shown)]
-    is_made = [move and clip.makes(number) for move, number in zip(moves, interval.numbers, strict=True)]
+    shown, moves, first_move, is_held = interval.shown(neighbours)
+    is_made = {index: moves[index] and clip.makes(interval.numbers[index]) for index in part}
     inner = [shown[index][1].t for index in part if is_made[index]]
     made, scene_cut = (
-        _between(clip.interpolator, interval.pair, inner, neighbours, needs) if any(moves) else (iter(()), False)
+        _between(clip.interpolator, interval.pair, inner, neighbours, needs)
+        if first_move is not None
+        else (iter(()), False)
     )
     frames = []
     for index in part:
@@ -489,8 +505,13 @@ def _make(
         else:  # between frames that show the same, a repeated one is certain
             confidence = _certain(each.frame, step, 1) if needs.confidence else None
             frames.append(replace(each.frame, time=step.time, confidence=confidence))
-    if needs.motion and True in moves and moves.index(True) in part and not interval.pair.is_discontinuous(*neighbours):
-        first = moves.index(True) - part.start
+    if (
+        needs.motion
+        and first_move is not None
+        and first_move in part
+        and not interval.pair.is_discontinuous(*neighbours)
+    ):
+        first = first_move - part.start
         field01, field10 = interval.pair.fields
         frames[first] = replace(frames[first], motion=PairMotion(*interval.places, field01.flow, field10.flow))
     written = [index for index in part if interval.numbers[index] in clip.outputs]
@@ -501,6 +522,19 @@ def _make(
     return _OutputPart(
         interval, frames, steps, past_cut, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown)
     )
+
+
+def _show(interval: _Interval, neighbours: tuple[Pair | None, Pair | None]) -> _ShownInterval:
+    """Return what is shown at each step of an interval."""
+    is_held = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
+    if is_held:
+        # no motion follows the held picture, so it stays held until the cut at the end of its last frame
+        shown = [(each, step) for each, steps in zip(interval.held, interval.steps, strict=True) for step in steps]
+        first_to_move = len(shown) - len(interval.steps[-1])
+    else:
+        shown, first_to_move = [(interval.held[0], step) for step in _merge_steps(interval)], 0
+    moves = [index >= first_to_move and step.t > 0 for index, (_, step) in enumerate(shown)]
+    return _ShownInterval(shown, moves, moves.index(True) if True in moves else None, is_held)
 
 
 def _is_new(step: Step, frame: Frame) -> bool:

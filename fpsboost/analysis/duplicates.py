@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from typing import NamedTuple
 
 import cv2
@@ -17,6 +18,9 @@ from fpsboost.frame import Frame, Pixels
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.colour import Components, colour_components, gray
 from fpsboost.ycbcr import YCbCrImage
+
+ROUNDING = 0.01
+"""Maximum error of differences by the rounding of sums, 8-bit levels."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +148,41 @@ def group_duplicates(
     """
     for picture in find_pictures(frames, detector, step):
         yield from group_singly(picture.frames) if picture.is_still else [picture.frames]
+
+
+def find_synchronised(
+    frames: Iterable[SourceFrame], detector: DuplicateDetector
+) -> Iterator[tuple[SourceFrame, float]]:
+    """Find the frames from which grouping goes on in the same way whatever came before the first of the frames.
+
+    All frames of a group differ by at most `noise` from its first one, and differences obey the triangle inequality:
+    two consecutive frames that differ by more than twice the noise are never in one group. So the later one begins a
+    group. Grouping goes on from there by the difference from the group before, which is certain
+
+    - if the earlier one begins a group, too: then it is the difference of the two;
+    - if it exceeds ``noise / share`` in any case, where it decides nothing. It is at least the difference of the two
+      less the noise.
+
+    Parameters
+    ----------
+    frames : iterable of SourceFrame
+        Consecutive frames.
+    detector : DuplicateDetector
+
+    Yields
+    ------
+    (SourceFrame, float)
+        The frame, and the `step` for `group_duplicates` to begin with it.
+    """
+    apart = 2 * detector.noise + ROUNDING
+    decides_nothing = detector.noise + (detector.noise / detector.share if detector.share else math.inf) + ROUNDING
+    begins_before = False
+    for before, frame in pairwise(frames):
+        difference = detector.difference(before.image, frame.image)
+        begins = difference > apart
+        if begins and (begins_before or difference > decides_nothing):
+            yield frame, difference
+        begins_before = begins
 
 
 class Picture(NamedTuple):

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from fractions import Fraction
 
-from fpsboost.analysis.duplicates import DuplicateDetector
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_synchronised
 from fpsboost.frame import Frame
+from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.streaming import Entry
-from fpsboost.timing.schedule import Schedule
+from fpsboost.timing.output_numbers import OutputNumbers
+from fpsboost.timing.schedule import Schedule, rising_time
+
+LEAD_IN = 24
+"""Number of frames that are searched first, before those that are needed, for one to begin at."""
+
+GROWTH = 4
+"""Factor by which that number grows until there is one."""
 
 
 def find_entry(
@@ -19,5 +28,57 @@ def find_entry(
     first_output: int,
     read_from: Callable[[int], AbstractContextManager[Iterator[Frame]]],
 ) -> Entry:
-    """Return where to begin: at the first frame, which is always right."""
+    """Find where to begin reading for an output frame and all later ones.
+
+    The pair of frames around it is needed, and the pair before, which has a say in it; nothing farther away has. Their
+    frames may be groups of duplicates, and grouping remembers what came before: it begins at a frame from which it is
+    certain; see `fpsboost.analysis.duplicates.find_synchronised`. If there is none, that is the clip's first one.
+
+    Parameters
+    ----------
+    times : sequence of Fraction
+        Times of all frames of the clip, seconds.
+    schedule : Schedule
+    detector : DuplicateDetector or None
+        None if duplicates are not looked for.
+    first_output : int
+        Number of the output frame, counted from 0.
+    read_from : callable
+        Opens the clip once more at a frame, and yields that and the following ones.
+    """
+    numbers = OutputNumbers(times, schedule)
+    # the exposure of a frame begins after the frame before
+    around = numbers.source_frame(max(0, first_output - 1))
+    latest = around - (1 if detector is None else 2 * detector.most)
+    if detector is None:
+        number = numbers.certain_at_most(max(0, latest))
+        return Entry(number, times[0], numbers.before(number))
+    lead_in = LEAD_IN
+    while latest - lead_in > 0:
+        first = numbers.certain_at_most(latest - lead_in)
+        found: tuple[int, float] | None = None
+        with read_from(first) as frames:
+            for shown, step in find_synchronised(_shown(frames, first, latest, times, schedule), detector):
+                assert shown.image.source_position is not None
+                number = shown.image.source_position.number
+                if numbers.is_certain(number):
+                    found = number, step
+        if found is not None:
+            return Entry(found[0], times[0], numbers.before(found[0]), found[1])
+        lead_in *= GROWTH
     return Entry(0, times[0], 0)
+
+
+def _shown(
+    frames: Iterator[Frame], first: int, last: int, times: Sequence[Fraction], schedule: Schedule
+) -> Iterator[SourceFrame]:
+    """Yield frames up to a number as the loop shows them, from one on whose presentation time is certain."""
+    before: Fraction | None = None
+    for number, frame in enumerate(frames, first):
+        if number > last:
+            return
+        time = rising_time(schedule, times[0], frame.time, before)
+        if time is not None:
+            before = time
+            place = SourcePosition(number, frame.time)
+            yield SourceFrame(replace(frame, time=time), FrameCache(frame.image, source_position=place))

@@ -81,7 +81,8 @@ class ExposureSchedule:
         steps = list(self.schedule.steps(index, start, time0, time1))
         first = self.schedule.output_position(index, start, time0)
         last = self.schedule.output_position(index + 1, start, time1)
-        if any(step.t == 0 and step.time > time0 for step in steps):  # a pause, in which one picture is held
+        is_short = len(steps) < math.ceil(last) - math.ceil(first)  # too long to be filled
+        if is_short or any(step.t == 0 and step.time > time0 for step in steps):  # a pause: one picture is held
             yield from (Step(time, t, math.ceil(first) + number) for number, (time, t, *_) in enumerate(steps))
             return
         offsets = self.shutter.offsets
