@@ -5,9 +5,11 @@
     FpsboostError
     ├── OptionError     an invalid value: factor 0, an unknown method
     ├── InputError      the source cannot be read, or holds too little
-    └── OutputError     the target exists, cannot be written, or cannot hold the streams
-        ├── CompleteAlreadyError  an output to be resumed is complete already
-        └── ReaderGoneError  the program that reads standard output has closed it
+    ├── OutputError     the target exists, cannot be written, or cannot hold the streams
+    │   ├── CompleteAlreadyError  an output to be resumed is complete already
+    │   ├── InUseError  another run writes the output
+    │   └── ReaderGoneError  the program that reads standard output has closed it
+    └── ClusterError    the workers of a cluster are out of reach, or not what they must be
 
     UserWarning
     └── SceneCutWarning  a scene ends between two images, and nothing was interpolated across it
@@ -50,8 +52,16 @@ class CompleteAlreadyError(OutputError):
     """Error for a run to be resumed whose target is complete already."""
 
 
+class InUseError(OutputError):
+    """Error for a target that another run writes at this moment."""
+
+
 class ReaderGoneError(OutputError):
     """Error for a pipe that the reading program has closed; needs no message."""
+
+
+class ClusterError(FpsboostError):
+    """Error for a cluster whose scheduler is out of reach, or whose workers die or are set up differently."""
 
 
 def notes_of(error: BaseException) -> str:

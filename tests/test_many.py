@@ -13,11 +13,14 @@ import pytest
 from test_cli import SUMMARY, assert_refused, environment
 from video_truth import packets_of, pictures_of, write_clip
 
-from fpsboost import conversion
 from fpsboost.cli.batch import plan_outputs
+from fpsboost.cluster import engines
+from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import OptionError
 from fpsboost.io import staging
 from fpsboost.observer import Summary
+from fpsboost.preparation import ConversionJob
+from fpsboost.run_options import RunOptions
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 
@@ -215,14 +218,14 @@ def test_a_bar_says_which_of_how_many(fpsboost_, tmp_path, monkeypatch):
 
 def test_interruption_stops_all(fpsboost_, tmp_path, monkeypatch):
     """Ctrl-C in the second of three: the first is there, nothing else, and that is said."""
-    convert = conversion.convert
+    convert = engines.convert_where
 
-    def interrupted(input: str, *arguments: str, **options: object) -> Summary:
-        if input == "b.mp4":
+    def interrupted(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:
+        if job.input == "b.mp4":
             raise KeyboardInterrupt
-        return convert(input, *arguments, **options)
+        return convert(where, job, run)
 
-    monkeypatch.setattr(conversion, "convert", interrupted)
+    monkeypatch.setattr(engines, "convert_where", interrupted)
     for name in ("a.mp4", "b.mp4", "c.mp4"):
         write_clip(tmp_path / name, times=range(3))
     result = fpsboost_("a.mp4", "b.mp4", "c.mp4", "out", *CHEAP)

@@ -37,9 +37,9 @@ PROGRAMMING = words(
     """
     args array choose clip clock close compile copy cost count details detector dtype error estimate estimator
     flash folder format function height index info input json kwargs limit memory method name number observer
-    option options original output overwrite place policy position presentation range read ready resume run save
-    score search second seconds sink size source step summary thread threads threshold time times tolerance total
-    entry job join stop target unit value warning width write
+    option options original output overwrite place policy position presentation process range read ready resume
+    run save score search second seconds sink size source step summary thread threads threshold
+    time times tolerance total entry job join stop target unit value warning width write
     """
 )
 """Terms of programs."""

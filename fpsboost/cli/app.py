@@ -20,6 +20,7 @@ from fpsboost.cli.messages import console, say_error, say_traceback, sentence, s
 from fpsboost.cli.options import CutOptions, MessageOptions, MethodOptions, TuningOptions
 from fpsboost.cli.progress import JsonReporter, Reporter, print_object
 from fpsboost.cli.signature import GROUPS, default_text, with_flags
+from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.io.part import part_folder
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -41,6 +42,7 @@ EXAMPLES = """
   fpsboost in.mp4 frames/ --method nlm-exhaustive      the report's method
   fpsboost a.mp4 b.mov renders/ out/                   several, into a folder
   fpsboost in.mp4 out.mp4 --resume                     go on if it was stopped
+  fpsboost in.mp4 out.mp4 --cluster tls://host:8786    on many machines
   fpsboost in.mp4 out.mp4 --chunk 3/8                  one part of eight
   fpsboost join out.mp4 out.mp4.parts/                 and all of them joined
   ffmpeg -i in -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
@@ -79,6 +81,7 @@ def convert(
     cuts: Annotated[CutOptions, GROUPS["Scenes"]],
     encoding: Annotated[Encoding, GROUPS["Encoding"]],
     run_options: Annotated[RunOptions, GROUPS["Run"]],
+    where: Annotated[ClusterOptions, GROUPS["Run"]],
     messages: Annotated[MessageOptions, GROUPS["Run"]],
     tuning: Annotated[TuningOptions, GROUPS["Method options"]],
 ) -> None:
@@ -96,8 +99,9 @@ def convert(
         Further names; the last one is the folder.
     """
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
-    from fpsboost import conversion  # noqa: PLC0415
     from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
+    from fpsboost.cluster.engines import convert_where  # noqa: PLC0415
+    from fpsboost.preparation import ConversionJob  # noqa: PLC0415
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
 
@@ -113,15 +117,8 @@ def convert(
         )
         with reporter:
             reporter.say_settings(motion.method, interpolator)
-            summary = conversion.convert(
-                input,
-                output,
-                rate=rate,
-                method=interpolator,
-                decoding=decoding,
-                encoding=encoding,
-                run=replace(run_options, observer=reporter),
-            )
+            job = ConversionJob(input, output, rate, interpolator, decoding, encoding)
+            summary = convert_where(where, job, replace(run_options, observer=reporter))
         reporter.say_summary(summary)
 
     paths = [input, *([] if output is None else [output]), *more]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from fpsboost.cli.flags import flags_of
+from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import OptionError
 from fpsboost.io.vectors.convention import ConventionName
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -257,7 +258,7 @@ class SweepOptions:
 
 
 option_classes = (
-    *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions),
+    *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions),
     *(MessageOptions, HidingOptions, ContestOptions, ResultOptions, SweepOptions),
     *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions, JoinOptions),
 )

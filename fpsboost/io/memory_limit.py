@@ -106,6 +106,21 @@ class MemoryLimit:
         further = (self.bytes - _needed(width, height, planes)) // per_thread
         return max(1, min(most, 1 + further))
 
+    def affordable_processes(self, width: int, height: int, most: int, planes: int = 0) -> int:
+        """Return how many processes can each convert a clip of this size with one thread, at least 1.
+
+        Parameters
+        ----------
+        width, height, most, planes
+            See `affordable_threads`.
+
+        Examples
+        --------
+        >>> MemoryLimit(8_000_000_000).affordable_processes(3840, 2160, 16)
+        2
+        """
+        return max(1, min(most, self.bytes // _needed(width, height, planes)))
+
 
 def _needed(width: int, height: int, planes: int) -> int:
     return AT_LEAST + (BYTES_PER_PIXEL + BYTES_PER_PLANE * planes) * width * height

@@ -71,7 +71,7 @@ class PartFolder:
             self._staging.open()
             self.files.mkdir(exist_ok=True)
         except BaseException:
-            self._remove_parent()
+            remove_if_empty(self._part.folder.parent)
             raise
 
     def publish(self) -> None:
@@ -98,15 +98,15 @@ class PartFolder:
             Number of finished frames.
         """
         self._staging.leave(error, frames, self._part.frames)
-        self._remove_parent()
+        remove_if_empty(self._part.folder.parent)
 
-    def _remove_parent(self) -> None:
-        """Remove the folder of all parts if it holds none."""
-        parent = self._part.folder.parent
-        with suppress(OSError):
-            if os.listdir(parent) == [INDEX_NAME]:
-                (parent / INDEX_NAME).unlink()
-            parent.rmdir()  # fails unless it is empty
+
+def remove_if_empty(folder: Path) -> None:
+    """Remove the folder of all parts if it holds none."""
+    with suppress(OSError):
+        if os.listdir(folder) == [INDEX_NAME]:
+            (folder / INDEX_NAME).unlink()
+        folder.rmdir()  # fails unless it is empty
 
 
 def part_files(folder: Path) -> list[Path]:

@@ -19,7 +19,7 @@ from io import BufferedRandom
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.errors import InputError, InUseError, OptionError, OutputError
 
 if sys.platform == "win32":
     import msvcrt
@@ -263,7 +263,7 @@ class StagingDirectory:
                     raise
                 if error.errno in (errno.EAGAIN, errno.EACCES, errno.EDEADLK):
                     lock.close()
-                    raise OutputError(
+                    raise InUseError(
                         f"{self._name} is being written by another run; wait for it, or choose another name."
                     ) from None
                 self.remarks.append(f"{self._name} lies on a disk without locks; never let two runs write it at once.")

@@ -24,7 +24,7 @@ from fpsboost.observer import SourceMoment, Summary
 from fpsboost.parts.entry import find_entry
 from fpsboost.parts.index_file import read_index, write_index
 from fpsboost.parts.manifest import Boundary, Intervals, Manifest, stored
-from fpsboost.parts.self_test import self_test
+from fpsboost.parts.self_test import digest_of, self_test
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import OutputRange
@@ -186,11 +186,18 @@ def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
     return OutputRange(first, stop)
 
 
+def program_facts() -> dict[str, str]:
+    """Return the versions that must be the same for the same result."""
+    libraries = f"PyAV {version('av')}, OpenCV {cv2.__version__}, numba {version('numba')}"
+    return {"fpsboost": f"fpsboost {__version__}", "libraries": libraries}
+
+
 def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> dict[str, str]:
     """Return everything that must be the same wherever parts of a job are made.
 
     These are the content of the input (by size, beginning and end), all options, the versions of the programs,
-    and a digest of made frames, which tells whether machines calculate the same.
+    and
+    digests of the first frame and of made ones, which tell whether machines decode and calculate the same.
 
     Raises
     ------
@@ -203,8 +210,8 @@ def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Prepa
     with explained(InputError, "read", name, "check that it is still there"):
         return fingerprint_options(
             identify_files,
-            fpsboost=__version__,
-            libraries=f"PyAV {version('av')}, OpenCV {cv2.__version__}",
+            **program_facts(),
+            first_frame=digest_of(image),
             self_test=self_test(ready.interpolator, image),
             input=_identity(clip),
             output_type=ready.target.file_type,

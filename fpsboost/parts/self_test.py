@@ -61,9 +61,14 @@ def self_test(interpolator: Interpolator, image: FrameImage) -> str:
     rehearsal = interpolator.without_vectors()
     frames = [FrameCache(_in_form_of(image, samples)) for samples in _moving_samples()]
     before, pair, after = (rehearsal.pair(*two) for two in pairwise(frames))
+    return digest_of(*rehearsal.between(pair, TIMES, before, after).images)
+
+
+def digest_of(*images: FrameImage) -> str:
+    """Return a digest of images: SHA-256 in hexadecimal digits."""
     digest = hashlib.sha256()
-    for made in rehearsal.between(pair, TIMES, before, after).images:
-        for plane in _planes(made):
+    for image in images:
+        for plane in _planes(image):
             digest.update(f"{plane.dtype} {plane.shape} ".encode())
             digest.update(plane.tobytes())
     return digest.hexdigest()

@@ -129,6 +129,11 @@ class VectorFolder:
         self._kept: OrderedDict[int, FrameVectors] = OrderedDict()
         self._access = Lock()  # pairs of frames are processed in parallel
 
+    def __reduce__(self) -> tuple[type[Self], tuple[Path, Path | None, ConventionName]]:
+        """Pickle what it was made of, with absolute paths; what `matched` has found is found again."""
+        depth = None if self.depth_path is None else self.depth_path.absolute()
+        return type(self), (self.path.absolute(), depth, self._convention_name)
+
     def __repr__(self) -> str:
         depth = None if self.depth_path is None else str(self.depth_path)
         convention = "" if self._convention_name == "auto" else f", convention={self._convention_name!r}"

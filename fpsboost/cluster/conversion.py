@@ -1,0 +1,189 @@
+"""Conversion in parts: planned here, made by workers, and joined here."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fpsboost.cluster.scheduler import Executor, run_parts
+from fpsboost.cluster.worker import LOCK_INTERVAL, PartTask
+from fpsboost.errors import (
+    CompleteAlreadyError,
+    FpsboostError,
+    InUseError,
+    OptionError,
+    OutputError,
+    explained,
+)
+from fpsboost.frame import ClipInfo
+from fpsboost.io.part import Part, part_folder
+from fpsboost.io.part_folder import remove_if_empty
+from fpsboost.io.staging import JobFingerprint
+from fpsboost.observer import SilentObserver, Summary
+from fpsboost.parts.join import join
+from fpsboost.parts.making import facts_of, share_index
+from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference
+from fpsboost.parts.plan import PlannedPart, plan_parts
+from fpsboost.preparation import ConversionJob, opened_clip, prepare
+from fpsboost.run_options import RunOptions
+
+PARTS_PER_WORKER = 8
+"""Parts of a conversion for each worker; at the end, a worker idles for half of one on average."""
+
+
+@dataclass(frozen=True)
+class JobInParts:
+    """Conversion whose parts workers make.
+
+    Attributes
+    ----------
+    job : ConversionJob
+        With an output.
+    run : RunOptions
+    """
+
+    job: ConversionJob
+    run: RunOptions
+
+    @property
+    def output(self) -> str:
+        """Path of the output."""
+        assert self.job.output is not None
+        return self.job.output
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the folders of the parts."""
+        return part_folder(self.output, Part(1, 1)).parent
+
+    def task(self, part: Part) -> PartTask:
+        """Return what a worker needs to know to make a part."""
+        return PartTask(self.job, part, self.run.threads, self.run.limit)
+
+
+StartExecutor = Callable[[JobInParts], AbstractContextManager[Executor]]
+"""Starts workers, which stop when the block is left."""
+
+
+def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: StartExecutor) -> Summary:
+    """Convert a clip in parts; the result is that of `fpsboost.conversion.convert_job`.
+
+    Parts that earlier runs of the same job have made are taken over; all are removed when they are joined.
+
+    Parameters
+    ----------
+    job : ConversionJob
+    run : RunOptions
+        `threads` is what each worker may use.
+    workers : int
+        Number of workers, which tells how many parts to make.
+    start : callable
+
+    Returns
+    -------
+    Summary
+        Its details say how busy the workers were.
+
+    Raises
+    ------
+    OptionError
+        Such an output cannot be made in parts.
+    InputError, OutputError, ClusterError
+        See `fpsboost.errors`.
+    """
+    begin = time.perf_counter()
+    parts = JobInParts(job, run)
+    info, planned = _plan(parts, workers)
+    there = [each for each in planned if part_folder(parts.output, each.part).is_dir()]
+    observer, progress = run.observer or SilentObserver(), Summary()
+    done_before = sum(each.frames for each in there)
+    observer.opened(info, sum(each.frames for each in planned))
+    observer.ready()
+
+    def wrote(frames: int) -> None:
+        progress.frames_out, progress.completed_frames = done_before + frames, done_before
+        progress.seconds = time.perf_counter() - begin
+        observer.wrote(progress)
+
+    try:
+        with start(parts) as executor:
+            utilisation = run_parts([each for each in planned if each not in there], executor, wrote)
+    finally:
+        remove_if_empty(parts.folder)
+    summary = _join(parts, [part_folder(parts.output, each.part) for each in planned])
+    summary.completed_frames, summary.seconds = done_before, time.perf_counter() - begin
+    summary.details = " ".join(filter(None, [summary.details, utilisation.sentence()]))
+    return summary
+
+
+def _plan(parts: JobInParts, workers: int) -> tuple[ClipInfo, list[PlannedPart]]:
+    """Plan the parts, after checking that they can be joined; return also what is known of the input."""
+    job, run = parts.job, parts.run
+    given = [*["`in_place`"] * run.in_place, *["`chunk`"] * (run.chunk is not None), *run.side.given]
+    if given:
+        raise OptionError(
+            f"`cluster` and `processes` make a new output of parts, and {' and '.join(given)} cannot be made so; leave "
+            "one of them out."
+        )
+    with opened_clip(job, run) as clip:
+        ready = prepare(job, run, clip)
+        _refuse_others(parts, facts_of(job, run, clip, ready))
+        count = _count_there(parts.folder) or workers * PARTS_PER_WORKER
+        planned = plan_parts(job, clip, ready, count)
+        fingerprint = JobFingerprint({}, resume=run.resume)
+        ready.target.open(replace(ready.output, overwrite=run.overwrite, job=fingerprint))  # checks the place
+        with explained(OutputError, "write to", parts.folder, "check the path and the permissions"):
+            parts.folder.mkdir(exist_ok=True)
+        share_index(clip, parts.folder)
+        return clip.source.info, planned
+
+
+def _join(parts: JobInParts, folders: Sequence[Path]) -> Summary:
+    """Join the parts in these folders, and remove them.
+
+    Raises
+    ------
+    CompleteAlreadyError
+        Another run of the same job has done that meanwhile.
+    """
+    while True:
+        try:
+            summary = join(parts.output, folders, overwrite=parts.run.overwrite)
+            break
+        except InUseError:
+            time.sleep(LOCK_INTERVAL)
+        except FpsboostError:
+            time.sleep(LOCK_INTERVAL)
+            if parts.folder.is_dir():
+                raise
+            raise CompleteAlreadyError(f"{parts.output} was made by another run of the same job.") from None
+    with suppress(OSError):  # with all parts at once, so that another run does not find some
+        removed = parts.folder.rename(parts.folder.with_name(f".{parts.folder.name}.joined"))
+        shutil.rmtree(removed)
+    return summary
+
+
+def _refuse_others(parts: JobInParts, facts: Mapping[str, str]) -> None:
+    """Remove parts of another job if the output may be replaced; raise `OutputError` if not."""
+    for manifest in map(Manifest.read, (path.parent for path in parts.folder.glob(f"*/{MANIFEST_NAME}"))):
+        difference = first_difference(facts, manifest.facts)
+        if difference is None:
+            continue
+        if not parts.run.overwrite:
+            raise OutputError(
+                f"{parts.folder} holds parts with another {difference}; remove it, or give `overwrite=True`."
+            )
+        shutil.rmtree(parts.folder)
+        return
+
+
+def _count_there(folder: Path) -> int | None:
+    """Return in how many parts an earlier run has cut the job; None if there was none."""
+    names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
+    counts = {int(found[1]) for name in names if (found := re.search(r"\d{4}-of-(\d{4})\b", name))}
+    return max(counts, default=None)

@@ -1,0 +1,519 @@
+"""Parts that many workers make: the output is that of one process, whatever happens to workers on the way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from multiprocessing import active_children
+from pathlib import Path
+from typing import Any
+
+import pytest
+from video_truth import packets_of, write_clip
+
+from fpsboost.cluster import convert, scheduler
+from fpsboost.cluster.local_processes import convert_in_processes
+from fpsboost.cluster.options import ClusterOptions
+from fpsboost.cluster.scheduler import MAX_FAILURES, MAX_LOST_WORKERS, Done, Failed, Progress, Report, run_parts
+from fpsboost.cluster.worker import PartTask, WorkerObserver, make_part
+from fpsboost.conversion import convert_job
+from fpsboost.errors import (
+    ClusterError,
+    CompleteAlreadyError,
+    InputError,
+    InUseError,
+    OptionError,
+    OutputError,
+    notes_of,
+)
+from fpsboost.io.part import Part, part_folder
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.method_table import find_method
+from fpsboost.observer import SilentObserver, Summary
+from fpsboost.parts.plan import PlannedPart
+from fpsboost.preparation import ConversionJob
+from fpsboost.run_options import RunOptions
+from fpsboost.timing.rate import OutputRate
+
+distributed = pytest.importorskip("distributed")
+
+from fpsboost.cluster import dask_engine, worker_facts  # noqa: E402 (only where Dask is installed)
+
+
+def planned(*frames: int) -> list[PlannedPart]:
+    """Parts of so many frames each."""
+    return [PlannedPart(Part(number, len(frames)), each, float(each)) for number, each in enumerate(frames, 1)]
+
+
+@dataclass
+class Script:
+    """Workers that do what a test says: each part that is submitted is answered by a function."""
+
+    answer: Callable[[Part, str, int], list[Report]]
+    names: Sequence[str] = ("a", "b")
+    submitted: list[tuple[int, str, int]] = field(default_factory=list)
+    waiting: list[list[Report]] = field(default_factory=list)
+    is_cancelled: bool = False
+
+    def workers(self) -> Sequence[str]:
+        return self.names
+
+    def submit(self, part: Part, worker: str, attempt: int) -> None:
+        self.submitted.append((part.number, worker, attempt))
+        self.waiting.append(self.answer(part, worker, attempt))
+
+    def wait(self) -> Iterable[Report]:
+        return self.waiting.pop(0)
+
+    def cancel(self) -> None:
+        self.is_cancelled = True
+
+
+def make(part: Part, worker: str, attempt: int) -> list[Report]:
+    return [Done(part)]
+
+
+def ignore(frames: int) -> None: ...
+
+
+def test_largest_parts_go_first():
+    """And parts of one size in order, each to a worker that is free."""
+    script = Script(make)
+    run_parts(planned(10, 30, 20, 20), script, ignore)
+    assert [number for number, _, _ in script.submitted] == [2, 3, 4, 1]
+
+
+def test_a_worker_makes_one_part_at_a_time():
+    """The next part is given out only when one is complete."""
+    script = Script(lambda part, worker, attempt: [Progress(part, 1)])
+    run = scheduler._Run(planned(5, 5, 5), script, ignore)
+    run.step()
+    assert len(script.submitted) == 2
+    assert run.running == {Part(1, 3): "a", Part(2, 3): "b"}
+
+
+def test_a_part_whose_worker_dies_is_made_again_and_counted_once():
+    """Frames are counted on from what the first attempt had."""
+
+    def answer(part: Part, worker: str, attempt: int) -> list[Report]:
+        if attempt == 0 and part.number == 1:
+            return [Progress(part, 7), Failed(part, worker)]
+        return [Progress(part, 3), Progress(part, 8), Done(part)]
+
+    counts: list[int] = []
+    script = Script(answer, names=["a"])
+    run_parts(planned(10, 8), script, counts.append)
+    assert script.submitted == [(1, "a", 0), (1, "a", 1), (2, "a", 0)]
+    assert counts == [7, 8, 10, 13, 18]
+
+
+def test_a_part_that_kills_every_worker_ends_the_run():
+    """After a bounded number of workers, with a sentence that names the part and the last worker."""
+    script = Script(lambda part, worker, attempt: [Failed(part, worker)], names=["host:1"])
+    with pytest.raises(ClusterError, match=r"10 workers died while they made part 1/1, the last one at host:1;"):
+        run_parts(planned(4), script, ignore)
+    assert len(script.submitted) == MAX_LOST_WORKERS
+    assert script.is_cancelled
+
+
+def test_a_part_that_fails_goes_to_another_worker():
+    """A full disk may be one worker's own."""
+
+    def answer(part: Part, worker: str, attempt: int) -> list[Report]:
+        return [Failed(part, worker, OutputError("full"))] if worker == "a" else [Done(part)]
+
+    script = Script(answer)
+    run_parts(planned(4, 4, 4), script, ignore)
+    assert len(script.submitted) == 3 + sum(worker == "a" for _, worker, _ in script.submitted)
+
+
+def test_a_part_that_fails_everywhere_ends_the_run():
+    """After a bounded number of attempts, with its error and how to go on."""
+    script = Script(lambda part, worker, attempt: [Failed(part, worker, OutputError("The disk is full."))])
+    with pytest.raises(OutputError, match="The disk is full") as caught:
+        run_parts(planned(4), script, ignore)
+    assert len(script.submitted) == MAX_FAILURES
+    assert notes_of(caught.value) == "0 of 1 parts are complete; `resume` goes on with them."
+
+
+@pytest.mark.parametrize("error", [InputError("damaged"), OptionError("unknown"), ClusterError("differs")])
+def test_an_error_that_others_would_have_too_ends_the_run_at_once(error):
+    """Nothing is gained by another attempt."""
+    script = Script(lambda part, worker, attempt: [Failed(part, worker, error)])
+    with pytest.raises(type(error)):
+        run_parts(planned(4, 4, 4), script, ignore)
+    assert len(script.submitted) == 2
+
+
+def test_an_interruption_stops_all_workers():
+    """And says what is complete."""
+
+    def stop(frames: int) -> None:
+        raise KeyboardInterrupt
+
+    script = Script(make)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run_parts(planned(4, 4), script, stop)
+    assert script.is_cancelled
+    assert "1 of 2 parts are complete" in notes_of(caught.value)
+
+
+FRAMES = 250
+"""Frames of the clip; twice as many are two chunks and a bit."""
+
+
+@dataclass
+class Clip:
+    """A clip, and what one process makes of it."""
+
+    job: ConversionJob
+    whole: Path
+
+    def to(self, output: Path) -> ConversionJob:
+        """Return the same conversion to another output."""
+        return replace(self.job, output=str(output))
+
+    def is_whole(self, output: Path) -> bool:
+        """Return whether another output is that of one process, and nothing else is left beside it."""
+        if output.is_dir():
+            same = [path.read_bytes() for path in sorted(output.iterdir())] == [
+                path.read_bytes() for path in sorted(self.whole.iterdir())
+            ]
+        else:
+            same = packets_of(output, "video") == packets_of(self.whole, "video")
+            same &= packets_of(output, "audio") == packets_of(self.whole, "audio")
+        return same and [path.name for path in output.parent.iterdir()] == [output.name]
+
+
+@pytest.fixture(autouse=True)
+def few_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut into two parts a worker, and ask the scheduler more often."""
+    monkeypatch.setattr("fpsboost.cluster.conversion.PARTS_PER_WORKER", 2)
+    monkeypatch.setattr("fpsboost.cluster.conversion.LOCK_INTERVAL", 0.02)
+    monkeypatch.setattr(dask_engine, "WORKERS_INTERVAL", 0.1)
+    monkeypatch.setattr(dask_engine, "GROWN_CLUSTER", 2)
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory) -> Clip:
+    folder = tmp_path_factory.mktemp("video")
+    clip = write_clip(folder / "in.mp4", times=range(FRAMES), sound="aac", sound_seconds=3)
+    rate, encoding = OutputRate(Fraction(2)), Encoding(preset="ultrafast")
+    job = ConversionJob(str(clip), str(folder / "whole.mp4"), rate, find_method("blend"), encoding=encoding)
+    convert_job(job)
+    return Clip(job, folder / "whole.mp4")
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory) -> Clip:
+    """A clip that becomes a folder of images, whose parts may be small."""
+    folder = tmp_path_factory.mktemp("images")
+    clip = write_clip(folder / "in.mp4", times=range(20))
+    job = ConversionJob(str(clip), str(folder / "whole/"), OutputRate(Fraction(2)), find_method("blend"))
+    convert_job(job)
+    return Clip(job, folder / "whole")
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    with dask_engine.local_client(2) as client:
+        yield client
+
+
+@pytest.fixture
+def output(tmp_path) -> Path:
+    """A path in a folder of its own."""
+    (tmp_path / "out").mkdir()
+    return tmp_path / "out" / "made"
+
+
+class Once(SilentObserver):
+    """An observer that calls a function once when so many frames are written, and keeps the counts."""
+
+    def __init__(self, act: Callable[[], None] | None = None, after: int = 1) -> None:
+        self._act, self._after, self.counts, self.expected = act, after, list[int](), None
+
+    def opened(self, info: Any, expected_frames: int | None) -> None:
+        self.expected = expected_frames
+
+    def wrote(self, summary: Summary) -> None:
+        self.counts.append(summary.frames_out)
+        if self._act is not None and summary.frames_out >= self._after:
+            act, self._act = self._act, None
+            act()
+
+
+def interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+def test_processes_make_the_same_video(video, output):
+    """Packets and sound are those of one process; progress is that of all parts together."""
+    observer = Once()
+    target = output.with_suffix(".mp4")
+    summary = convert_in_processes(video.to(target), 2, run=RunOptions(observer=observer))
+    assert video.is_whole(target)
+    assert summary.frames_out == observer.expected == observer.counts[-1] == 2 * FRAMES
+    assert observer.counts == sorted(observer.counts)
+    assert "2 workers were busy" in summary.details
+
+
+def test_a_killed_process_has_its_part_made_again(images, output):
+    """SIGKILL in the middle of a part; another process takes its place."""
+    observer = Once(lambda: os.kill(active_children()[0].pid or 0, signal.SIGKILL))
+    convert_in_processes(images.to(output), 2, run=RunOptions(observer=observer))
+    assert images.is_whole(output)
+    assert observer.counts == sorted(observer.counts)
+
+
+def test_interrupted_processes_leave_what_is_done(images, output):
+    """All processes have ended then; a later run goes on with the parts that were complete."""
+    with pytest.raises(KeyboardInterrupt) as caught:
+        convert_in_processes(images.to(output), 2, run=RunOptions(observer=Once(interrupt, after=21)))
+    assert "`resume` goes on" in notes_of(caught.value)
+    assert active_children() == []
+    summary = convert_in_processes(images.to(output), 2, run=RunOptions(resume=True))
+    assert summary.completed_frames > 0
+    assert images.is_whole(output)
+
+
+def test_dask_makes_the_same_images(client, images, output):
+    """Byte by byte; progress is that of all workers together."""
+    observer = Once()
+    summary = convert(images.to(output), client, run=RunOptions(observer=observer))
+    assert images.is_whole(output)
+    assert summary.frames_out == observer.expected == observer.counts[-1] == 39
+
+
+def busy_worker(client: Any) -> str:
+    """Return the address of a worker that makes a part."""
+    return next(address for address, keys in client.processing().items() if keys)
+
+
+def test_a_killed_dask_worker_has_its_part_made_again(client, video, output):
+    """SIGKILL in the middle of a part of a video, whose packets and sound are those of one process then."""
+    target = output.with_suffix(".mp4")
+
+    def kill() -> None:
+        address = busy_worker(client)
+        os.kill(client.run(os.getpid, workers=[address])[address], signal.SIGKILL)
+
+    convert(video.to(target), client, run=RunOptions(observer=Once(kill)))
+    assert video.is_whole(target)
+    client.wait_for_workers(2)
+
+
+def set_largest_file(size: int) -> None:
+    """Have this process fail to write larger files, as if its disk were full."""
+    import resource  # noqa: PLC0415 (in a worker)
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such limits")
+def test_a_worker_whose_disk_is_full_is_passed_over(client, images, output, monkeypatch):
+    """Its parts are made by the other one."""
+    failed, count = [], scheduler._count_failure
+    monkeypatch.setattr(scheduler, "_count_failure", lambda *found: (failed.append(found[1]), count(*found)))
+    address = min(client.nthreads())
+    client.run(set_largest_file, 100, workers=[address])
+    try:
+        convert(images.to(output), client)
+    finally:
+        client.run(set_largest_file, -1, workers=[address])
+    assert images.is_whole(output)
+    assert {report.worker for report in failed} == {address}
+    assert all(isinstance(report.error, OutputError) for report in failed)
+
+
+def test_parts_travel_where_storage_is_not_shared(client, images, output, monkeypatch):
+    """Workers that do not see the folder of the parts write into their own, and leave nothing there."""
+    order = dask_engine.WorkerOrder
+    monkeypatch.setattr(
+        dask_engine, "WorkerOrder", lambda task, facts, mark, topic: order(task, facts, mark + "?", topic)
+    )
+    monkeypatch.setattr(dask_engine, "PIECE_BYTES", 1000)
+    convert(images.to(output), client)
+    assert images.is_whole(output)
+    left = client.run(lambda dask_worker: [str(path) for path in Path(dask_worker.local_directory).rglob("*-of-*")])
+    assert list(left.values()) == [[], []]
+
+
+def test_an_interrupted_client_stops_its_workers(client, images, output):
+    """Tasks end at their next frame; a later run goes on with the parts that were complete."""
+    with pytest.raises(KeyboardInterrupt) as caught:
+        convert(images.to(output), client, run=RunOptions(observer=Once(interrupt, after=21)))
+    assert "`resume` goes on" in notes_of(caught.value)
+    while any(client.run(lambda dask_worker: dask_worker.state.executing_count).values()):
+        pass
+    assert convert(images.to(output), client, run=RunOptions(resume=True)).completed_frames > 0
+    assert images.is_whole(output)
+
+
+def test_two_clients_of_one_job_are_one(client, images, output):
+    """No part is made twice, and the later one to finish is told that the output is there."""
+    results: list[Summary | CompleteAlreadyError] = []
+    both = threading.Barrier(2)
+
+    class Together(SilentObserver):
+        def opened(self, info: Any, expected_frames: int | None) -> None:
+            both.wait()
+
+    def run(client: Any) -> None:
+        try:
+            results.append(convert(images.to(output), client, run=RunOptions(observer=Together())))
+        except CompleteAlreadyError as error:
+            results.append(error)
+
+    def finished_tasks(dask_scheduler: Any) -> list[str]:
+        log = [entry for entry in dask_scheduler.transition_log if entry[1:3] == ("processing", "memory")]
+        return [entry[0] for entry in log if entry[0].startswith("fpsboost-")]
+
+    before = len(client.run_on_scheduler(finished_tasks))
+    with distributed.Client(client.scheduler.address, set_as_default=False) as other:
+        threads = [threading.Thread(target=run, args=(each,)) for each in (client, other)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    made = client.run_on_scheduler(finished_tasks)[before:]
+    assert len(made) == len(set(made))
+    assert {type(result) for result in results} <= {Summary, CompleteAlreadyError}
+    assert images.is_whole(output)
+
+
+@pytest.mark.parametrize(
+    ("fact", "message"),
+    [
+        ("fpsboost", r"The worker at tcp://[\d.:]+ has fpsboost \S+, and the client another; install the same"),
+        ("libraries", r"The worker at tcp://[\d.:]+ has PyAV .+, and the client another; install the same"),
+        ("input", r"The worker at tcp://[\d.:]+ has another file under the input's name; copy"),
+        ("self_test", r"The worker at tcp://[\d.:]+ calculates other pixels than the client; leave it out"),
+    ],
+)
+def test_a_worker_that_differs_is_refused(client, images, output, monkeypatch, fact, message):
+    """In one sentence with its address: versions, the content of the input, and the bits of a frame must agree."""
+    facts = worker_facts.job_facts
+    monkeypatch.setattr(dask_engine, "job_facts", lambda job: {**facts(job), fact: "another"})
+    with pytest.raises(ClusterError, match=message):
+        convert(images.to(output), client)
+    assert list(output.parent.iterdir()) == []
+
+
+def test_a_scheduler_that_is_gone_is_said(client, images, output, tmp_path):
+    """In one sentence; what is complete then is taken over by a later run."""
+    place = tmp_path / "scheduler.json"
+    command = [sys.executable, "-m", "distributed.cli.dask_{}", "--scheduler-file", str(place), "--no-dashboard"]
+
+    def start(role: str, *more: str) -> subprocess.Popen[bytes]:
+        arguments = [each.format(role) for each in command] + [*more]
+        return subprocess.Popen(arguments, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    started = [start("scheduler", "--port", "0"), start("worker", "--no-nanny", "--nthreads", "1")]
+    try:
+        with dask_engine._quiet(), suppress(OSError), distributed.Client(scheduler_file=str(place)) as far:
+            far.wait_for_workers(1)
+            with pytest.raises(ClusterError, match=r"^The scheduler at tcp://[\d.:]+ is gone;") as caught:
+                convert(images.to(output), far, run=RunOptions(observer=Once(started[0].kill, after=11)))
+        assert "`resume` goes on" in notes_of(caught.value)
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+    convert(images.to(output), client, run=RunOptions(resume=True))
+    assert images.is_whole(output)
+
+
+def test_a_part_that_another_run_makes_is_waited_for(images, output, monkeypatch):
+    """Its lock is tried until it is free, and the part is taken as it is then."""
+    answers = iter([InUseError("held"), InUseError("held"), CompleteAlreadyError("there")])
+
+    def convert_job(job: ConversionJob, run: RunOptions) -> Summary:
+        raise next(answers)
+
+    monkeypatch.setattr("fpsboost.cluster.worker.LOCK_INTERVAL", 0)
+    monkeypatch.setattr("fpsboost.cluster.worker.convert_job", convert_job)
+    checks: list[None] = []
+    part = Part(1, 2)
+    observer = WorkerObserver(ignore, lambda: checks.append(None))
+    assert make_part(PartTask(images.to(output), part), observer) == part_folder(str(output), part)
+    assert len(checks) == 2
+
+
+def test_parts_of_another_job_are_not_joined(images, output):
+    """They are refused, and replaced if the output may be."""
+    other = replace(images.to(output), rate=OutputRate(Fraction(4)))
+    convert_job(other, RunOptions(chunk=Part(1, 2)))
+    with pytest.raises(OutputError, match=r"holds parts with another factor; remove it, or give `overwrite=True`"):
+        convert_in_processes(images.to(output), 1)
+    convert_in_processes(images.to(output), 1, run=RunOptions(overwrite=True))
+    assert images.is_whole(output)
+
+
+@pytest.mark.parametrize("run", [RunOptions(chunk=Part(1, 2)), RunOptions(in_place=True)])
+def test_what_has_no_parts_is_refused(images, output, run):
+    """Parts of parts, and images beside the input."""
+    with pytest.raises(OptionError, match="`cluster` and `processes` make a new output of parts"):
+        convert_in_processes(images.to(output), 2, run=run)
+
+
+def test_an_output_that_exists_is_refused_before_anything_is_made(video, output):
+    """Not when hours of work are to be joined."""
+    target = output.with_suffix(".mp4")
+    target.touch()
+    with pytest.raises(OutputError, match="exists"):
+        convert_in_processes(video.to(target), 2)
+    assert not part_folder(str(target), Part(1, 1)).parent.exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"cluster": "local", "processes": 2}, "both say who makes"),
+        ({"cluster": "host:8786"}, "such as tls://host:8786, not host:8786"),
+        ({"processes": 0}, "must be at least 1"),
+    ],
+)
+def test_invalid_options_are_refused(given, message):
+    """In a sentence that names the option."""
+    with pytest.raises(OptionError, match=message):
+        ClusterOptions(**given)
+
+
+def test_processes_on_the_command_line(fpsboost_, images, output):
+    """The same images, and how busy the processes were."""
+    result = fpsboost_(images.job.input, output, "--method", "blend", "--processes", 2, "--verbose")
+    assert result.code == 0, result.err
+    assert "2 workers were busy" in result.err
+    assert images.is_whole(output)
+
+
+def test_a_scheduler_that_is_not_there(fpsboost_, images, output, monkeypatch):
+    """One sentence with its address."""
+    monkeypatch.setattr(dask_engine, "CONNECT_SECONDS", 0.2)
+    result = fpsboost_(images.job.input, output, "--cluster", "tcp://127.0.0.1:1")
+    assert result.code == 1
+    assert "There is no scheduler at tcp://127.0.0.1:1" in result.err
+
+
+def test_encryption_without_certificates(fpsboost_, images, output):
+    """The sentence names what Dask's configuration lacks."""
+    result = fpsboost_(images.job.input, output, "--cluster", "tls://127.0.0.1:1")
+    assert result.code == 1
+    assert "tls://127.0.0.1:1 needs certificates" in result.err
+
+
+def test_dask_that_is_not_installed(fpsboost_, images, output, monkeypatch):
+    """The sentence says what to install."""
+    monkeypatch.setitem(sys.modules, "fpsboost.cluster.dask_engine", None)
+    monkeypatch.delattr("fpsboost.cluster.dask_engine")
+    result = fpsboost_(images.job.input, output, "--cluster", "local")
+    assert result.code == 2
+    assert "--cluster needs Dask; install it with: pip install 'fpsboost[cluster]'." in result.err
