@@ -13,11 +13,11 @@ from simulation import Phase, Task
 CHUNK_FRAMES = 240
 """Output frames that the encoder makes in one go, as in `fpsboost.io.video.chunks`; the tests compare."""
 
-Access = Literal["header", "before", "whole", "decoded"]
+Access = Literal["index", "before", "whole", "decoded"]
 """How a part finds its first source frame.
 
-`header`: an index in the file's header tells (mp4, mov); only packets from the keyframe before the part are read.
-`before`: all packets before the part are read (Matroska). `whole`: all packets of the file are read. `decoded`: all
+`index`: an index tells, in the file's header or kept beside the parts; only packets from the keyframe before the part
+are read. `before`: all packets before the part are read. `whole`: all packets of the file are read. `decoded`: all
 frames before the part are decoded.
 """
 
@@ -33,7 +33,9 @@ class Costs:
     starting : float
         From the start of the process to its first frame, with cached kernels, and after its last frame to its end.
     opening : float
-        To open the source and to learn the times of its frames.
+        To open the source.
+    indexing : float
+        A source frame whose packet is read but not decoded, to learn its time.
     self_test : float
         To make the frame by which machines are compared.
     decoding : float
@@ -61,6 +63,7 @@ class Costs:
     compiling: float = 0.0
     starting: float = 0.0
     opening: float = 0.0
+    indexing: float = 0.0
     self_test: float = 0.0
     decoding: float = 0.0
     motion: float = 0.0
@@ -98,6 +101,8 @@ class Film:
     access : Access
     passes : int
         How often `join` reads the parts from the storage: their hashes, the checksums of their chunks, their packets.
+    sound_apart : bool
+        Whether sound is read without the pictures between (mp4, mov).
     rewrites : bool
         Whether the finished file is written once more, so that its index comes first (mp4, mov).
     """
@@ -109,8 +114,9 @@ class Film:
     result_bits: float = 60e6
     sound_bits: float = 0.6e6
     keyframe_interval: int = 48
-    access: Access = "header"
+    access: Access = "whole"
     passes: int = 3
+    sound_apart: bool = True
     rewrites: bool = True
 
     @property
@@ -189,7 +195,7 @@ def work_of(
     for outputs in film.parts(parts):
         begin = math.floor(outputs.start / film.factor)
         decoded, read = _lead_in(film, begin)
-        cpu = costs.opening + costs.self_test + costs.part + decoded * costs.decoding
+        cpu = costs.opening + costs.self_test + costs.part + decoded * costs.decoding + read * costs.indexing
         # the pairs before and after bend the paths of the part's own
         cpu += ((outputs.start > 0) + (outputs.stop < film.outputs)) * costs.motion
         cpu += process_per_part * costs.starting
@@ -208,7 +214,7 @@ def _lead_in(film: Film, begin: int) -> tuple[float, float]:
     if not begin:
         return 0.0, float(film.source_frames) if film.access == "whole" else 0.0
     from_keyframe = min(begin, film.keyframe_interval / 2 + 2)
-    reads = {"header": from_keyframe, "before": begin, "whole": film.source_frames + from_keyframe, "decoded": begin}
+    reads = {"index": from_keyframe, "before": begin, "whole": film.source_frames + from_keyframe, "decoded": begin}
     return (begin if film.access == "decoded" else from_keyframe), float(reads[film.access])
 
 
@@ -223,7 +229,7 @@ def _join(film: Film, costs: Costs) -> list[Phase]:
     sound = film.sound_bits / 8 * film.seconds
     cpu = costs.joining + film.outputs * costs.joining_frame + film.result_bytes * costs.joining_byte
     checks = [Phase(cpu / film.passes, film.result_bytes)] * (film.passes - 1)
-    source = sound if film.access == "header" else film.source_bytes
+    source = sound if film.sound_apart else film.source_bytes
     muxing = Phase(cpu / film.passes, film.result_bytes + source, film.result_bytes + sound)
     rewriting = [Phase(0.0, muxing.written, muxing.written)] if film.rewrites else []
     return [*checks, muxing, *rewriting]

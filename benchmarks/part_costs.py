@@ -30,7 +30,6 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import FrameImage
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, with_neighbours
-from fpsboost.io import RandomAccess
 from fpsboost.io.opening import open_source
 from fpsboost.io.prefetch import available_cores
 from fpsboost.io.target import Target
@@ -263,12 +262,19 @@ def _as_picture(image: Any) -> av.VideoFrame:
 
 
 def time_opening(material: Material) -> float:
-    """Return what it takes to open a clip and to learn the times of its frames."""
+    """Return what it takes to open a clip."""
     begin = time.process_time()
-    with open_source(material.path) as source:
-        if isinstance(source, RandomAccess):
-            source.frame_times()
-    return time.process_time() - begin
+    with open_source(material.path):
+        return time.process_time() - begin
+
+
+def time_indexing(material: Material) -> float:
+    """Return what it takes a frame to read the packets of a clip."""
+    begin = time.process_time()
+    with av.open(material.path) as file:
+        for packet in file.demux(file.streams.video[0]):
+            _ = packet.pts
+    return (time.process_time() - begin) / material.frames
 
 
 def measure_methods(
@@ -295,6 +301,7 @@ def measure_methods(
     with on_core(0):
         sections = read_sections(material)
         opening = median(time_opening(material) for _ in range(5))
+        indexing = median(time_indexing(material) for _ in range(3))
     costs: dict[str, Costs] = {}
     for name in methods:
         say(f"{material.size}: stages of {name}")
@@ -310,6 +317,7 @@ def measure_methods(
             self_test = time.process_time() - begin
         base = Costs(
             opening=opening,
+            indexing=indexing,
             self_test=self_test,
             decoding=sections.decoding,
             motion=mean(min(one.motion, two.motion) for one, two in zip(making, again, strict=True)),

@@ -249,15 +249,15 @@ def test_the_work_of_a_film_hangs_on_its_parts_by_their_beginnings_alone(
 def test_what_a_part_reads_hangs_on_the_container(film_parts: ModuleType) -> None:
     """An index in the header spares most reading; without any, everything before a part is read and decoded."""
     read, cpu = {}, {}
-    for access in ("header", "before", "whole", "decoded"):
+    for access in ("index", "before", "whole", "decoded"):
         film = film_parts.Film(source_frames=20_000, access=access)
         work = film_parts.work_of(film, film_parts.Costs(decoding=0.01), 10)
         read[access] = sum(task.lead_in.read for task in work.tasks) / film.source_bytes
         cpu[access] = sum(task.lead_in.cpu for task in work.tasks)
-    assert read["header"] < 0.02
+    assert read["index"] < 0.02
     assert read["before"] == read["decoded"] == pytest.approx(4.5, rel=0.05)
     assert read["whole"] == pytest.approx(10, rel=0.05)
-    assert cpu["decoded"] > 10 * cpu["before"] == 10 * cpu["header"]
+    assert cpu["decoded"] > 10 * cpu["before"] == 10 * cpu["index"]
 
 
 def test_chunks_vary_around_their_cost(film_parts: ModuleType) -> None:
@@ -289,7 +289,7 @@ def test_the_sensitivities_change_one_thing_each(film_parts: ModuleType, scale: 
     costs = film_parts.Costs(
         encoding=0.5, starting=2.0, compiling=60.0, motion=0.5, decoding=0.01, variation=0.1, slowdown=(1.0, 1.1)
     )
-    film = film_parts.Film(source_frames=9600)
+    film = film_parts.Film(source_frames=9600, access="index")
     scenario = scale.Scenario(film, costs, scale.Cluster(1, per_machine=2, bandwidth=5e8, link=1e8))
     wrong = scale.sensitivities(scenario)
     assert len({repr(each) for each in wrong.values()}) == len(wrong)
