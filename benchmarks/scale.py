@@ -232,6 +232,7 @@ def sensitivities(scenario: Scenario) -> dict[str, Scenario]:
         "all packets before a part are read": replace(scenario, film=replace(film, access="before")),
         "all packets are read for each part": replace(scenario, film=replace(film, access="whole")),
         "everything before a part is decoded": replace(scenario, film=replace(film, access="decoded")),
+        "join on a machine with 10 times the link": on(join_link=10 * cluster.link),
         "join reads the parts once": replace(scenario, film=replace(film, passes=1)),
         "the same, and writes its result once": replace(scenario, film=replace(film, passes=1, rewrites=False)),
         "workers arrive one by one, 10 s apart": on(arrival=10.0),
@@ -264,7 +265,7 @@ def sensitivity_table(title: str, scenario: Scenario, workers: Sequence[int]) ->
 def _change(wall: float, right: float, *, is_first: bool) -> str:
     if wall == float("inf"):
         return "no end"
-    return f"{wall / HOUR:.2f} h" if is_first else f"{wall / right - 1:+.0%}"
+    return f"{wall / HOUR:.2f} h" if is_first else f"{wall / right - 1:+.0%}".replace("-0%", "+0%")
 
 
 def described(prediction: Prediction) -> dict[str, Any]:
@@ -309,33 +310,33 @@ def chosen_costs(path: Path, size: str, name: str) -> Costs:
 
 
 def cost_table(costs: dict[str, dict[str, Costs]]) -> Table:
-    """Return a table of costs."""
+    """Return a table of costs, a column for each size, method and preset."""
     table = Table(title="CPU seconds of one process with one thread", title_justify="left")
-    columns: dict[str, Callable[[Costs], str]] = {
-        "decode": lambda each: f"{each.decoding:.4f}",
-        "motion": lambda each: f"{each.motion:.3f}",
-        "synthesis": lambda each: f"{each.synthesis:.3f}",
-        "encode": lambda each: f"{each.encoding:.4f}",
-        "rest": lambda each: f"{each.rest:+.4f}",
-        "an output frame": lambda each: f"{each.frames(1, Fraction(2)):.4f}",
-        "varies": lambda each: f"{each.variation:.0%}",
-        "start": lambda each: f"{each.starting:.2f}",
-        "compile": lambda each: f"{each.compiling:.1f}",
-        "open": lambda each: f"{each.opening:.3f}",
-        "µs a packet": lambda each: f"{each.indexing * 1e6:.0f}",
+    rows: dict[str, Callable[[Costs], str]] = {
+        "decoding a source frame": lambda each: f"{each.decoding:.4f}",
+        "motion of a pair": lambda each: f"{each.motion:.4f}",
+        "synthesis of a frame": lambda each: f"{each.synthesis:.4f}",
+        "encoding an output frame": lambda each: f"{each.encoding:.4f}",
+        "the rest of an output frame": lambda each: f"{each.rest:+.4f}",
+        "an output frame in all, factor 2": lambda each: f"{each.frames(1, Fraction(2)):.4f}",
+        "deviation between sections": lambda each: f"{each.variation:.0%}",
+        "start, kernels cached": lambda each: f"{each.starting:.2f}",
+        "compiling kernels": lambda each: f"{each.compiling:.1f}",
+        "opening": lambda each: f"{each.opening:.3f}",
+        "reading a packet": lambda each: f"{each.indexing:.6f}",
         "self-test": lambda each: f"{each.self_test:.3f}",
-        "part": lambda each: f"{each.part:.2f}",
-        "join": lambda each: f"{each.joining:.1f}",
-        "join, µs a frame": lambda each: f"{each.joining_frame * 1e6:.0f}",
-        "join, s a GB": lambda each: f"{each.joining_byte * 1e9:.1f}",
-        "slowdown": lambda each: ", ".join(f"{value:.2f}" for value in each.slowdown),
+        "a part": lambda each: f"{each.part:.2f}",
+        "join": lambda each: f"{each.joining:.2f}",
+        "join, an output frame": lambda each: f"{each.joining_frame:.6f}",
+        "join, a GB": lambda each: f"{each.joining_byte * 1e9:.2f}",
+        "slowdown, 1, 2 ... at once": lambda each: " ".join(f"{value:.2f}" for value in each.slowdown),
     }
-    table.add_column("size, method, preset", no_wrap=True)
-    for heading in columns:
-        table.add_column(heading, justify="right")
+    table.add_column("stage", no_wrap=True)
     for size, by_name in costs.items():
-        for name, each in by_name.items():
-            table.add_row(f"{size} {name}", *(show(each) for show in columns.values()))
+        for name in by_name:
+            table.add_column(f"{size} {name}", justify="right")
+    for heading, show in rows.items():
+        table.add_row(heading, *(show(each) for by_name in costs.values() for each in by_name.values()))
     return table
 
 
@@ -393,6 +394,7 @@ def scenario_of(arguments: argparse.Namespace, costs: Costs) -> Scenario:
         slowdown=costs.slowdown,
         bandwidth=arguments.bandwidth * 1e6,
         link=arguments.link * 1e6,
+        join_link=None if arguments.join_link is None else arguments.join_link * 1e6,
         straggler_share=arguments.straggler_share,
         straggler_slowness=arguments.straggler_slowness,
         failures=Interruptions(arguments.failure_hours * HOUR, absence=arguments.absence),
@@ -683,6 +685,7 @@ def add_scenario(command: argparse.ArgumentParser) -> None:
     add("--matroska", action="store_true", help="not mp4: the join reads all of the source, and writes once")
     add("--bandwidth", type=float, default=500, help="of the storage, MB/s")
     add("--link", type=float, default=125, help="of a worker, MB/s")
+    add("--join-link", type=float, help="of the worker that joins, MB/s; that of a worker by default")
     add("--per-machine", type=int, default=4, help="workers on a machine")
     add("--parts-per-worker", type=float, default=PARTS_PER_WORKER)
     add("--parts", type=int, help="their number instead")

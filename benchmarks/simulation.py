@@ -107,6 +107,8 @@ class Cluster:
         Bytes per second that the storage moves in all, in both directions together.
     link : float
         Bytes per second between one worker and the storage.
+    join_link : float or None
+        The same of the worker that does the last step; `link` by default.
     start : Phase
         What a worker does before its first task.
     arrival : float
@@ -124,6 +126,7 @@ class Cluster:
     slowdown: tuple[float, ...] = (1.0,)
     bandwidth: float = math.inf
     link: float = math.inf
+    join_link: float | None = None
     start: Phase = Phase(0.0)
     arrival: float = 0.0
     straggler_share: float = 0.0
@@ -500,7 +503,7 @@ def simulate(
     simulation = _Simulation(tasks, cluster, seed)
     is_done = simulation.run(patience)
     made = simulation.now if is_done else math.inf
-    speed = min(cluster.link, cluster.bandwidth)
+    speed = min(cluster.link if cluster.join_link is None else cluster.join_link, cluster.bandwidth)
     joining = sum(max(phase.cpu * cluster.slowdown[0], phase.moved / speed) for phase in join)
     simulation.spent["join"] = joining * cluster.workers
     return Outcome(

@@ -154,6 +154,16 @@ def test_shared_flows_end_when_processor_sharing_says(model: ModuleType) -> None
     assert resource.next_end() == math.inf
 
 
+def test_the_last_step_has_the_storage_to_itself(model: ModuleType) -> None:
+    """Its bytes move at the speed of the narrower of its link and the storage."""
+    task, join = model.Task(1, model.Phase(0), (model.Phase(10),)), [model.Phase(1, 4e6, 4e6)]
+    walls = [
+        model.simulate([task], model.Cluster(1, bandwidth=4e6, link=1e6, join_link=join_link), join=join).wall
+        for join_link in (None, 2e6, 9e6)
+    ]
+    assert walls == pytest.approx([18, 14, 12])
+
+
 def test_workers_of_a_machine_slow_each_other_down(model: ModuleType) -> None:
     """Two of a machine take the time that the curve says; on two machines they do not."""
     tasks = [model.Task(1, model.Phase(0), (model.Phase(10),))] * 2
@@ -296,7 +306,8 @@ def test_the_sensitivities_change_one_thing_each(film_parts: ModuleType, scale: 
     right = scale.predict(scenario, 8).wall
     walls = {name: scale.predict(each, 8).wall for name, each in wrong.items()}
     saved = {name for name, wall in walls.items() if wall < right * 0.98}
-    assert saved == {"join reads the parts once", "the same, and writes its result once"}
+    joins = {"join on a machine with 10 times the link", "join reads the parts once"}
+    assert saved == {*joins, "the same, and writes its result once"}
 
 
 def test_the_tables_are_written(film_parts: ModuleType, scale: ModuleType, tmp_path: Path) -> None:
