@@ -80,6 +80,11 @@ class Command:
         """Number of its process."""
         return self._process.pid
 
+    def stop(self) -> None:
+        """End it at once."""
+        self._process.kill()
+        self._process.communicate()
+
     def wait(self) -> Usage:
         """Wait for its end.
 

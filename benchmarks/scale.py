@@ -523,11 +523,7 @@ def run_check(console: Console, arguments: argparse.Namespace) -> dict[str, Any]
 
     material = material_of(arguments.clip, 1)
     costs = chosen_costs(arguments.costs, material.size, arguments.name)
-    film = replace(
-        clip_film(arguments.clip, material.frames, material.starts[0]),
-        access=arguments.access,
-        rewrites=True,
-    )
+    film = replace(clip_film(arguments.clip, material.frames), access=arguments.access)
     if arguments.parts > film.chunks:
         raise OptionError(f"{arguments.clip} makes {film.chunks} chunks; give at most as many parts.")
     method, preset = arguments.name.split()
@@ -542,12 +538,11 @@ def run_check(console: Console, arguments: argparse.Namespace) -> dict[str, Any]
     runs: dict[int, list[Run]] = {count: [] for count in arguments.workers}
     for _ in range(arguments.rounds):
         for count in arguments.workers:
-            runs[count].append(real_run(arguments.clip, options, arguments.parts, count))
+            runs[count].append(real_run(arguments.clip, options, film.parts(arguments.parts), count))
     first: tuple[float, float] | None = None
     for count in arguments.workers:
         best = min(runs[count], key=lambda run: run.own)
-        sizes = replace(film, result_bits=film.result_bits)
-        work = work_of(sizes, replace(costs, variation=0.0), arguments.parts)
+        work = work_of(film, replace(costs, variation=0.0), arguments.parts)
         cluster = Cluster(count, per_machine=count, slowdown=costs.slowdown)
         outcome = simulate(work.tasks, cluster, join=work.join)
         first = first or (outcome.wall, best.own)
@@ -581,29 +576,32 @@ def run_check(console: Console, arguments: argparse.Namespace) -> dict[str, Any]
     return figures
 
 
-def clip_film(clip: str, frames: int, keyframe_interval: int) -> Film:
-    """Return a clip as a film; sizes are unimportant where files stay in memory."""
-    bits = os.path.getsize(clip) * 8 / (frames / 24)
-    return Film(frames, source_bits=bits, result_bits=bits, keyframe_interval=min(48, keyframe_interval))
+def clip_film(clip: str, frames: int) -> Film:
+    """Return a clip as a film; that its result is about as large hardly matters where files stay in memory."""
+    bits = os.path.getsize(clip) * 8 / float(frames / Film.rate)
+    return Film(frames, source_bits=bits, result_bits=bits, sound_bits=0.0)
 
 
-def real_run(clip: str, options: Sequence[str], parts: int, workers: int) -> Run:
+def real_run(clip: str, options: Sequence[str], parts: Sequence[range], workers: int) -> Run:
     """Convert a clip in parts by several workers, each on its own core, and join the parts.
 
     Parameters
     ----------
     clip : str
     options : sequence of str
-    parts, workers : int
-        Parts are taken one after the other, largest first: the first ones have no fewer chunks than the last one.
+    parts : list of range
+        Output frames of each; the largest is taken first.
+    workers : int
     """
     from part_costs import Command  # noqa: PLC0415
 
     folder = tempfile.mkdtemp()
+    running: dict[int, tuple[int, Command]] = {}
     try:
         output = str(Path(folder, "out.mp4"))
-        left = [[clip, output, *options, "--chunk", f"{number}/{parts}"] for number in range(1, parts + 1)]
-        idle, running = list(range(workers)), {}
+        largest_first = sorted(range(len(parts)), key=lambda place: -len(parts[place]))
+        left = [[clip, output, *options, "--chunk", f"{place + 1}/{len(parts)}"] for place in largest_first]
+        idle = list(range(workers))
         seconds: list[float] = []
         own = dict.fromkeys(range(workers), 0.0)
         begin, busy = time.perf_counter(), busy_seconds()
@@ -623,6 +621,8 @@ def real_run(clip: str, options: Sequence[str], parts: int, workers: int) -> Run
         foreign = (busy_seconds() - busy - sum(seconds) - join.cpu) / wall
         return Run(wall, max(own.values()) + join.cpu, foreign, join.cpu, seconds)
     finally:
+        for _, command in running.values():  # the others, when one has failed
+            command.stop()
         shutil.rmtree(folder)
 
 
