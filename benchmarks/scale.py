@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +25,7 @@ from film_parts import CHUNK_FRAMES, Costs, Film, Work, work_of
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from simulation import SPENT, Cluster, Interruptions, Outcome, Phase, simulate
+from simulation import SPENT, Cluster, Interruptions, Outcome, Phase, Task, simulate
 
 from fpsboost.errors import FpsboostError, OptionError
 
@@ -508,13 +508,27 @@ def as_markdown(table: Table) -> str:
 
 @dataclass
 class Run:
-    """A real run in parts: seconds by the wall, those that its commands computed, and what was predicted."""
+    """A real run in parts.
+
+    Attributes
+    ----------
+    wall : float
+        Seconds, with everything else that ran on this machine.
+    own : float
+        Seconds that the same queue takes with workers that are not disturbed: by the CPU time of each command.
+    foreign : float
+        Cores that other programs took meanwhile.
+    join : float
+        CPU seconds of the last command.
+    parts : list of float
+        CPU seconds of the others.
+    """
 
     wall: float
     own: float
     foreign: float
     join: float
-    parts: list[float] = field(default_factory=list)
+    parts: list[float]
 
 
 def run_check(console: Console, arguments: argparse.Namespace) -> dict[str, Any]:
@@ -530,8 +544,8 @@ def run_check(console: Console, arguments: argparse.Namespace) -> dict[str, Any]
     options = ["--method", method, "--preset", preset, "--threads", "1"]
     table = Table(title=escape(f"{arguments.clip}, {arguments.name}, {arguments.parts} parts"), title_justify="left")
     for heading in (
-        *("workers", "predicted, s", "own time, s", "off", "wall, s", "off", "speed-up, predicted", "own time"),
-        *("parts, CPU s", "predicted", "join, s", "predicted", "cores taken by others"),
+        *("workers", "predicted, s", "own time, s", "off", "wall, s", "off", "faster, predicted", "by own time"),
+        *("parts, CPU s", "pre- dicted", "join, CPU s", "pre- dicted", "others' cores"),
     ):
         table.add_column(heading, justify="right")
     figures: dict[str, Any] = {}
@@ -570,7 +584,7 @@ def run_check(console: Console, arguments: argparse.Namespace) -> dict[str, Any]
         )
     console.print(table)
     console.print(
-        "own time: as if nothing else ran, the largest sum of the CPU time of one worker's commands, and the join's. "
+        "own time: what the same queue takes with workers that nothing else disturbs, by the CPU time of each command. "
         "wall: with everything else that ran on this machine."
     )
     return figures
@@ -596,32 +610,32 @@ def real_run(clip: str, options: Sequence[str], parts: Sequence[range], workers:
     from part_costs import Command  # noqa: PLC0415
 
     folder = tempfile.mkdtemp()
-    running: dict[int, tuple[int, Command]] = {}
+    running: dict[int, tuple[int, int, Command]] = {}
     try:
         output = str(Path(folder, "out.mp4"))
         largest_first = sorted(range(len(parts)), key=lambda place: -len(parts[place]))
-        left = [[clip, output, *options, "--chunk", f"{place + 1}/{len(parts)}"] for place in largest_first]
+        left = list(largest_first)
         idle = list(range(workers))
-        seconds: list[float] = []
-        own = dict.fromkeys(range(workers), 0.0)
+        seconds: dict[int, float] = {}
         begin, busy = time.perf_counter(), busy_seconds()
         while left or running:
             while left and idle:
                 core = idle.pop(0)
-                command = Command(left.pop(0), core)
-                running[command.pid] = core, command
+                place = left.pop(0)
+                command = Command([clip, output, *options, "--chunk", f"{place + 1}/{len(parts)}"], core)
+                running[command.pid] = core, place, command
             pid = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOWAIT).si_pid
-            core, command = running.pop(pid)
-            usage = command.wait()
-            own[core] += usage.cpu
-            seconds.append(usage.cpu)
+            core, place, command = running.pop(pid)
+            seconds[place] = command.wait().cpu
             idle.append(core)
         join = Command(["join", output, f"{output}.parts"]).wait()
         wall = time.perf_counter() - begin
-        foreign = (busy_seconds() - busy - sum(seconds) - join.cpu) / wall
-        return Run(wall, max(own.values()) + join.cpu, foreign, join.cpu, seconds)
+        foreign = (busy_seconds() - busy - sum(seconds.values()) - join.cpu) / wall
+        tasks = [Task(len(part), Phase(seconds[place]), ()) for place, part in enumerate(parts)]
+        own = simulate(tasks, Cluster(workers), join=[Phase(join.cpu)]).wall
+        return Run(wall, own, foreign, join.cpu, list(seconds.values()))
     finally:
-        for _, command in running.values():  # the others, when one has failed
+        for _, _, command in running.values():  # the others, when one has failed
             command.stop()
         shutil.rmtree(folder)
 
