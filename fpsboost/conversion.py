@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -126,6 +127,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             if part is not None:
                 share_index(clip, part.output.folder.parent)
             there = sink.completed_frames if isinstance(sink, Resumable) else 0
+            busy_before = time.process_time()
             if part is not None and part.is_empty:
                 summary = Summary()
             else:
@@ -139,6 +141,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     threads=threads,
                     outputs=replace(OutputRange() if part is None else part.outputs, skip=there),
                 )
+            summary.utilisation = _utilisation(summary, busy_before)
             if part is not None:
                 part.summary = summary
     # some are known only after the sink has finished the output
@@ -146,6 +149,14 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     if part is None:
         summary.remarks += closing_remarks(job, clip, ready, summary.frame_intervals)
     return summary
+
+
+def _utilisation(summary: Summary, busy_before: float) -> str:
+    """Return a sentence on how busy the cores were since this process had used `busy_before` seconds of them."""
+    if not summary.seconds:
+        return ""
+    busy = (time.process_time() - busy_before) / summary.seconds
+    return f"On average {busy:.1f} of {available_cores()} cores were busy."
 
 
 def _resolve_rate(factor: Fraction | int | None, rate: OutputRate | None) -> OutputRate:

@@ -41,6 +41,8 @@ class Summary:
         Sentences about everything that was lost or guessed.
     details : str
         How the target was written, for verbose output; empty if there was no choice.
+    utilisation : str
+        How busy cores or workers were, as a sentence, for verbose output; empty if it was not measured.
     frame_intervals : FrameIntervals
         Intervals between the frames of the source.
     search_radii : set of int
@@ -59,6 +61,7 @@ class Summary:
     seconds: float = 0.0
     remarks: list[str] = field(default_factory=list)
     details: str = ""
+    utilisation: str = ""
     frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
     search_radii: set[int] = field(default_factory=set)
     boundaries: dict[int, SourceMoment] = field(default_factory=dict)

@@ -262,7 +262,7 @@ def test_processes_make_the_same_video(video, output):
     assert video.is_whole(target)
     assert summary.frames_out == observer.expected == observer.counts[-1] == 2 * FRAMES
     assert observer.counts == sorted(observer.counts)
-    assert "2 workers were busy" in summary.details
+    assert "2 workers were busy" in summary.utilisation
 
 
 def test_a_killed_process_has_its_part_made_again(images, output):

@@ -126,7 +126,11 @@ def folder_of(target: Path) -> Path:
 
 
 def facts(summary: Summary) -> Summary:
-    return replace(summary, seconds=0, completed_frames=0)
+    return replace(summary, seconds=0, completed_frames=0, utilisation="")
+
+
+def without_texts(summary: Summary) -> Summary:
+    return replace(summary, remarks=[], details="")
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +177,7 @@ def test_going_on_makes_the_same_file(tmp_path, clip, kind):
     assert broken.read_bytes() == whole.read_bytes() or suffix in (".mkv", ".webm")  # which number a file by chance
     assert summary.completed_frames in (20, 30)
     assert [remark.replace("broken/", "") for remark in facts(summary).remarks] == expected.remarks
-    assert replace(facts(summary), remarks=[], details="") == replace(facts(expected), remarks=[], details="")
+    assert without_texts(facts(summary)) == without_texts(facts(expected))
     assert os.listdir(broken.parent) == [broken.name]
 
 

@@ -105,8 +105,8 @@ class Reporter:
         if self._verbose and summary.search_radii:
             least, largest = min(summary.search_radii), max(summary.search_radii)
             self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
-        if self._verbose and summary.details:
-            self._say(summary.details)
+        for text in filter(None, (summary.details, summary.utilisation) if self._verbose else ()):
+            self._say(text)
         self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s)")
         for remark in summary.remarks:
             self._say(f"Note: {remark}")

@@ -87,7 +87,7 @@ def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: S
     Returns
     -------
     Summary
-        Its details say how busy the workers were.
+        Its `utilisation` says how busy the workers were.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: S
         remove_if_empty(parts.folder)
     summary = _join(parts, [part_folder(parts.output, each.part) for each in planned])
     summary.completed_frames, summary.seconds = done_before, time.perf_counter() - begin
-    summary.details = " ".join(filter(None, [summary.details, utilisation.sentence()]))
+    summary.utilisation = utilisation.sentence()
     return summary
 
 
