@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import struct
 from fractions import Fraction
 from pathlib import Path
@@ -301,3 +302,14 @@ def test_frames_between_output_frames_have_no_vectors(tmp_path, place0, place1):
     motion = RenderedMotion(VectorFolder(save_translation(tmp_path, 6, SIZE, 1, 0)))
     with pytest.raises(OptionError, match=r"need a whole factor.*`factor=2`"):
         motion.estimate(placed(place0), placed(place1))
+
+
+def test_vectors_in_another_process(tmp_path, monkeypatch):
+    """Pickled, a folder is found from any place, with the same vectors."""
+    save_vectors(tmp_path / "1.exr", random_flow(1), random_flow(2), "")
+    monkeypatch.chdir(tmp_path.parent)
+    sent = pickle.dumps(VectorFolder(tmp_path.name))
+    monkeypatch.chdir("/")
+    folder = pickle.loads(sent)
+    assert folder.files == [tmp_path / "1.exr"]
+    np.testing.assert_array_equal(folder.at(0).backward, random_flow(1))

@@ -134,6 +134,12 @@ class VectorFolder:
         depth = None if self.depth_path is None else self.depth_path.absolute()
         return type(self), (self.path.absolute(), depth, self._convention_name)
 
+    def __copy__(self) -> Self:
+        """Copy everything, unlike pickling."""
+        copied = object.__new__(type(self))
+        copied.__dict__.update(self.__dict__)
+        return copied
+
     def __repr__(self) -> str:
         depth = None if self.depth_path is None else str(self.depth_path)
         convention = "" if self._convention_name == "auto" else f", convention={self._convention_name!r}"
