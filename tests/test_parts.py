@@ -354,3 +354,17 @@ def test_parts_on_the_command_line(fpsboost_, tmp_path, clip):
     assert packets(tmp_path / "out.mkv") == packets(tmp_path / "whole.mkv")
     refused = fpsboost_("join", "other.mkv", "out.mkv.parts/0001-of-0002")
     assert (refused.code, "2 is missing" in refused.err) == (1, True)
+
+
+@pytest.mark.parametrize("name", ["in.ts", "in.avi", "in.m2v"])
+def test_a_video_that_does_not_list_its_frames(tmp_path, name):
+    """All before a part is decoded then, which is said; also where nothing says how many frames there are."""
+    codec = "libx264" if name == "in.ts" else "mpeg2video"
+    write_clip(tmp_path / name, times=range(FRAMES), picture=film, codec=codec)
+    options: dict[str, Any] = {"method": "blend", "factor": 10, "encoding": FAST}
+    whole = convert(str(tmp_path / name), str(tmp_path / "whole.mkv"), **options)
+    convert_in_parts(2, tmp_path / name, tmp_path / "out.mkv", **options)
+    joined = join(str(tmp_path / "out.mkv"), [tmp_path / "out.mkv.parts"])
+    assert any("does not list its frames" in remark for remark in joined.remarks)
+    assert packets(tmp_path / "out.mkv") == packets(tmp_path / "whole.mkv")
+    assert joined.frames_out == whole.frames_out

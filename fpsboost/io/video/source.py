@@ -262,7 +262,16 @@ class VideoSource(ClosesOnExit):
                 self._index = self._checked_index()
             except UnindexedError as reason:
                 self._unindexed = str(reason)
+                self._count_packets()
         return None if self._index is None else TickTimes(self._index.ticks, self._ticks, self.start)
+
+    def _count_packets(self) -> None:
+        """Take the number of packets for that of frames if the header does not say it, nor the duration."""
+        if self._info.frame_count is None and self._info.duration is None:
+            with open_video(self.path, self._name) as file:
+                count = sum(1 for _ in read_packets(file, {self._stream.index}, Damage()))
+            fields = 2 if self._decoding.deinterlace else 1
+            self._info = replace(self._info, frame_count=fields * count)
 
     @property
     def frame_index(self) -> FrameIndex | None:
