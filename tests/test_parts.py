@@ -16,14 +16,18 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from test_vectors import save_vectors
 from video_truth import packets_of, scene, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
+from fpsboost.io.images.exr import write_exr
 from fpsboost.io.part import Part, parse_part, part_folder
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.method_table import find_method
 from fpsboost.observer import SilentObserver, Summary
 from fpsboost.parts.join import join
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
@@ -368,3 +372,18 @@ def test_a_video_that_does_not_list_its_frames(tmp_path, name):
     assert any("does not list its frames" in remark for remark in joined.remarks)
     assert packets(tmp_path / "out.mkv") == packets(tmp_path / "whole.mkv")
     assert joined.frames_out == whole.frames_out
+
+
+def test_openexr_with_vectors_in_parts(tmp_path, snapshot):
+    """Layers, and a renderer's motion as a candidate, go by the numbers of frames."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "vectors").mkdir()
+    for number in range(1, 18, 2):
+        colours = scene(number).astype(np.float32) / 64
+        channels = {name: colours[..., place] for place, name in enumerate("BGR")}
+        depth = {"Depth.Z": np.full(colours.shape[:2], number, np.float32)}
+        write_exr(tmp_path / "in" / f"{number:04d}.exr", channels | depth)
+        motion = np.full((*colours.shape[:2], 2), (2, 0), np.float32)
+        save_vectors(tmp_path / "vectors" / f"{number:04d}.exr", -motion, motion)
+    method = find_method("nlm-fast", VectorFolder(tmp_path / "vectors"))
+    image_conversion(tmp_path, snapshot, str(tmp_path / "in"), "out", factor=2, method=method)
