@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from fpsboost.timing.rate import FrameIntervals
 
@@ -12,7 +12,8 @@ if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.frame import ClipInfo
 
 
-class SourceMoment(NamedTuple):
+@dataclass(frozen=True)
+class SourceMoment:
     """Frame of the source: its number, counted from 0, and its presentation time, seconds."""
 
     number: int

@@ -150,7 +150,12 @@ app.command(
     "fpsboost.cli.plan:plan", help="Say which regions of the frames between are worth rendering.", help_epilogue=""
 )
 app.command("fpsboost.cli.merge:merge", help="Put rendered regions back into the frames.", help_epilogue="")
-app.command("fpsboost.cli.join:join", help="Put the parts of a conversion together.", help_epilogue="")
+app.command(
+    "fpsboost.cli.join:join",
+    help="Put the parts of a conversion together.",
+    usage="Usage: fpsboost join [OPTIONS] OUT PART...",
+    help_epilogue="",
+)
 app.command("fpsboost.cli.tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
 
 

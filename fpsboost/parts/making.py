@@ -20,10 +20,10 @@ from fpsboost.io.part import Part, part_folder
 from fpsboost.io.part_folder import INDEX_NAME, part_files
 from fpsboost.io.staging import fingerprint_options, identify_files
 from fpsboost.io.video.chunks import CHUNK_FRAMES
-from fpsboost.observer import SourceMoment, Summary
+from fpsboost.observer import Summary
 from fpsboost.parts.entry import find_entry
 from fpsboost.parts.index_file import read_index, write_index
-from fpsboost.parts.manifest import Boundary, Intervals, Manifest, stored
+from fpsboost.parts.manifest import Manifest, stored
 from fpsboost.parts.self_test import digest_of, self_test
 from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip
 from fpsboost.run_options import RunOptions
@@ -228,7 +228,6 @@ def manifest_of(
     """Return the manifest of a part whose files are complete."""
     summary, outputs = plan.summary, plan.outputs
     assert summary is not None
-    intervals = summary.frame_intervals
     by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or counts_frames(job.method.cuts)
     return Manifest(
         part=plan.part,
@@ -244,15 +243,11 @@ def manifest_of(
         frames_read=summary.frames_in + (0 if outputs.entry is None else outputs.entry.number),
         scene_cuts=summary.scene_cuts,
         duplicates=summary.duplicates,
-        begins=_boundary(summary.boundaries.get(outputs.first)),
-        ends=None if outputs.stop is None else _boundary(summary.boundaries.get(outputs.stop)),
+        begins=summary.boundaries.get(outputs.first),
+        ends=None if outputs.stop is None else summary.boundaries.get(outputs.stop),
         counts_frames=by_number,
         window=clip.window,
-        intervals=Intervals(intervals.shortest, intervals.longest, intervals.begin),
+        intervals=summary.frame_intervals,
         remarks=[*plan.remarks, *summary.remarks],
         files=[stored(path) for path in part_files(folder)],
     )
-
-
-def _boundary(moment: SourceMoment | None) -> Boundary | None:
-    return None if moment is None else Boundary(*moment)

@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,8 +15,9 @@ from fpsboost.io.staging import write_safely
 from fpsboost.io.trim import Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.observer import SourceMoment
 from fpsboost.parts.stored_options import as_json, from_json
-from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.rate import FrameIntervals, OutputRate
 
 MANIFEST_NAME = "part.json"
 FORMAT = 1
@@ -31,23 +31,6 @@ class StoredFile:
     name: str
     size: int
     sha256: str
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """Frame of the source that the first output frame of a part lies at, or follows: its number and time, seconds."""
-
-    number: int
-    time: Fraction
-
-
-@dataclass(frozen=True)
-class Intervals:
-    """Shortest and longest interval between frames of the source, and where the longest begins, seconds."""
-
-    shortest: Fraction
-    longest: Fraction
-    begin: Fraction
 
 
 @dataclass(frozen=True)
@@ -71,13 +54,13 @@ class Manifest:
         Number of source frames from the clip's first one to the last one that was read.
     scene_cuts, duplicates : int
         See `fpsboost.observer.Summary`.
-    begins, ends : Boundary or None
-        Where the part begins, and where the next one does.
+    begins, ends : SourceMoment or None
+        Frames of the source at or before the first output frame of the part, and of the next one.
     counts_frames : bool
         Whether the numbers of the source's frames shape the output, so that boundaries must agree on them.
     window : Window or None
         See `fpsboost.io.output.Output`.
-    intervals : Intervals
+    intervals : FrameIntervals
     remarks : list of str
     files : list of StoredFile
     """
@@ -95,11 +78,11 @@ class Manifest:
     frames_read: int
     scene_cuts: int
     duplicates: int
-    begins: Boundary | None
-    ends: Boundary | None
+    begins: SourceMoment | None
+    ends: SourceMoment | None
     counts_frames: bool
     window: Window | None
-    intervals: Intervals
+    intervals: FrameIntervals
     remarks: list[str] = field(default_factory=list)
     files: list[StoredFile] = field(default_factory=list)
 
