@@ -15,7 +15,7 @@ from fpsboost.io.part_folder import part_files
 from fpsboost.io.staging import identify_files
 from fpsboost.io.target import Target
 from fpsboost.io.trim import Window
-from fpsboost.io.video.chunks import Chunk, find_chunks
+from fpsboost.io.video.chunks import Chunk, complete_chunk
 from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.method_table import find_method
@@ -208,14 +208,8 @@ def _window(parts: Sequence[PartFiles]) -> Window | None:
 
 
 def _chunks(parts: Sequence[PartFiles]) -> list[Chunk]:
-    """Return the chunks of all parts in order."""
-    chunks: list[Chunk] = []
-    for folder, manifest in parts:
-        found = find_chunks(folder, len(chunks))
-        if sum(chunk.frames for chunk in found) != manifest.frames:
-            raise InputError(f"{folder} does not hold its {manifest.frames} frames; make part {manifest.part} again.")
-        chunks += found
-    return chunks
+    """Return the chunks of all parts in order, whose content was verified."""
+    return [complete_chunk(folder / file.name) for folder, manifest in parts for file in manifest.files]
 
 
 def _images(folder: Path, manifest: Manifest) -> list[Path]:

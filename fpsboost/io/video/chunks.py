@@ -150,6 +150,19 @@ def find_chunks(folder: Path, first: int = 0) -> list[Chunk]:
         found.append(Chunk(path, frames))
 
 
+def complete_chunk(path: Path) -> Chunk:
+    """Return a chunk that is known to be complete and intact, without reading all of it.
+
+    Raises
+    ------
+    OSError
+    """
+    with path.open("rb") as file:
+        file.seek(-TRAILER.size, os.SEEK_END)
+        _, frames, _ = TRAILER.unpack(file.read(TRAILER.size))
+    return Chunk(path, frames)
+
+
 def _frames_if_intact(path: Path) -> int | None:
     """Return the number of frames of a chunk, or None if the file is damaged or incomplete."""
     left = path.stat().st_size - TRAILER.size
