@@ -491,10 +491,10 @@ def _make(
     shown, moves, first_move, is_held = interval.shown(neighbours)
     is_made = {index: moves[index] and clip.makes(interval.numbers[index]) for index in part}
     inner = [shown[index][1].t for index in part if is_made[index]]
+    # an interval of which nothing is made is needed all the same to count its cut, unless another run counts it
+    is_needed = bool(inner) or (first_move is not None and clip.counts(interval))
     made, scene_cut = (
-        _between(clip.interpolator, interval.pair, inner, neighbours, needs)
-        if first_move is not None
-        else (iter(()), False)
+        _between(clip.interpolator, interval.pair, inner, neighbours, needs) if is_needed else (iter(()), False)
     )
     frames = []
     for index in part:
