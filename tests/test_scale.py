@@ -299,7 +299,7 @@ def test_the_sensitivities_change_one_thing_each(film_parts: ModuleType, scale: 
     costs = film_parts.Costs(
         encoding=0.5, starting=2.0, compiling=60.0, motion=0.5, decoding=0.01, variation=0.1, slowdown=(1.0, 1.1)
     )
-    film = film_parts.Film(source_frames=9600, access="index")
+    film = film_parts.Film(source_frames=9600)
     scenario = scale.Scenario(film, costs, scale.Cluster(1, per_machine=2, bandwidth=5e8, link=1e8))
     wrong = scale.sensitivities(scenario)
     assert len({repr(each) for each in wrong.values()}) == len(wrong)
