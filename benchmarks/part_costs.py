@@ -21,6 +21,7 @@ from pathlib import Path
 from statistics import mean, median, pstdev
 from subprocess import PIPE, Popen
 from typing import Any
+from unittest.mock import patch
 
 import av
 import numpy as np
@@ -211,7 +212,7 @@ def read_sections(material: Material) -> Sections:
 
 @dataclass(frozen=True)
 class Making:
-    """What making the frames of a section takes, and the section with them."""
+    """What a pair of a section takes: its motion, and the rest of making a frame in it; and the section with those."""
 
     motion: float
     synthesis: float
@@ -219,26 +220,31 @@ class Making:
 
 
 def time_making(interpolator: Interpolator, frames: Sequence[FrameImage]) -> Making:
-    """Make a frame between every two; the first and the last pair are there for their motion alone."""
+    """Make a frame between every two, as a conversion does: it estimates no motion across a cut."""
     interpolator.compile_for(frames[0])
-    motion: list[float] = []
-    synthesis: list[float] = []
-    shown: list[FrameImage] = []
-    pairs = (interpolator.pair(*each) for each in pairwise(map(FrameCache, frames)))
-    for before, pair, after in with_neighbours(pairs):
-        if before is None:
-            _ = pair.fields
-        if after is not None:
-            begin = time.process_time()
-            _ = after.fields
-            motion.append(time.process_time() - begin)
-        if before is None or after is None:
-            continue
+    estimating = 0.0
+    estimator = type(interpolator.estimator)
+    estimate = estimator.estimate
+
+    def timed(*arguments: Any, **options: Any) -> Any:
+        nonlocal estimating
         begin = time.process_time()
-        made = list(interpolator.between(pair, [0.5], before, after).images)
-        synthesis.append(time.process_time() - begin)
-        shown += [pair.image0.pixels, *made]
-    return Making(mean(motion), mean(synthesis), shown)
+        fields = estimate(*arguments, **options)
+        estimating += time.process_time() - begin
+        return fields
+
+    shown: list[FrameImage] = []
+    seconds = 0.0
+    with patch.object(estimator, "estimate", timed):
+        pairs = (interpolator.pair(*each) for each in pairwise(map(FrameCache, frames)))
+        for before, pair, after in with_neighbours(pairs):
+            begin = time.process_time()
+            made = list(interpolator.between(pair, [0.5], before, after).images)
+            pair.release_caches()
+            seconds += time.process_time() - begin
+            shown += [frames[len(shown) // 2], *made]
+    count = len(frames) - 1
+    return Making(estimating / count, (seconds - estimating) / count, shown)
 
 
 def time_encoding(shown: Sequence[FrameImage], preset: str) -> float:
