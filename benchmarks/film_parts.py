@@ -16,9 +16,9 @@ CHUNK_FRAMES = 240
 Access = Literal["index", "before", "whole", "decoded"]
 """How a part finds its first source frame.
 
-`index`: an index tells, in the file's header or kept beside the parts; only packets from the keyframe before the part
-are read. `before`: all packets before the part are read. `whole`: all packets of the file are read. `decoded`: all
-frames before the part are decoded.
+`index`: an index tells, in the file's header (mp4, mov) or kept beside the parts, as the list of a Matroska file is;
+only packets from the keyframe before the part are read. `before`: all packets before the part are read. `whole`: all
+packets of the file are read. `decoded`: all frames before the part are decoded.
 """
 
 
@@ -114,7 +114,7 @@ class Film:
     result_bits: float = 60e6
     sound_bits: float = 0.6e6
     keyframe_interval: int = 48
-    access: Access = "whole"
+    access: Access = "index"
     passes: int = 3
     sound_apart: bool = True
     rewrites: bool = True

@@ -21,6 +21,7 @@ from pathlib import Path
 from statistics import mean, median, pstdev
 from subprocess import PIPE, Popen
 from typing import Any
+from unittest.mock import patch
 
 import av
 import numpy as np
@@ -36,6 +37,7 @@ from fpsboost.io.target import Target
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import choose_encoder
 from fpsboost.method_table import find_method
+from fpsboost.parts.self_test import self_test
 
 SECTION_FRAMES = 16
 """Consecutive frames of a section whose stages are timed, at most."""
@@ -210,7 +212,7 @@ def read_sections(material: Material) -> Sections:
 
 @dataclass(frozen=True)
 class Making:
-    """What making the frames of a section takes, and the section with them."""
+    """What a pair of a section takes: its motion, and the rest of making a frame in it; and the section with those."""
 
     motion: float
     synthesis: float
@@ -218,26 +220,31 @@ class Making:
 
 
 def time_making(interpolator: Interpolator, frames: Sequence[FrameImage]) -> Making:
-    """Make a frame between every two; the first and the last pair are there for their motion alone."""
+    """Make a frame between every two, as a conversion does: it estimates no motion across a cut."""
     interpolator.compile_for(frames[0])
-    motion: list[float] = []
-    synthesis: list[float] = []
-    shown: list[FrameImage] = []
-    pairs = (interpolator.pair(*each) for each in pairwise(map(FrameCache, frames)))
-    for before, pair, after in with_neighbours(pairs):
-        if before is None:
-            _ = pair.fields
-        if after is not None:
-            begin = time.process_time()
-            _ = after.fields
-            motion.append(time.process_time() - begin)
-        if before is None or after is None:
-            continue
+    estimating = 0.0
+    estimator = type(interpolator.estimator)
+    estimate = estimator.estimate
+
+    def timed(*arguments: Any, **options: Any) -> Any:
+        nonlocal estimating
         begin = time.process_time()
-        made = list(interpolator.between(pair, [0.5], before, after).images)
-        synthesis.append(time.process_time() - begin)
-        shown += [pair.image0.pixels, *made]
-    return Making(mean(motion), mean(synthesis), shown)
+        fields = estimate(*arguments, **options)
+        estimating += time.process_time() - begin
+        return fields
+
+    shown: list[FrameImage] = []
+    seconds = 0.0
+    with patch.object(estimator, "estimate", timed):
+        pairs = (interpolator.pair(*each) for each in pairwise(map(FrameCache, frames)))
+        for before, pair, after in with_neighbours(pairs):
+            begin = time.process_time()
+            made = list(interpolator.between(pair, [0.5], before, after).images)
+            pair.release_caches()
+            seconds += time.process_time() - begin
+            shown += [frames[len(shown) // 2], *made]
+    count = len(frames) - 1
+    return Making(estimating / count, (seconds - estimating) / count, shown)
 
 
 def time_encoding(shown: Sequence[FrameImage], preset: str) -> float:
@@ -316,14 +323,14 @@ def measure_methods(
             again = [time_making(interpolator, frames) for frames in sections.frames]
             shown = [image for each in making for image in each.shown]
             encoding = {preset: median(time_encoding(shown, preset) for _ in range(rounds)) for preset in presets}
-            interpolator.compile_for(sections.frames[0][0])
+            self_test(interpolator, sections.frames[0][0])  # compiles what is compiled for its size
             begin = time.process_time()
-            interpolator.compile_for(sections.frames[0][0])
-            self_test = time.process_time() - begin
+            self_test(interpolator, sections.frames[0][0])
+            tested = time.process_time() - begin
         base = Costs(
             opening=opening,
             indexing=indexing,
-            self_test=self_test,
+            self_test=tested,
             decoding=sections.decoding,
             motion=mean(min(one.motion, two.motion) for one, two in zip(making, again, strict=True)),
             synthesis=mean(min(one.synthesis, two.synthesis) for one, two in zip(making, again, strict=True)),

@@ -678,7 +678,7 @@ def parser() -> argparse.ArgumentParser:
     check.add_argument("--workers", type=int, nargs="+", default=[1, 2, 4])
     check.add_argument("--rounds", type=int, default=2)
     check.add_argument("--costs", type=Path, default=Path("costs.json"))
-    check.add_argument("--access", choices=["index", "before", "whole", "decoded"], default="whole")
+    check.add_argument("--access", choices=["index", "before", "whole", "decoded"], default="index")
     for command in (measure, one, table, check):
         command.add_argument("--json", type=Path, help="keep the figures")
     return root
@@ -695,7 +695,7 @@ def add_scenario(command: argparse.ArgumentParser) -> None:
     add("--factor", type=Fraction, default=Fraction(2))
     add("--source-mbit", type=float, default=50, help="bit rate of the source, Mbit/s")
     add("--result-mbit", type=float, default=60, help="bit rate of the result, Mbit/s")
-    add("--access", choices=["index", "before", "whole", "decoded"], default="whole", help="see film_parts.Access")
+    add("--access", choices=["index", "before", "whole", "decoded"], default="index", help="see film_parts.Access")
     add("--matroska", action="store_true", help="not mp4: the join reads all of the source, and writes once")
     add("--bandwidth", type=float, default=500, help="of the storage, MB/s")
     add("--link", type=float, default=125, help="of a worker, MB/s")

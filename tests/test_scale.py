@@ -13,12 +13,14 @@ from statistics import mean, pstdev
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpsboost.io.part import Part
 from fpsboost.io.video.chunks import CHUNK_FRAMES
+from fpsboost.method_table import methods
 from fpsboost.parts.making import outputs_of
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -299,7 +301,7 @@ def test_the_sensitivities_change_one_thing_each(film_parts: ModuleType, scale: 
     costs = film_parts.Costs(
         encoding=0.5, starting=2.0, compiling=60.0, motion=0.5, decoding=0.01, variation=0.1, slowdown=(1.0, 1.1)
     )
-    film = film_parts.Film(source_frames=9600, access="index")
+    film = film_parts.Film(source_frames=9600)
     scenario = scale.Scenario(film, costs, scale.Cluster(1, per_machine=2, bandwidth=5e8, link=1e8))
     wrong = scale.sensitivities(scenario)
     assert len({repr(each) for each in wrong.values()}) == len(wrong)
@@ -321,3 +323,16 @@ def test_the_tables_are_written(film_parts: ModuleType, scale: ModuleType, tmp_p
             patch.setattr(sys, "argv", ["scale.py", *command, *options])
             scale.main()
     assert json.loads((tmp_path / "out.json").read_text())["workers"] == 64
+
+
+def test_what_is_timed_is_what_a_conversion_makes() -> None:
+    """A frame between every two, after the first of them, as `make_between` makes them."""
+    part_costs, scoring = _module("part_costs"), _module("scoring")
+    random = np.random.default_rng(0)
+    frames = [random.integers(0, 256, (40, 60, 3), np.uint8) for _ in range(4)]
+    interpolator = methods["blend"]
+    making = part_costs.time_making(interpolator, frames)
+    made = list(scoring.make_between(interpolator, frames))
+    for shown, expected in zip(making.shown, [frames[0], made[0], frames[1], made[1], frames[2], made[2]], strict=True):
+        np.testing.assert_array_equal(shown, expected)
+    assert min(making.motion, making.synthesis) >= 0
