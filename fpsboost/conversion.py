@@ -127,7 +127,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
             if part is not None:
                 share_index(clip, part.output.folder.parent)
             there = sink.completed_frames if isinstance(sink, Resumable) else 0
-            busy_before = time.process_time()
+            begin, busy_before = time.perf_counter(), time.process_time()
             if part is not None and part.is_empty:
                 summary = Summary()
             else:
@@ -141,7 +141,7 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
                     threads=threads,
                     outputs=replace(OutputRange() if part is None else part.outputs, skip=there),
                 )
-            summary.utilisation = _utilisation(summary, busy_before)
+            summary.utilisation = _utilisation(time.process_time() - busy_before, time.perf_counter() - begin)
             if part is not None:
                 part.summary = summary
     # some are known only after the sink has finished the output
@@ -151,12 +151,9 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
     return summary
 
 
-def _utilisation(summary: Summary, busy_before: float) -> str:
-    """Return a sentence on how busy the cores were since this process had used `busy_before` seconds of them."""
-    if not summary.seconds:
-        return ""
-    busy = (time.process_time() - busy_before) / summary.seconds
-    return f"On average {busy:.1f} of {available_cores()} cores were busy."
+def _utilisation(busy_seconds: float, seconds: float) -> str:
+    """Return a sentence on how busy the cores were."""
+    return f"On average {busy_seconds / max(seconds, 1e-9):.1f} of {available_cores()} cores were busy."
 
 
 def _resolve_rate(factor: Fraction | int | None, rate: OutputRate | None) -> OutputRate:

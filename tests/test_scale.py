@@ -308,8 +308,8 @@ def test_the_sensitivities_change_one_thing_each(film_parts: ModuleType, scale: 
     right = scale.predict(scenario, 8).wall
     walls = {name: scale.predict(each, 8).wall for name, each in wrong.items()}
     saved = {name for name, wall in walls.items() if wall < right * 0.98}
-    joins = {"join on a machine with 10 times the link", "join reads the parts once"}
-    assert saved == {*joins, "the same, and writes its result once"}
+    assert saved == {"join on a machine with 10 times the link", "the same, and writes its result once"}
+    assert walls["join reads the parts once"] < right
 
 
 def test_the_tables_are_written(film_parts: ModuleType, scale: ModuleType, tmp_path: Path) -> None:
