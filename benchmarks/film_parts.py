@@ -100,7 +100,7 @@ class Film:
         Source frames from one keyframe to the next.
     access : Access
     passes : int
-        How often `join` reads the parts from the storage: their hashes, the checksums of their chunks, their packets.
+        How often `join` reads the parts from the storage: for their hashes, and for their packets.
     sound_apart : bool
         Whether sound is read without the pictures between (mp4, mov).
     rewrites : bool
@@ -115,7 +115,7 @@ class Film:
     sound_bits: float = 0.6e6
     keyframe_interval: int = 48
     access: Access = "index"
-    passes: int = 3
+    passes: int = 2
     sound_apart: bool = True
     rewrites: bool = True
 
