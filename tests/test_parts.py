@@ -108,7 +108,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
         "factor": FACTOR,
         "decoding": DecodeOptions(Trim(Position(Fraction(11), is_frame=True), Position(Fraction(50), is_frame=True))),
     },
-    "motion blur": {"rate": OutputRate(10, shutter=Fraction(300), shutter_samples=3)},
+    "motion blur": {"rate": OutputRate(6, shutter=Fraction(300), shutter_samples=3)},
 }
 
 
@@ -134,8 +134,7 @@ def test_more_parts_than_chunks(tmp_path, clip):
     assert target.read_bytes() == (tmp_path / "whole.mp4").read_bytes()
 
 
-@pytest.mark.parametrize("times", ["variable", "with a pause", "jitter"])
-@pytest.mark.parametrize("container", ["mp4", "mkv"])
+@pytest.mark.parametrize(("times", "container"), [("variable", "mp4"), ("with a pause", "mkv"), ("jitter", "mkv")])
 def test_a_variable_rate_in_parts(tmp_path, times, container):
     """Times that vary, pause or jitter give the same frames at the same times, with motion that is followed."""
     random = np.random.default_rng(3)
@@ -360,7 +359,7 @@ def test_parts_on_the_command_line(fpsboost_, tmp_path, clip):
     assert (refused.code, "2 is missing" in refused.err) == (1, True)
 
 
-@pytest.mark.parametrize("name", ["in.ts", "in.avi", "in.m2v"])
+@pytest.mark.parametrize("name", ["in.ts", "in.m2v"])
 def test_a_video_that_does_not_list_its_frames(tmp_path, name):
     """All before a part is decoded then, which is said; also where nothing says how many frames there are."""
     codec = "libx264" if name == "in.ts" else "mpeg2video"
