@@ -79,7 +79,7 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
     OptionError
         A method or one of its options is unknown, and the message lists the known ones; or a value is out of range.
     """
-    from fpsboost.evaluation.making import known_methods  # noqa: PLC0415
+    from fpsboost.evaluation.making import MINTERPOLATE, Minterpolate, known_methods  # noqa: PLC0415
     from fpsboost.method_table import vector_methods  # noqa: PLC0415
 
     every = known_methods()
@@ -92,20 +92,16 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
         for each in chosen:
             if each.name not in every:
                 raise OptionError(f"There is no method {each.name!r}; choose from {', '.join(every)}, or all.")
-            reason = _missing(each.name, needs_vectors=each.name in vector_methods and vectors is None)
+            if each.name in vector_methods and vectors is None:
+                skipped[each.text] = "it needs the renderer's motion vectors (--vectors)"
+                continue
+            maker = _make(each, vectors)  # first, because a wrong option is one wherever FFmpeg is missing
+            reason = Minterpolate.missing() if each.name == MINTERPOLATE else None
             if reason is None:
-                makers[each.text] = _make(each, vectors)
+                makers[each.text] = maker
             else:
                 skipped[each.text] = reason
     return makers, skipped
-
-
-def _missing(name: str, *, needs_vectors: bool) -> str | None:
-    from fpsboost.evaluation.making import MINTERPOLATE, Minterpolate  # noqa: PLC0415
-
-    if needs_vectors:
-        return "it needs the renderer's motion vectors (--vectors)"
-    return Minterpolate.missing() if name == MINTERPOLATE else None
 
 
 def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
