@@ -37,6 +37,7 @@ OPEN_GROUPS = {
 REFRESHED = {"preset": "veryfast", "g": "8", "sc_threshold": "0", "x264-params": "intra-refresh=1"}
 X265 = "log-level=none:keyint=6:min-keyint=6:bframes=3:frame-threads=1:pools=1"
 LATER = {"auto-alt-ref": "1", "lag-in-frames": "16", "g": "8", "b": "200k", "deadline": "realtime", "cpu-used": "8"}
+ONE_THREAD = {"threads": "1"}  # those of VP8 wait by spinning, for seconds where cores are busy
 CODECS: dict[str, dict[str, Any]] = {
     "B-frames.mp4": {"options": B_FRAMES},
     "B-frames.mov": {"options": B_FRAMES},
@@ -45,7 +46,7 @@ CODECS: dict[str, dict[str, Any]] = {
     "open groups.mkv": {"options": OPEN_GROUPS},
     "hevc.mp4": {"codec": "libx265", "options": {**FAST, "x265-params": X265}},
     "hevc.mkv": {"codec": "libx265", "options": {**FAST, "x265-params": X265}},
-    "vp8.webm": {"codec": "libvpx", "options": LATER},
+    "vp8.webm": {"codec": "libvpx", "options": LATER | ONE_THREAD},
     "vp9.webm": {"codec": "libvpx-vp9", "options": LATER},
     "vp9.mp4": {"codec": "libvpx-vp9", "options": LATER},
     "av1.mkv": {"codec": "libsvtav1", "options": {"preset": "12", "g": "8", "svtav1-params": "lp=1"}},
