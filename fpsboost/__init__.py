@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from fpsboost.layered import Layer, LayeredImage
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
-    from fpsboost.observer import Observer, SourceMoment, Summary
+    from fpsboost.observer import LowestMatch, Observer, SourceMoment, Summary
     from fpsboost.parts.join import join
     from fpsboost.preparation import ConversionJob
     from fpsboost.rerender.frame_choice import FrameChoice, choose_frames
@@ -73,6 +73,7 @@ __all__ = [
     "Interpolator",
     "Layer",
     "LayeredImage",
+    "LowestMatch",
     "MemoryLimit",
     "MergeOptions",
     "MergeSummary",
@@ -136,6 +137,7 @@ _homes = {
     "Interpolator": "interpolator",
     "Layer": "layered",
     "LayeredImage": "layered",
+    "LowestMatch": "observer",
     "MemoryLimit": "io.memory_limit",
     "MergeOptions": "rerender.options",
     "MergeSummary": "rerender.merging",

@@ -149,12 +149,19 @@ class Pair:
         If the illumination changes, the lower of the scores under that of either frame: dark frames look alike, but
         not under the brighter illumination.
         """
-        return self._results.cached("match_score", self._measure_match_score)
-
-    def _measure_match_score(self) -> float:
         cuts = self._interpolator.cuts
-        if cuts is None:
-            return 1.0
+        return 1.0 if cuts is None else self._measured_match_score(cuts)
+
+    @property
+    def detected_match_score(self) -> float:
+        """Match score of the two frames by a `CutDetector`, also if scene cuts are not looked for or are listed."""
+        cuts = self._interpolator.cuts
+        return self._measured_match_score(cuts if isinstance(cuts, CutDetector) else CutDetector())
+
+    def _measured_match_score(self, cuts: CutPolicy) -> float:
+        return self._results.cached(("match_score", cuts), lambda: self._measure_match_score(cuts))
+
+    def _measure_match_score(self, cuts: CutPolicy) -> float:
         if self.illumination is None:
             return cuts.match_score(self.image0, self.image1)
         return min(

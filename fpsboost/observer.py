@@ -20,6 +20,25 @@ class SourceMoment:
     time: Fraction
 
 
+@dataclass(frozen=True)
+class LowestMatch:
+    """Frame of the output that was made of the two frames that match least, across no scene cut.
+
+    Attributes
+    ----------
+    match_score : float
+        See `fpsboost.interpolator.Pair.detected_match_score`.
+    number : int
+        Number of the frame, counted from 0.
+    time : Fraction
+        Its presentation time, seconds after the output's first frame.
+    """
+
+    match_score: float
+    number: int
+    time: Fraction
+
+
 @dataclass
 class Summary:
     """Counts and remarks of a conversion.
@@ -48,6 +67,8 @@ class Summary:
         Intervals between the frames of the source.
     search_radii : set of int
         Search radii that were chosen for pairs of frames, pixels; empty if the method has none.
+    lowest_match : LowestMatch or None
+        Where the result is least certain; None if nothing was made between two frames of a scene.
     boundaries : dict of int to SourceMoment
         The frame of the source at or before the first output frame of a part of a conversion, and before the first one
         after it, by the numbers of these output frames.
@@ -65,7 +86,13 @@ class Summary:
     utilisation: str = ""
     frame_intervals: FrameIntervals = field(default_factory=FrameIntervals)
     search_radii: set[int] = field(default_factory=set)
+    lowest_match: LowestMatch | None = None
     boundaries: dict[int, SourceMoment] = field(default_factory=dict)
+
+    def note_match(self, match: LowestMatch | None) -> None:
+        """Keep a match if it is the lowest so far; must be called in the order of the frames."""
+        if match is not None and (self.lowest_match is None or match.match_score < self.lowest_match.match_score):
+            self.lowest_match = match
 
 
 class Observer(Protocol):

@@ -27,7 +27,7 @@ from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.io import Cancellable, FrameSink, FrameSource, TakesSideData
 from fpsboost.io.prefetch import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.io.trim import beginning
-from fpsboost.observer import Observer, SilentObserver, SourceMoment, Summary
+from fpsboost.observer import LowestMatch, Observer, SilentObserver, SourceMoment, Summary
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time
@@ -214,7 +214,8 @@ def making_frames(
             interpolator.compile_for(first.image)
         frames = arriving if first is None else chain([first], arriving)
         outputs = outputs or OutputRange()
-        clip = _LoopState(source.info, schedule, interpolator, summary, beginning(source), needs or Needs(), outputs)
+        place = beginning(source)
+        clip = _LoopState(source.info, schedule, interpolator, summary, place, needs or Needs(), outputs, stretch)
         made = _exposed(_output_frames(frames, clip, detector, holds_last_frame, in_order))
         before, start = clip.outputs_before, None if outputs.entry is None else outputs.entry.start
         part = islice(
@@ -283,6 +284,8 @@ class _OutputPart(NamedTuple):
     scene_cut: bool
     duplicates: int
     """Frames of the interval that are interpolated across."""
+    match: LowestMatch | None
+    """How well the two frames match, with the frame of the output halfway between them; None if nothing is made."""
     begins: bool
     """Whether it is the first part of the interval."""
     ends: bool
@@ -309,6 +312,7 @@ class _LoopState:
     beginning: SourcePosition
     needs: Needs
     outputs: OutputRange
+    stretch: Fraction
     start: Fraction = Fraction(0)
     number: int = 0
     """Number of the next source frame to be read."""
@@ -385,6 +389,13 @@ class _LoopState:
             self.summary.boundaries[number] = SourceMoment(self.place(shown), shown.frame.time)
         return number
 
+    def match(self, interval: _Interval, shown: list[tuple[SourceFrame, Step]], moves: list[bool]) -> LowestMatch:
+        """Return how well the frames of an interval match, with the frame halfway of those that are made."""
+        places = [index for index, is_made in enumerate(moves) if is_made]
+        middle = min(places, key=lambda index: (abs(shown[index][1].t - Fraction(1, 2)), index))
+        time = (shown[middle][1].time - self.start) * self.stretch
+        return LowestMatch(interval.pair.detected_match_score, interval.numbers[middle], time)
+
     def place(self, shown: SourceFrame) -> int:
         """Return the place of a frame in the clip, from 0."""
         position = shown.image.source_position
@@ -410,6 +421,7 @@ def _output_frames(
         if made.begins and clip.counts(made.interval):
             summary.duplicates += made.duplicates
             summary.scene_cuts += made.scene_cut
+            summary.note_match(made.match)
         for frame, step, is_later in zip(made.frames, made.steps, made.past_cut, strict=True):
             # the cuts so far include the one of this interval
             yield _Shown(frame, step, scenes - (made.scene_cut and not is_later))
@@ -519,9 +531,10 @@ def _make(
     steps = [shown[index][1] for index in part]
     past_cut = [scene_cut and moves[index] and shown[index][1].t > Fraction(1, 2) for index in part]
     duplicates = 0 if is_held else len(interval.held) - 1
-    return _OutputPart(
-        interval, frames, steps, past_cut, new, scene_cut, duplicates, part.start == 0, part.stop == len(shown)
-    )
+    begins, ends = part.start == 0, part.stop == len(shown)
+    is_measured = begins and first_move is not None and clip.counts(interval) and not scene_cut
+    match = clip.match(interval, shown, moves) if is_measured else None
+    return _OutputPart(interval, frames, steps, past_cut, new, scene_cut, duplicates, match, begins, ends)
 
 
 def _show(interval: _Interval, neighbours: tuple[Pair | None, Pair | None]) -> _ShownInterval:

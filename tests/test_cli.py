@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[1]
 ORBIT = ROOT / "samples" / "orbit.mp4"
 CHEAP = ("--method", "nearest")
 SAY_COMPILING = app.Reporter._say_compiling  # before a fixture silences it
-SUMMARY = r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\)"
+SUMMARY = r"{}: {} -> {} frames in [0-9.]+ s \([0-9.]+ frames/s\), least certain at [0-9:.]+ \(frame [0-9]+\)"
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),  # said only under pytest

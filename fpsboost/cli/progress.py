@@ -13,6 +13,7 @@ from rich.text import Text
 
 from fpsboost.cli.messages import console, sentence, shown
 from fpsboost.cli.options import in_flags
+from fpsboost.timing.position import format_time
 from fpsboost.version import __version__
 
 if TYPE_CHECKING:
@@ -107,7 +108,10 @@ class Reporter:
             self._say(f"Search radius: {least if least == largest else f'{least} to {largest}'} pixels.")
         for text in filter(None, (summary.details, summary.utilisation) if self._verbose else ()):
             self._say(text)
-        self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s)")
+        lowest, where = summary.lowest_match, ""
+        if lowest is not None and lowest.match_score < 1:
+            where = f", least certain at {format_time(lowest.time)} (frame {lowest.number})"
+        self._say(f"{self._output}: {frames} in {summary.seconds:.1f} s ({speed:.1f} frames/s){where}")
         for remark in summary.remarks:
             self._say(f"Note: {remark}")
 
@@ -169,9 +173,17 @@ class JsonReporter:
             "duplicates": summary.duplicates,
             "scene_cuts": summary.scene_cuts,
             "seconds": round(summary.seconds, 3),
+            "least_certain": _least_certain(summary),
         }
         remarks = [in_flags(remark) for remark in summary.remarks]
-        self._print("done", fps=_speed(summary), done=True, output=self._output, **counts, remarks=remarks)
+        self._print(
+            "done",
+            fps=_speed(summary),
+            done=True,
+            output=self._output,
+            **counts,
+            remarks=remarks,
+        )
 
     def _say_compiling(self) -> None:
         self._print("compiling")
@@ -184,6 +196,15 @@ def print_object(**values: Any) -> None:
     """Print a JSON object on one line of standard error."""
     sys.stderr.write(json.dumps(values) + "\n")
     sys.stderr.flush()
+
+
+def _least_certain(summary: Summary) -> dict[str, float] | None:
+    """Return where the result is least certain; None if nothing was made between two frames of a scene."""
+    lowest = summary.lowest_match
+    if lowest is None:
+        return None
+    time, match_score = round(float(lowest.time), 6), round(lowest.match_score, 4)
+    return {"frame": lowest.number, "time": time, "match_score": match_score}
 
 
 def _speed(summary: Summary) -> float:

@@ -237,5 +237,6 @@ def _summary(parts: Sequence[PartFiles]) -> Summary:
         shortest = min(each.shortest for each in intervals)
         summary.frame_intervals = FrameIntervals(shortest, longest.longest, longest.begin)
     for manifest in manifests:
+        summary.note_match(manifest.lowest_match)
         summary.remarks += [remark for remark in manifest.remarks if remark not in summary.remarks]
     return summary

@@ -248,6 +248,7 @@ def manifest_of(
         counts_frames=by_number,
         window=clip.window,
         intervals=summary.frame_intervals,
+        lowest_match=summary.lowest_match,
         remarks=[*plan.remarks, *summary.remarks],
         files=[stored(path) for path in part_files(folder)],
     )

@@ -15,12 +15,12 @@ from fpsboost.io.staging import write_safely
 from fpsboost.io.trim import Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.observer import SourceMoment
+from fpsboost.observer import LowestMatch, SourceMoment
 from fpsboost.parts.stored_options import as_json, from_json
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 
 MANIFEST_NAME = "part.json"
-FORMAT = 1
+FORMAT = 2
 """Version of the manifest's fields."""
 
 
@@ -52,7 +52,7 @@ class Manifest:
         Number of frames in the part, and of those that are not from the source.
     frames_read : int
         Number of source frames from the clip's first one to the last one that was read.
-    scene_cuts, duplicates : int
+    scene_cuts, duplicates, lowest_match
         See `fpsboost.observer.Summary`.
     begins, ends : SourceMoment or None
         Frames of the source at or before the first output frame of the part, and of the next one.
@@ -83,6 +83,7 @@ class Manifest:
     counts_frames: bool
     window: Window | None
     intervals: FrameIntervals
+    lowest_match: LowestMatch | None
     remarks: list[str] = field(default_factory=list)
     files: list[StoredFile] = field(default_factory=list)
 

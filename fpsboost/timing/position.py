@@ -40,6 +40,21 @@ class Position:
         return self.value / rate if self.is_frame else self.value
 
 
+def format_time(seconds: Fraction) -> str:
+    """Return seconds as players show them, to the millisecond; `parse_position` reads it.
+
+    Examples
+    --------
+    >>> format_time(Fraction(3723, 2))
+    '31:01.500'
+    """
+    milliseconds = round(seconds * 1000)
+    minutes, rest = divmod(milliseconds, 60_000)
+    hours, minutes = divmod(minutes, 60)
+    whole, parts = divmod(rest, 1000)
+    return f"{f'{hours}:{minutes:02}' if hours else minutes}:{whole:02}.{parts:03}"
+
+
 def parse_position(text: str, option: str) -> Position:
     """Parse ``90``, ``90.5``, ``1:30``, ``00:01:30.5`` or ``2700f``.
 

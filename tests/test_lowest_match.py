@@ -1,0 +1,144 @@
+"""Where a conversion is least certain: the two frames that match least, wherever no scene ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from truth import noise, waves
+
+from fpsboost.conversion import convert
+from fpsboost.frame import Frame
+from fpsboost.io.part import Part
+from fpsboost.io.video.capture import ArraySource
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.method_table import find_method
+from fpsboost.observer import LowestMatch, Summary
+from fpsboost.parts.join import join
+from fpsboost.run_options import RunOptions
+from fpsboost.streaming import making_frames, run_conversion
+from fpsboost.timing.position import format_time, parse_position
+from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.schedule import ByFactor
+
+BLEND = find_method("blend")
+HEIGHT, WIDTH = 72, 128
+HIDDEN = 6
+"""Frame in which something covers the middle of the picture."""
+
+
+def picture(index: int, scene: int = 0) -> np.ndarray[Any, Any]:
+    """A pattern that moves by two pixels a frame."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
+    image = np.clip(128 + 100 * waves(x - 2 * index, y, seed=scene), 0, 255).astype(np.uint8)
+    if index == HIDDEN:
+        image[20:52, 40:88] = noise(32, 48)
+    return image
+
+
+PAN = [picture(index) for index in range(10)]
+
+
+def summary_of(images: list[np.ndarray[Any, Any]], **options: Any) -> Summary:
+    """The summary of a conversion of images in memory to twice the rate, 25 frames a second at first."""
+    summary = Summary()
+    interpolator = options.pop("interpolator", BLEND)
+    making = making_frames(
+        ArraySource(iter(images), Fraction(25)),
+        interpolator,
+        ByFactor(Fraction(2)),
+        summary,
+        holds_last_frame=True,
+        **options,
+    )
+    with making as frames:
+        for _ in frames:
+            pass
+    return summary
+
+
+def lowest(summary: Summary) -> LowestMatch:
+    assert summary.lowest_match is not None
+    return summary.lowest_match
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_it_is_where_something_covers_the_picture(threads):
+    """Its frame and time are those of the frame that is made there, with any number of threads."""
+    found = lowest(summary_of(PAN, threads=threads))
+    assert found.number in (2 * HIDDEN - 1, 2 * HIDDEN + 1)
+    assert found.time == Fraction(found.number, 50)
+    assert 0 < found.match_score < 0.9
+
+
+def test_a_scene_cut_is_not_uncertain():
+    """Nothing is made of both of its frames."""
+    images = PAN[:5] + [picture(index, scene=7) for index in range(10, 15)]
+    summary = summary_of(images)
+    assert summary.scene_cuts == 1
+    assert lowest(summary).number != 9
+
+
+@pytest.mark.parametrize("cuts", [None, "listed"])
+def test_it_is_found_whoever_decides_about_cuts(cuts, tmp_path):
+    """Also where cuts are not looked for."""
+    from fpsboost.analysis.cut_list import read_cuts  # noqa: PLC0415
+
+    (tmp_path / "cuts.txt").write_text("100f\n")
+    policy = None if cuts is None else read_cuts(str(tmp_path / "cuts.txt"))
+    assert lowest(summary_of(PAN, interpolator=replace(BLEND, cuts=policy))) == lowest(summary_of(PAN))
+
+
+def test_slow_motion_moves_it():
+    """Its time is that of the output."""
+    once, slow = lowest(summary_of(PAN)), lowest(summary_of(PAN, stretch=Fraction(2)))
+    assert (slow.number, slow.time) == (once.number, 2 * once.time)
+
+
+class Unwanted:
+    """Sink that takes frames at their own times only."""
+
+    needs_confidence = needs_motion = holds_last_frame = False
+
+    def __init__(self) -> None:
+        self.remarks: list[str] = []
+
+    def write(self, frame: Frame) -> None: ...
+
+
+def test_nothing_made_is_nothing_uncertain():
+    """As where frames are kept as they are."""
+    source = ArraySource(iter(PAN), Fraction(25))
+    assert run_conversion(source, BLEND, Unwanted(), ByFactor(Fraction(1))).lowest_match is None  # type: ignore[arg-type]
+
+
+def test_parts_that_are_joined_know_it(tmp_path):
+    """It is that of one run, whichever part it is in."""
+    (tmp_path / "in").mkdir()
+    for index, image in enumerate(PAN):
+        cv2.imwrite(str(tmp_path / "in" / f"{index:04d}.png"), image)
+    source = str(tmp_path / "in")
+    options: dict[str, Any] = {
+        "rate": OutputRate(Fraction(60)),
+        "decoding": DecodeOptions(input_fps=Fraction(12)),
+        "encoding": Encoding(preset="ultrafast"),
+        "method": BLEND,
+    }
+    whole = convert(source, str(tmp_path / "whole.mp4"), **options)
+    output = tmp_path / "out.mp4"
+    for number in (1, 2):
+        run = RunOptions(chunk=Part(number, 2))
+        convert(source, str(output), **options, run=run)
+    assert join(str(output), [f"{output}.parts"]).lowest_match == lowest(whole)
+
+
+@pytest.mark.parametrize("seconds", ["0", "59.9996", "61.5", "3723.042"])
+def test_times_are_written_as_they_are_read(seconds):
+    """To the millisecond."""
+    read = parse_position(format_time(Fraction(seconds)), "time").value
+    assert abs(read - Fraction(seconds)) <= Fraction(1, 2000)
