@@ -1,8 +1,9 @@
 """What the site takes from elsewhere when it is built: options of the command line, parts of the repository, formulas.
 
 A line ``<!-- include FILE -->`` in a page stands for a file of the repository, ``<!-- include FILE NAME -->`` for the
-part of it between ``<!-- NAME -->`` and ``<!-- /NAME -->``, and ``<!-- options -->`` for the options of the command
-line. Formulas become MathML, which browsers show without a program. What does not fit together stops the build.
+part of it between ``<!-- NAME -->`` and ``<!-- /NAME -->``, ``<!-- options -->`` for the options of the command line,
+and ``<!-- gallery -->`` for the comparison pages that are there. Formulas become MathML, which browsers show without a
+program. What does not fit together stops the build.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
         check_command(line, page.file.src_path)
     if page.file.src_path == "python.md":
         check_names(markdown)
-    return markdown.replace("<!-- options -->", options())
+    return markdown.replace("<!-- options -->", options()).replace("<!-- gallery -->", gallery())
 
 
 def on_page_content(content: str, page: Any, config: Any, files: Any) -> str:
@@ -68,6 +69,14 @@ def included(path: str, part: str | None) -> str:
         return f"`{place}`"
 
     return re.sub(r"\[([^\]\n]*)\]\(([^)\s]+)\)", relinked, text).strip()
+
+
+def gallery() -> str:
+    """Return links to the comparison pages that `docs/make_gallery.py` has written here, and the command that does."""
+    pages = sorted((ROOT / "docs" / "gallery").glob("*/index.html"))
+    links = ", ".join(f"[{page.parent.name}](gallery/{page.parent.name}/index.html)" for page in pages)
+    shown = f"Every second frame hidden and made again, by several methods: {links}. " if pages else ""
+    return f"{shown}`python docs/make_gallery.py` makes all this, and a comparison page of each."
 
 
 def options() -> str:
