@@ -179,7 +179,7 @@ def test_doctor_prints_and_exits(monkeypatch, capsys):
     monkeypatch.setattr(diagnosis, "diagnose", lambda: iter([good, bad]))
     assert run(["doctor"]) == 1
     out, err = capsys.readouterr()
-    assert "does not work" in out
+    assert "fails" in out
     assert err.endswith("fpsboost: Do this.\n")
     assert run(["doctor", "--json"]) == 1
     data = json.loads(capsys.readouterr().out)

@@ -60,6 +60,6 @@ def table_of(findings: list[Finding]) -> Table:
     table.add_column(no_wrap=True)
     for part, each_of in groupby(findings, key=attrgetter("part")):
         for place, each in enumerate(each_of):
-            state = "[red]does not work[/]" if each.advice else "[green]ok[/]"
+            state = "[red]fails[/]" if each.advice else "[green]ok[/]"
             table.add_row(part if place == 0 else "", each.name, shown(each.value), state)
     return table
