@@ -28,6 +28,8 @@ class Option:
         Placeholder of the value in the help; by default one for the type.
     group : str
         Name of a group other than that of the dataclass.
+    choices : tuple of str
+        Values that a shell proposes; others may be given, too. Those of a ``Literal`` need not be repeated here.
     parse : callable, optional
         Reads the value from its text, or its texts if it is repeatable, and its name for messages; by default the
         type does.
@@ -38,6 +40,7 @@ class Option:
     short: str = ""
     metavar: str = ""
     group: str = ""
+    choices: tuple[str, ...] = ()
     parse: Callable[[Any, str], Any] | None = None
 
 
@@ -49,6 +52,7 @@ def option(
     short: str = "",
     metavar: str = "",
     group: str = "",
+    choices: tuple[str, ...] = (),
     parse: Callable[[Any, str], Any] | None = None,
 ) -> Any:
     """Return a dataclass field with a default that is also an `Option`; see there for the parameters.
@@ -62,4 +66,4 @@ def option(
     >>> Quality(), fields(Quality)[0].metadata["option"].help
     (Quality(crf=18), 'Constant rate factor; lower is better.')
     """
-    return field(default=default, metadata={"option": Option(help, flag, short, metavar, group, parse)})
+    return field(default=default, metadata={"option": Option(help, flag, short, metavar, group, choices, parse)})

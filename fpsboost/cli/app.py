@@ -1,8 +1,4 @@
-"""Command line: parses arguments, builds objects, calls the library, shows progress and chooses the exit code.
-
-Exit codes: 0 done, 1 failed (without a message if the reader of standard output has closed it), 2 wrong usage, 3 a
-comparison that ends below --fail-under, 130 stopped by Ctrl-C.
-"""
+"""Command line: parses arguments, builds objects, calls the library, shows progress and chooses the exit code."""
 
 from __future__ import annotations
 
@@ -19,7 +15,7 @@ from fpsboost.cli.library_texts import LibraryTexts
 from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
 from fpsboost.cli.options import CutOptions, MessageOptions, MethodOptions, TuningOptions
 from fpsboost.cli.progress import JsonReporter, Reporter, print_object
-from fpsboost.cli.signature import GROUPS, default_text, with_flags
+from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.io.part import part_folder
@@ -52,6 +48,11 @@ EXAMPLES = """
   fpsboost compare in.mp4 --report page/               which method is best
 """
 
+EXIT_CODES = (
+    "0 done, 1 failed (without a message if the reader of standard output has closed it), 2 wrong usage, "
+    "3 a comparison that ends below --fail-under, 130 stopped by Ctrl-C"
+)
+
 PIPE = "pipe:"
 """Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
 
@@ -71,10 +72,10 @@ app = App(
 @app.default
 @with_flags
 def convert(
-    input: Annotated[str, Parameter(name="IN")],
-    output: Annotated[str | None, Parameter(name="OUT")] = None,
+    input: Annotated[PathName, Parameter(name="IN")],
+    output: Annotated[PathName | None, Parameter(name="OUT")] = None,
     /,
-    *more: Annotated[str, Parameter(show=False)],
+    *more: Annotated[PathName, Parameter(show=False)],
     decoding: Annotated[DecodeOptions, GROUPS["Input"]],
     rate: Annotated[OutputRate, GROUPS["Rate"]],
     motion: Annotated[MethodOptions, GROUPS["Method"]],
@@ -157,6 +158,19 @@ app.command(
     help_epilogue="",
 )
 app.command("fpsboost.cli.tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
+app.command("fpsboost.cli.doctor:doctor", help="Say whether fpsboost works on this machine.", help_epilogue="")
+app.command(
+    "fpsboost.cli.completion:completion",
+    help="Print the script by which a shell completes what is typed.",
+    help_epilogue="bash: source <(fpsboost completion bash), in ~/.bashrc\n"
+    "zsh: fpsboost completion zsh > ~/.zfunc/_fpsboost, with fpath+=~/.zfunc in ~/.zshrc\n"
+    "fish: fpsboost completion fish > ~/.config/fish/completions/fpsboost.fish",
+)
+app.command(
+    "fpsboost.cli.manual:man",
+    help="Print the manual page.",
+    help_epilogue="Read it: man -l <(fpsboost man)\nKeep it: fpsboost man > ~/.local/share/man/man1/fpsboost.1",
+)
 
 
 def stop(number: int, frame: FrameType | None) -> None:

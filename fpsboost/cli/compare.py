@@ -21,7 +21,7 @@ from fpsboost.cli import messages
 from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.cli.messages import sentence, shown
 from fpsboost.cli.options import ContestOptions, CutOptions, HidingOptions, ResultOptions
-from fpsboost.cli.signature import GROUPS, with_flags
+from fpsboost.cli.signature import GROUPS, PathName, with_flags
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.decode_options import DecodeOptions
 
@@ -48,7 +48,7 @@ def hiding_of(options: HidingOptions, decoding: DecodeOptions) -> Hiding:
 
 @with_flags
 def compare(
-    input: Annotated[str, Parameter(name="IN")],
+    input: Annotated[PathName, Parameter(name="IN")],
     /,
     *,
     decoding: Annotated[DecodeOptions, frames_group],

@@ -8,17 +8,17 @@ from cyclopts import Group, Parameter
 
 from fpsboost.cli.options import JoinOptions, MessageOptions
 from fpsboost.cli.progress import JsonReporter, Reporter
-from fpsboost.cli.signature import with_flags
+from fpsboost.cli.signature import PathName, with_flags
 
 group = Group("Options", sort_key=1)
 
 
 @with_flags
 def join(
-    output: Annotated[str, Parameter(name="OUT")],
-    part: Annotated[str, Parameter(name="PART")],
+    output: Annotated[PathName, Parameter(name="OUT")],
+    part: Annotated[PathName, Parameter(name="PART")],
     /,
-    *more: Annotated[str, Parameter(show=False)],
+    *more: Annotated[PathName, Parameter(show=False)],
     options: Annotated[JoinOptions, group],
     messages: Annotated[MessageOptions, group],
 ) -> None:

@@ -8,7 +8,7 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 
 from fpsboost.cli.messages import console, sentence
-from fpsboost.cli.signature import with_flags
+from fpsboost.cli.signature import PathName, with_flags
 from fpsboost.rerender.options import MergeOptions
 
 group = Group("Options", sort_key=1)
@@ -16,9 +16,9 @@ group = Group("Options", sort_key=1)
 
 @with_flags
 def merge(
-    made: Annotated[str, Parameter(name="MADE")],
-    rendered: Annotated[str, Parameter(name="RENDERED")],
-    output: Annotated[str, Parameter(name="OUT")],
+    made: Annotated[PathName, Parameter(name="MADE")],
+    rendered: Annotated[PathName, Parameter(name="RENDERED")],
+    output: Annotated[PathName, Parameter(name="OUT")],
     /,
     *,
     options: Annotated[MergeOptions, group],

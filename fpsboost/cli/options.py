@@ -25,6 +25,14 @@ if TYPE_CHECKING:
     from fpsboost.io.vectors.folder import VectorFolder
 
 
+METHODS = (
+    *("nlm", "nlm-fast", "blend", "nearest", "nlm-exhaustive", "nlm-brute-force", "nlm-passes"),
+    *("reproject-image", "reproject-scene", "dis", "farneback", "tvl1", "dis-warp", "tvl1-warp", "farneback-warp"),
+    *("block", "codec"),
+)
+"""Names that a shell proposes; those of `fpsboost.method_table`, which takes a second to import."""
+
+
 @dataclass(frozen=True)
 class MethodOptions:
     """Method by name, and what it gets beside the frames."""
@@ -38,6 +46,7 @@ class MethodOptions:
         "to compare: dis, farneback, tvl1, dis-warp, tvl1-warp,\n"
         "farneback-warp, block, codec.",
         short="m",
+        choices=METHODS,
     )
     duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
     match_grain: bool = option(False, "Make in-between frames as grainy as their neighbours.")
@@ -182,6 +191,7 @@ class ContestOptions:
         "behind a colon: dis,nlm-exhaustive:patch-radius=9,v=0.05;\n"
         "or all; minterpolate is FFmpeg's. Given repeatedly, all.",
         short="m",
+        choices=(*METHODS, "minterpolate", "all"),
         metavar="NAMES",
     )
     frames_of: tuple[str, ...] = option(
@@ -241,7 +251,7 @@ class ResultOptions:
 class PlannedMethodOptions:
     """The method whose frames are planned for."""
 
-    method: str = option("nlm", "Method that makes the frames.", short="m")
+    method: str = option("nlm", "Method that makes the frames.", short="m", choices=METHODS)
     vectors: str | None = option(None, "Folder of rendered vectors, one file per output frame.", metavar="DIR")
     depth: str | None = option(None, "Folder of rendered depth.", metavar="DIR")
     quiet: bool = option(False, "Print errors only.", short="q")

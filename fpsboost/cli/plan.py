@@ -10,7 +10,7 @@ from rich.table import Table
 
 from fpsboost.cli.messages import shown
 from fpsboost.cli.options import MethodOptions, PlannedMethodOptions, TuningOptions
-from fpsboost.cli.signature import with_flags
+from fpsboost.cli.signature import PathName, with_flags
 from fpsboost.errors import OptionError
 from fpsboost.rerender.options import FrameChoiceOptions, PlanOptions
 
@@ -26,8 +26,8 @@ budget, frames, method = Group("Regions", sort_key=1), Group("Frames", sort_key=
 
 @with_flags
 def plan(
-    input: Annotated[str, Parameter(name="IN")],
-    folder: Annotated[str, Parameter(name="DIR")],
+    input: Annotated[PathName, Parameter(name="IN")],
+    folder: Annotated[PathName, Parameter(name="DIR")],
     /,
     *,
     options: Annotated[PlanOptions, budget],

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from fpsboost.cli.messages import shown
 from fpsboost.cli.options import in_flags
+from fpsboost.cli.signature import PathName
 
 if TYPE_CHECKING:
     from fpsboost.io.video.listing import StreamFacts
@@ -25,7 +26,7 @@ options = Group("Options", sort_key=1)
 
 
 def probe(
-    input: Annotated[str, Parameter(name="IN")],
+    input: Annotated[PathName, Parameter(name="IN")],
     /,
     *,
     input_fps: Annotated[str | None, Parameter(group=options, metavar="RATE")] = None,

@@ -5,12 +5,22 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from cyclopts import Group, Parameter
 
 from fpsboost.cli.flags import Flag, flags_of
 from fpsboost.cli.options import in_flags
+
+if TYPE_CHECKING:
+    PathName = str
+else:
+    PathName = str | Path
+"""A text that a shell completes to a file: the parser tries the types in order, and a text it always is."""
+
+PATH_METAVARS = ("DIR", "FILE", "IN")
+"""Placeholders of options that are names of files and folders."""
 
 GROUPS = {
     name: Group(name, sort_key=place)
@@ -69,6 +79,12 @@ def _built(cls: type, given: dict[str, Any]) -> Any:
     return cls(**values, **{name: _built(each, given) for name, each in nested.items()})
 
 
+def _proposing(kind: Any, choices: tuple[str, ...]) -> Any:
+    """Return a type that is parsed like one of texts, and for which a shell proposes choices."""
+    proposed = Literal[choices] | str  # type: ignore[valid-type]
+    return tuple[proposed, ...] if get_origin(kind) is tuple else proposed
+
+
 def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
     """Return the parameter of a command that takes a flag's value, or its text if the library parses it."""
     kind, default, metavar = flag.kind, flag.default, flag.option.metavar
@@ -79,6 +95,10 @@ def parameter_of(flag: Flag, group: Group | None) -> inspect.Parameter:
         if flag.option.parse is not None:
             kind, default = tuple[str, ...] if isinstance(default, tuple) else str, None
             kind |= None
+        if metavar in PATH_METAVARS:
+            kind |= Path
+        if flag.option.choices:
+            kind = _proposing(kind, flag.option.choices)
     more = Parameter(
         name=[flag.name, f"-{flag.option.short}"] if flag.option.short else flag.name,
         help=in_flags(flag.option.help),

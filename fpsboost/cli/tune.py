@@ -13,7 +13,7 @@ from rich.table import Table
 from fpsboost.cli.compare import Progressing, check_new, frames_group, hiding_of
 from fpsboost.cli.messages import shown
 from fpsboost.cli.options import HidingOptions, SweepOptions
-from fpsboost.cli.signature import with_flags
+from fpsboost.cli.signature import PathName, with_flags
 from fpsboost.io.video.decode_options import DecodeOptions
 
 if TYPE_CHECKING:
@@ -27,13 +27,13 @@ MAX_BAR_LENGTH = 24
 
 @with_flags
 def tune(
-    input: Annotated[str, Parameter(name="IN")],
+    input: Annotated[PathName, Parameter(name="IN")],
     /,
     *,
     decoding: Annotated[DecodeOptions, frames_group],
     chosen: Annotated[HidingOptions, frames_group],
     sweep: Annotated[SweepOptions, Group("What is tried", sort_key=2)],
-    figure: Annotated[str | None, Parameter(group=results, metavar="FILE")] = None,
+    figure: Annotated[PathName | None, Parameter(group=results, metavar="FILE")] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
 ) -> None:
     """Try search radii, patch sizes, windows and v on a few hidden frames, and say which to use.

@@ -1,0 +1,65 @@
+"""Command ``fpsboost doctor``: says whether fpsboost works on this machine, and what to do where it does not."""
+
+from __future__ import annotations
+
+import json as plain
+import sys
+from dataclasses import asdict
+from itertools import groupby
+from operator import attrgetter
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Group, Parameter
+from rich.console import Console
+from rich.table import Table
+
+from fpsboost.cli.messages import console, shown
+
+if TYPE_CHECKING:
+    from fpsboost.diagnosis import Finding
+
+MAX_WIDTH = 100
+
+options = Group("Options", sort_key=1)
+
+
+def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
+    """Say whether fpsboost works on this machine.
+
+    Parameters
+    ----------
+    json
+        Plain JSON on standard output.
+    """
+    from fpsboost.diagnosis import diagnose  # noqa: PLC0415 (--help need not wait for it)
+
+    with Console(stderr=True, quiet=json).status("looking, and compiling kernels that are not there yet"):
+        findings = list(diagnose())
+    broken = [each for each in findings if each.advice]
+    if json:
+        print(plain.dumps({"works": not broken, "findings": [asdict(each) for each in findings]}, indent=1))
+    else:
+        out = Console(highlight=False)
+        out.width = min(out.width, MAX_WIDTH)
+        out.print(table_of(findings))
+        if not broken:
+            out.print("[green]Everything works.[/]")
+    errors = console()
+    for each in broken:
+        errors.print(f"[red]fpsboost:[/] {shown(each.advice)}")
+    if broken:
+        sys.exit(1)
+
+
+def table_of(findings: list[Finding]) -> Table:
+    """Return a table with one row a finding, under the name of its part."""
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_column(no_wrap=True)
+    for part, each_of in groupby(findings, key=attrgetter("part")):
+        for place, each in enumerate(each_of):
+            state = "[red]fails[/]" if each.advice else "[green]ok[/]"
+            table.add_row(part if place == 0 else "", each.name, shown(each.value), state)
+    return table

@@ -1,0 +1,171 @@
+"""Whether fpsboost works on this machine: what is installed, what it finds there, and whether its frames are right.
+
+Everything is imported where it is looked at, because a broken installation is what is to be found.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from types import MappingProxyType
+from typing import Literal
+
+from fpsboost.version import __version__
+
+libraries: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "NumPy": ("numpy", "numpy"),
+        "OpenCV": ("cv2", "opencv-contrib-python-headless"),
+        "numba": ("numba", "numba"),
+        "PyAV": ("av", "av"),
+    }
+)
+"""Module and package of the libraries without which nothing works."""
+
+DECODERS = (
+    *("h264", "hevc", "libdav1d", "vp8", "vp9", "mpeg2video", "mpeg4", "prores", "ffv1", "mjpeg"),
+    *("aac", "libopus"),
+)
+"""FFmpeg's decoders of what people film and render."""
+
+known_digests: Mapping[str, str] = MappingProxyType(
+    {
+        "nlm": "f39fa0fa71ea42a7",
+        "nlm-fast": "fc38a98093b5a9ab",
+    }
+)
+"""First digits of the digests of `fpsboost.parts.self_test` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""
+
+MAX_ERROR = 4.0
+"""Mean absolute error of a frame whose motion is known, of 255, beyond which kernels are broken; 0.02 is usual."""
+
+Part = Literal["programs", "codecs", "machine", "kernels", "self-test"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that was looked at.
+
+    Attributes
+    ----------
+    part : {'programs', 'codecs', 'machine', 'kernels', 'self-test'}
+    name, value : str
+        What it is, and what was found.
+    advice : str
+        Where it does not work, a sentence that says what to do; else empty.
+    """
+
+    part: Part
+    name: str
+    value: str
+    advice: str = ""
+
+
+def diagnose() -> Iterator[Finding]:
+    """Yield what is found, each as soon as it is known.
+
+    Nothing is raised where an installation is broken: the error is the finding. Where a library is missing, the rest is
+    not looked at.
+    """
+    programs = list(_programs())
+    yield from programs
+    if any(each.advice for each in programs):
+        return
+    for part, (look, advice) in _looks.items():
+        try:
+            yield from look()
+        except Exception as error:  # a broken library raises anything
+            first_line = f"{type(error).__name__}: {error}".splitlines()[0]
+            yield Finding(part, "error", first_line, advice)
+
+
+def _programs() -> Iterator[Finding]:
+    yield Finding("programs", "Python", f"{platform.python_version()}, {platform.system()} {platform.machine()}")
+    yield Finding("programs", "fpsboost", __version__)
+    for name, (module, package) in libraries.items():
+        try:
+            import_module(module)
+            yield Finding("programs", name, version(package))
+        except PackageNotFoundError:  # another package has brought the module
+            yield Finding("programs", name, str(import_module(module).__version__))
+        except ImportError as error:
+            advice = f"{name} cannot be imported; install {package} anew with pip."
+            yield Finding("programs", name, str(error), advice)
+
+
+def _codecs() -> Iterator[Finding]:
+    from fpsboost.io.video.availability import ffmpeg_version, missing_codecs  # noqa: PLC0415
+    from fpsboost.io.video.encoding import encoders  # noqa: PLC0415
+    from fpsboost.io.video.sound_encoders import sound_encoders  # noqa: PLC0415
+
+    yield Finding("codecs", "FFmpeg", ffmpeg_version())
+    kinds: dict[str, tuple[list[str], Literal["r", "w"]]] = {
+        "video encoders": ([each.name for each in encoders.values()], "w"),
+        "sound encoders": (list(sound_encoders.values()), "w"),
+        "decoders": (list(DECODERS), "r"),
+    }
+    for kind, (names, mode) in kinds.items():
+        missing = missing_codecs(names, mode)
+        found = ", ".join(name for name in names if name not in missing) or "none"
+        advice = f"This FFmpeg has no {', '.join(missing)}; {REINSTALL_PYAV}" if missing else ""
+        yield Finding("codecs", kind, found, advice)
+
+
+def _machine() -> Iterator[Finding]:
+    from fpsboost.io.memory_limit import available_memory  # noqa: PLC0415
+    from fpsboost.io.prefetch import available_cores  # noqa: PLC0415
+    from fpsboost.kernels.machine import processor  # noqa: PLC0415
+
+    name, features = processor()
+    yield Finding("machine", "processor", f"{name}, {', '.join(features) or 'no vector instructions'}")
+    cores = available_cores()
+    yield Finding("machine", "cores", f"{cores} of {os.cpu_count()}; as many pairs of frames side by side")
+    yield Finding("machine", "free memory", f"{available_memory() / 1e9:.1f} GB")
+
+
+def _kernels() -> Iterator[Finding]:
+    from fpsboost.kernels.machine import cache_folder  # noqa: PLC0415
+
+    folder = cache_folder()
+    files = [path for path in folder.glob("*.nb[ci]") if path.is_file()]
+    size = sum(path.stat().st_size for path in files)
+    yield Finding("kernels", "compiled", f"{len(files)} files, {size / 1e6:.1f} MB")
+    writable = os.access(folder, os.W_OK)
+    advice = "" if writable else f"Compiled kernels cannot be kept in {folder}; {SET_CACHE}"
+    yield Finding("kernels", "kept in", str(folder), advice)
+
+
+def _self_test() -> Iterator[Finding]:
+    import numpy as np  # noqa: PLC0415
+
+    from fpsboost.method_table import interpolate, methods  # noqa: PLC0415
+    from fpsboost.parts.self_test import self_test  # noqa: PLC0415
+
+    texture = np.random.default_rng(0).integers(0, 256, (24, 60, 3), np.uint8).repeat(4, axis=0).repeat(4, axis=1)
+    for method, known in known_digests.items():
+        is_known = self_test(methods[method], texture).startswith(known)
+        bits = "same bits as elsewhere" if is_known else OTHER_BITS
+        made = interpolate(texture, np.roll(texture, 8, axis=1), method=method)
+        error = float(np.abs(made.astype(float) - np.roll(texture, 4, axis=1))[16:-16, 16:-16].mean())
+        advice = "" if error <= MAX_ERROR else f"Frames of {method} are wrong; {DELETE_CACHE}"
+        yield Finding("self-test", method, f"{bits}, error {error:.2f} of 255", advice)
+
+
+REINSTALL_PYAV = "install the wheel of av anew with pip."
+OTHER_BITS = "other bits than elsewhere: make parts of one video on machines of this kind alone"
+SET_CACHE = "set NUMBA_CACHE_DIR to a folder that can be written."
+DELETE_CACHE = "delete the folder of the compiled kernels, so that they are compiled anew."
+
+_looks: Mapping[Part, tuple[Callable[[], Iterator[Finding]], str]] = MappingProxyType(
+    {
+        "codecs": (_codecs, f"FFmpeg cannot be used; {REINSTALL_PYAV}"),
+        "machine": (_machine, "The processor cannot be examined; install fpsboost anew."),
+        "kernels": (_kernels, f"Kernels cannot be compiled or kept; {SET_CACHE}"),
+        "self-test": (_self_test, f"No frame can be made; {DELETE_CACHE}"),
+    }
+)
+"""What is looked at after the programs, and the advice where that raises an error."""

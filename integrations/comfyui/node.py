@@ -1,0 +1,134 @@
+"""The node: its inputs and outputs as ComfyUI shows them, and a run of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any, Literal, get_args
+
+from fpsboost import Frame, Interpolator, MemoryLimit, OutputRate, methods, run_conversion
+from fpsboost.interpolator import AtCuts
+from fpsboost.io.prefetch import available_cores
+from fpsboost.io.video.capture import ArraySource
+from fpsboost.kernels.compiling import told_of_compiling
+from fpsboost.method_table import find_method
+
+from .batch import BatchSink, Tensor, check_batch, frames_of
+from .host import HostObserver, say_compiling, say_summary
+
+MAX_MULTIPLIER = 16
+"""The same as that of ComfyUI's own node."""
+
+SceneCuts = AtCuts | Literal["one scene"]
+"""What is done where a scene ends; the last choice does not look for that."""
+
+Duplicates = Literal["interpolate", "keep"]
+
+ANY_RATE = Fraction(24)
+"""Frames per second of a batch, which has none; images do not depend on it."""
+
+
+class FrameInterpolation:
+    """Node that makes the images between the images of a batch.
+
+    n images become ``(n - 1) * multiplier + 1``, as with other nodes for the purpose: the first and the last image are
+    those of the batch, and a single image stays as it is.
+    """
+
+    CATEGORY = "image/video"
+    DESCRIPTION = (
+        "Makes the images between the images of a batch, by motion estimated from the images themselves: no model, no "
+        "download, no GPU. n images become (n - 1) * multiplier + 1."
+    )
+    FUNCTION = "interpolate"
+    RETURN_TYPES = ("IMAGE", "MASK")
+    RETURN_NAMES = ("images", "confidence")
+    OUTPUT_TOOLTIPS = (
+        "The images of the batch and those between them, to be played at multiplier times the rate.",
+        "How far every pixel can be trusted, 0 to 1: 1 in the images of the batch, 0 where a scene ends. Invert it for "
+        "a mask of what to inpaint.",
+    )
+
+    @classmethod
+    def INPUT_TYPES(cls) -> dict[str, Any]:  # noqa: N802 (ComfyUI prescribes the name)
+        """Return the inputs with their types, choices, defaults and tooltips."""
+        multiplier = {"default": 2, "min": 2, "max": MAX_MULTIPLIER, "tooltip": "Images out per image in."}
+        method = {
+            "default": "nlm",
+            "tooltip": "nlm: the best. nlm-fast: nearly as good, quicker. blend: a mixture, without motion. "
+            "nlm-exhaustive, nlm-brute-force and nlm-passes are slow. The others are for comparison.",
+        }
+        scene_cuts = {
+            "default": "repeat",
+            "tooltip": "Where a scene ends: repeat the nearer image, blend the two, or extrapolate the motion of each. "
+            "one scene: do not look for cuts.",
+        }
+        duplicates = {
+            "default": "interpolate",
+            "tooltip": "Images that show the same as the one before. interpolate: replace them by images made for "
+            "their times. keep: leave them.",
+        }
+        return {
+            "required": {
+                "images": ("IMAGE", {"tooltip": "Consecutive images of one clip."}),
+                "multiplier": ("INT", multiplier),
+                "method": (list(methods), method),
+                "scene_cuts": ([*get_args(AtCuts), "one scene"], scene_cuts),
+                "duplicates": (list(get_args(Duplicates)), duplicates),
+            },
+        }
+
+    def interpolate(
+        self, images: Tensor, multiplier: int, method: str, scene_cuts: SceneCuts, duplicates: Duplicates
+    ) -> tuple[Tensor, Tensor]:
+        """Make the images between the images of a batch.
+
+        Parameters
+        ----------
+        images : (N, H, W, C) tensor
+            RGB or RGBA, 0 to 1.
+        multiplier : int
+        method : str
+            A name from `fpsboost.methods`.
+        scene_cuts : {'repeat', 'blend', 'extrapolate', 'one scene'}
+        duplicates : {'interpolate', 'keep'}
+
+        Returns
+        -------
+        (N', H, W, C) tensor, (N', H, W) tensor
+            Images and confidence, float32.
+
+        Raises
+        ------
+        InputError
+            `images` is no batch of images, or the result does not fit into memory.
+        """
+        check_batch(images)
+        count, height, width, _ = images.shape
+        outputs, memory = (count - 1) * multiplier + 1, MemoryLimit()
+        sink = BatchSink(images, outputs, memory)
+        if count == 1:
+            sink.write(Frame(next(frames_of(images)), Fraction(0)))
+            return sink.images, sink.confidence
+        source = ArraySource(frames_of(images), ANY_RATE, "`images`")
+        with told_of_compiling(say_compiling):
+            summary = run_conversion(
+                source,
+                _interpolator(method, scene_cuts, duplicates),
+                sink,
+                OutputRate(factor=multiplier).schedule(source.info, has_clock=False),
+                HostObserver(outputs),
+                threads=sink.memory_left.affordable_threads(width, height, available_cores()),
+            )
+        say_summary(summary)
+        return sink.images, sink.confidence
+
+
+def _interpolator(method: str, scene_cuts: SceneCuts, duplicates: Duplicates) -> Interpolator:
+    """Return a method with the node's options."""
+    interpolator = find_method(method)
+    if duplicates == "keep":
+        interpolator = replace(interpolator, duplicates=None)
+    if scene_cuts == "one scene":
+        return replace(interpolator, cuts=None)
+    return replace(interpolator, at_cuts=scene_cuts)

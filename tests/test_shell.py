@@ -1,0 +1,187 @@
+"""What a shell needs of the command line: completion, a manual page, and whether it works on this machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fpsboost import diagnosis
+from fpsboost.cli.app import EXAMPLES, EXIT_CODES, app
+from fpsboost.cli.completion import completion_script
+from fpsboost.cli.manual import manual_page
+from fpsboost.cli.options import METHODS
+from fpsboost.diagnosis import Finding, diagnose
+from fpsboost.method_table import methods, vector_methods
+from fpsboost.parts.self_test import self_test
+
+SHELLS = ("bash", "zsh", "fish")
+
+
+def run(tokens: list[str]) -> int | str | None:
+    """Run a command in this process, and return its exit code."""
+    try:
+        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+    except SystemExit as stopped:
+        return stopped.code
+    return 0
+
+
+@pytest.fixture(scope="module")
+def scripts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the script of each shell, named after it."""
+    folder = tmp_path_factory.mktemp("completion")
+    for shell in SHELLS:
+        (folder / shell).write_text(completion_script(shell))
+    return folder
+
+
+def in_shell(shell: str, code: str, folder: Path) -> str:
+    """Return what a shell prints, which reads no files of its user."""
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not installed")
+    plain = {"bash": ["--norc", "--noprofile"], "zsh": ["-f"], "fish": ["--no-config"]}[shell]
+    environment = {**os.environ, "HOME": str(folder), "XDG_CONFIG_HOME": str(folder), "XDG_DATA_HOME": str(folder)}
+    done = subprocess.run(
+        [shell, *plain, "-c", code], cwd=folder, env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stderr == ""
+    return done.stdout
+
+
+def test_methods_that_a_shell_proposes():
+    """They are those that there are."""
+    assert len(METHODS) == len(set(METHODS))
+    assert set(METHODS) == {*methods, *vector_methods}
+
+
+@pytest.mark.parametrize(
+    ("words", "proposed"),
+    [
+        (["--fac"], {"--factor"}),
+        (["--method", "nlm-e"], {"nlm-exhaustive"}),
+        (["-m", "tvl1-"], {"tvl1-warp"}),
+        (["compare", "-m", "min"], {"minterpolate"}),
+        (["--at-cuts", ""], {"repeat", "blend", "extrapolate"}),
+        (["doc"], {"doctor"}),
+        (["completion", ""], set(SHELLS)),
+    ],
+)
+def test_bash_completes(scripts, words, proposed):
+    """Commands, options and values, by the function that bash calls at TAB."""
+    line = " ".join(f"'{word}'" for word in ["fpsboost", *words])
+    code = (
+        f"source ./bash; COMP_WORDS=({line}); COMP_CWORD={len(words)}; _fpsboost; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+    )
+    assert set(in_shell("bash", code, scripts).split()) == proposed
+
+
+def test_bash_completes_files_itself(scripts):
+    """Where the script proposes nothing, so that names with spaces stay whole."""
+    code = "source ./bash; COMP_WORDS=(fpsboost b); COMP_CWORD=1; _fpsboost; echo ${#COMPREPLY[@]}; complete -p"
+    count, registered = in_shell("bash", code, scripts).splitlines()
+    assert count == "0"
+    assert "-o default" in registered
+
+
+def test_fish_completes(scripts):
+    """Options, values, commands and files, by fish's own command for it."""
+    code = "source ./fish; for line in '--fac' '-m tvl1-' 'doc' './zs'; complete -C \"fpsboost $line\"; end"
+    proposed = [line.split("\t")[0] for line in in_shell("fish", code, scripts).splitlines()]
+    assert proposed == ["--factor", "tvl1-warp", "doctor", "./zsh"]
+
+
+def test_zsh_takes_the_script(scripts):
+    """As a function of its completion system, for the command fpsboost."""
+    code = (
+        "mkdir f; cp zsh f/_fpsboost; fpath=($PWD/f $fpath); autoload -U compinit; compinit -u -d $PWD/dump; "
+        "autoload +X _fpsboost; print $_comps[fpsboost]"
+    )
+    assert in_shell("zsh", code, scripts).strip() == "_fpsboost"
+
+
+def test_the_manual_page_has_every_command_and_option():
+    """By the names that the help gives them, and nothing of Rich's markup."""
+    page = manual_page(app, EXAMPLES, EXIT_CODES).replace("\\-", "-")
+    commands = [name for name in app if not name.startswith("-")]
+    assert [name for name in commands if f'.SS "fpsboost {name}"' not in page] == []
+    shown = [each for each in app.assemble_argument_collection() if each.show]
+    assert [each.name for each in shown if f"\\fB{each.name}\\fR" not in page] == []
+    assert "[bold]" not in page
+    assert ".B 130\nstopped by Ctrl-C" in page
+
+
+@pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
+def test_the_manual_page_is_proper_roff(capsys):
+    """The formatter of manual pages has nothing to warn of."""
+    assert run(["man"]) == 0
+    page, command = capsys.readouterr().out, ["groff", "-man", "-ww", "-Tutf8", "-z"]
+    checked = subprocess.run(command, input=page, capture_output=True, text=True, check=True)
+    assert checked.stderr == ""
+
+
+def test_everything_works_here():
+    """All parts are looked at, and the self-test makes right frames."""
+    findings = list(diagnose())
+    assert [each for each in findings if each.advice] == []
+    assert [part for part in dict.fromkeys(each.part for each in findings)] == [
+        *("programs", "codecs", "machine", "kernels", "self-test"),
+    ]
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="the known bits are those of x86-64")
+@pytest.mark.parametrize("method", diagnosis.known_digests)
+def test_the_known_bits(method):
+    """They are those of this version; where a method makes other frames on purpose, they are to be replaced."""
+    assert self_test(methods[method], np.zeros((4, 6, 3), np.uint8)).startswith(diagnosis.known_digests[method])
+
+
+def test_a_missing_library_is_found(monkeypatch):
+    """It ends the search, with what to install; nothing is raised."""
+    monkeypatch.setitem(sys.modules, "av", None)
+    last = list(diagnose())[-1]
+    assert (last.part, last.name) == ("programs", "PyAV")
+    assert last.advice == "PyAV cannot be imported; install av anew with pip."
+
+
+def test_an_error_is_a_finding(monkeypatch):
+    """Whatever a part raises is shown with what to do, and the other parts are looked at."""
+
+    def broken():
+        raise RuntimeError("no locator\navailable")
+        yield
+
+    monkeypatch.setattr(diagnosis, "_looks", {**diagnosis._looks, "kernels": (broken, "Do this.")})
+    findings = list(diagnose())
+    assert Finding("kernels", "error", "RuntimeError: no locator", "Do this.") in findings
+    assert findings[-1].part == "self-test"
+
+
+def test_wrong_frames_are_found(monkeypatch):
+    """Kernels that make other frames than they should are broken."""
+    monkeypatch.setattr(diagnosis, "MAX_ERROR", -1.0)
+    assert {each.name for each in diagnose() if each.advice} == {"nlm", "nlm-fast"}
+
+
+def test_doctor_prints_and_exits(monkeypatch, capsys):
+    """A table, and 0 where everything works; else 1 and a sentence; the same as JSON."""
+    good, bad = Finding("codecs", "FFmpeg", "8"), Finding("kernels", "kept in", "/x", "Do this.")
+    monkeypatch.setattr(diagnosis, "diagnose", lambda: iter([good]))
+    assert run(["doctor"]) == 0
+    assert "Everything works." in capsys.readouterr().out
+    monkeypatch.setattr(diagnosis, "diagnose", lambda: iter([good, bad]))
+    assert run(["doctor"]) == 1
+    out, err = capsys.readouterr()
+    assert "fails" in out
+    assert err.endswith("fpsboost: Do this.\n")
+    assert run(["doctor", "--json"]) == 1
+    data = json.loads(capsys.readouterr().out)
+    assert data["works"] is False
+    assert data["findings"][1] == {"part": "kernels", "name": "kept in", "value": "/x", "advice": "Do this."}
