@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import os
 import platform
+import pty
+import re
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -98,13 +101,28 @@ def test_fish_completes(scripts):
     assert proposed == ["--factor", "tvl1-warp", "doctor", "./zsh"]
 
 
-def test_zsh_takes_the_script(scripts):
-    """As a function of its completion system, for the command fpsboost."""
-    code = (
-        "mkdir f; cp zsh f/_fpsboost; fpath=($PWD/f $fpath); autoload -U compinit; compinit -u -d $PWD/dump; "
-        "autoload +X _fpsboost; print $_comps[fpsboost]"
-    )
-    assert in_shell("zsh", code, scripts).strip() == "_fpsboost"
+@pytest.mark.parametrize("how", ["mkdir -p f; cp zsh f/_fpsboost; fpath=($PWD/f $fpath)", ""])
+def test_zsh_completes(scripts, how):
+    """At TAB on a terminal; from a file of $fpath, and where the script is sourced."""
+    zsh = shutil.which("zsh")
+    if zsh is None:
+        pytest.skip("zsh is not installed")
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(scripts)
+        os.execv(zsh, ["zsh", "-f"])
+    try:
+        source = "" if how else "source ./zsh;"
+        begin = f"PS1=; {how}; autoload -U compinit; compinit -D -u; {source} print rea''dy\n"
+        for typed, shown in ((begin, "ready"), ("fpsboost --fac\t", "--factor"), ("x\x15fpsboost doc\t", "doctor")):
+            os.write(terminal, typed.encode())
+            said = ""
+            while shown not in re.sub(r"[\x07\x08\r]|\x1b\[[0-9;?]*\w", "", said):
+                said += os.read(terminal, 4096).decode()
+    finally:
+        os.kill(pid, signal.SIGKILL)
+        os.waitpid(pid, 0)
+        os.close(terminal)
 
 
 def test_the_manual_page_has_every_command_and_option():
