@@ -295,8 +295,8 @@ class _FrameMaker:
     def __init__(self, clip: vs.VideoNode, interpolator: Interpolator, factor: Fraction, *, finds_cuts: bool) -> None:
         self._clip, self._interpolator, self._factor, self._finds_cuts = clip, interpolator, factor, finds_cuts
         self._layout, self._last = _layout_of(clip.format), int(clip.num_frames) - 1
-        # frames that are made at once lie in so many pairs, and each needs those beside its own
-        most = math.ceil(vs.core.num_threads / factor) + 3
+        # frames that are made at once lie in so many pairs, each needs those beside its own, and threads lag
+        most = math.ceil(vs.core.num_threads / factor) + 4
         self._pairs = _Pairs(clip, interpolator, factor, finds_cuts=finds_cuts, most=most)
         self._compiled = Results()
 
