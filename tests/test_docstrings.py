@@ -59,4 +59,6 @@ def faults_in(name: str) -> list[str]:
 @pytest.mark.parametrize("module", MODULES)
 def test_docstrings_agree_with_signatures(module):
     """Every parameter is described, in order and with its type, wherever any is."""
+    if module == "fpsboost.integrations.vapoursynth":
+        pytest.importorskip("vapoursynth", reason="VapourSynth needs Python 3.12 or newer")
     assert [fault for name in described(module) for fault in faults_in(name)] == []

@@ -1,0 +1,414 @@
+"""VapourSynth filter: a clip at a higher frame rate, whose frames are made when the host asks for them, in any order.
+
+The host calls a function of Python from one thread at a time for each filter, so that a single filter would leave all
+other threads idle. `interpolate` returns a ``FrameEval`` that gives every output frame a filter of its own (a
+``ModifyFrame`` over the source frames that this one needs), and these run side by side: kernels do not hold Python's
+lock. What is found out about a pair of frames is kept for the frames that follow, in a cache of bounded size; threads
+that ask for it while another one computes it wait for that one.
+
+A frame depends on its pair and the pairs before and after alone, which is what the host is asked for. So frames are
+those of a conversion of the same frames with ``duplicates=None``, bit by bit, in whichever order they are asked for.
+Duplicates are kept: which frames a conversion groups may depend on all frames before them, and in a script, frame n of
+the source is expected to come out unchanged. Remove duplicates before, as with ``vivtc.VDecimate``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from threading import Lock
+from typing import Any
+from weakref import WeakValueDictionary
+
+import numpy as np
+import vapoursynth as vs
+from numpy.typing import NDArray
+
+from fpsboost.analysis.scene_cuts import CutDetector
+from fpsboost.errors import FpsboostError, InputError, OptionError
+from fpsboost.frame import FrameImage, Image, as_array
+from fpsboost.frame_cache import FrameCache, Results, SourcePosition
+from fpsboost.interpolator import Interpolator, Pair
+from fpsboost.io.video.planes import PLANAR_FORMATS, bgr_of, in_planes
+from fpsboost.io.video.ycc import assumed_color_space, from_bgr
+from fpsboost.kernels.compiling import told_of_compiling
+from fpsboost.method_table import find_method
+from fpsboost.timing.schedule import ByFactor, ByRate
+from fpsboost.ycbcr import Coding, YCbCrImage, luma_weights
+
+MAX_FRAMES = 2**31 - 1
+"""Maximum number of frames of a clip; the host counts in 32 bits."""
+
+CHROMA_LOCATIONS = ("left", "center", "topleft", "top", "bottomleft", "bottom")
+"""Chroma locations by their number in ``_ChromaLocation``."""
+
+UNTAGGED_MATRICES = (0, 2, 3)
+"""Values of ``_Matrix`` that name no matrix of luma and chroma."""
+
+Frames = Mapping[int, vs.VideoFrame]
+"""Frames of the host by their numbers in the source."""
+
+
+def interpolate(
+    clip: vs.VideoNode,
+    factor_num: int = 2,
+    factor_den: int = 1,
+    fps_num: int | None = None,
+    fps_den: int | None = None,
+    method: str | Interpolator = "nlm",
+    sc: bool = True,
+) -> vs.VideoNode:
+    """Raise the frame rate of a clip.
+
+    n frames become n times the factor, rounded up: the last one is shown as long as any other. Frames that fall on a
+    frame of the source are that frame with its planes; see the module on all others.
+
+    Parameters
+    ----------
+    clip : vapoursynth.VideoNode
+        YUV 4:2:0, 4:2:2 or 4:4:4 of 8, 9, 10, 12, 14 or 16 bits, RGB of 8 to 16 bits, or RGBS; of constant size and
+        format. The meaning of YUV is told by ``_Matrix``, ``_Range`` (or ``_ColorRange``) and ``_ChromaLocation``;
+        without them it is that of untagged video: limited range, BT.709 from 720 rows on and BT.601 below, left.
+    factor_num, factor_den : int
+        Output frames per source frame, as a fraction.
+    fps_num, fps_den : int, optional
+        Output frames per second, as a fraction, instead of the factor; `fps_den` is 1 by default.
+    method : str or Interpolator
+        A name from `fpsboost.methods`, or an object, whose `duplicates` is not used.
+    sc : bool
+        Whether scenes end: where ``_SceneChangeNext`` of a frame or ``_SceneChangePrev`` of the next one says so, and,
+        between frames that have neither, where the method's own policy finds a cut. False follows motion between any
+        two frames.
+
+    Returns
+    -------
+    vapoursynth.VideoNode
+        Frames have the properties of the source frame at or before their time, but ``_DurationNum``, ``_DurationDen``
+        and ``_AbsoluteTime`` of their own; ``_SceneChangePrev`` and ``_SceneChangeNext`` are set with `sc` and removed
+        without.
+
+    Raises
+    ------
+    vapoursynth.Error
+        An option is out of range, or the clip cannot be taken, with a sentence that says what to do.
+
+    Examples
+    --------
+    >>> from fpsboost.integrations.vapoursynth import interpolate  # doctest: +SKIP
+    >>> interpolate(clip, fps_num=60000, fps_den=1001).set_output()  # doctest: +SKIP
+    """
+    with _host_errors():
+        interpolator = find_method(method) if isinstance(method, str) else method
+        _check_clip(clip)
+        factor = _factor_of(clip, factor_num, factor_den, fps_num, fps_den)
+        interpolator = replace(interpolator, duplicates=None, cuts=interpolator.cuts if sc else None)
+        maker = _FrameMaker(clip, interpolator, factor, finds_cuts=sc)
+    rate = clip.fps * factor
+    output = vs.core.std.BlankClip(clip, length=maker.count, fpsnum=rate.numerator, fpsden=rate.denominator, keep=True)
+    return vs.core.std.FrameEval(output, partial(maker.node, output[0]), clip_src=[clip])
+
+
+@contextmanager
+def _host_errors() -> Iterator[None]:
+    """Turn the library's errors into errors of the host."""
+    try:
+        yield
+    except FpsboostError as error:
+        raise vs.Error(f"fpsboost: {error}") from error
+
+
+def _check_clip(clip: vs.VideoNode) -> None:
+    """Raise `InputError` unless frames can be made of a clip."""
+    if not isinstance(clip, vs.VideoNode):
+        raise InputError(f"A clip must be a video node of VapourSynth, not {type(clip).__name__}.")
+    if not clip.format.id or not clip.width:
+        raise InputError(
+            "The clip changes its format or its size on the way; make its frames alike with "
+            "resize.Bicubic(format=..., width=..., height=...) first."
+        )
+    _layout_of(clip.format)
+    if clip.num_frames < 2:
+        raise InputError("The clip holds one frame, and two are needed to make one in between.")
+
+
+def _factor_of(
+    clip: vs.VideoNode, factor_num: int, factor_den: int, fps_num: int | None, fps_den: int | None
+) -> Fraction:
+    """Return the number of output frames per source frame."""
+    if fps_num is None:
+        if fps_den is not None:
+            raise OptionError("`fps_den` goes with `fps_num`; give that too, or leave it out.")
+        factor = ByFactor(_fraction("factor", factor_num, factor_den)).factor
+    else:
+        rate = ByRate(_fraction("fps", fps_num, 1 if fps_den is None else fps_den)).frames_per_second
+        if not clip.fps:
+            raise OptionError(
+                "`fps_num` needs the clip's own frame rate; say it with std.AssumeFPS, or give `factor_num` instead."
+            )
+        factor = ByFactor(rate / clip.fps).factor
+    if clip.num_frames * factor > MAX_FRAMES:
+        raise OptionError(
+            f"`factor={factor}` makes more frames of the clip than VapourSynth counts; choose a smaller one, or "
+            "shorten the clip with std.Trim."
+        )
+    return factor
+
+
+def _fraction(name: str, numerator: int, denominator: int) -> Fraction:
+    for part, value in (("num", numerator), ("den", denominator)):
+        if not isinstance(value, int):
+            raise OptionError(f"`{name}_{part}` must be a whole number, not {value!r}.")
+    if denominator < 1:
+        raise OptionError(f"`{name}_den` must be at least 1, not {denominator}.")
+    return Fraction(numerator, denominator)
+
+
+def _layout_of(format: vs.VideoFormat) -> _Rgb | _Ycc:
+    """Return the layout of a format; raise `InputError` if it is not supported."""
+    bits = format.bits_per_sample
+    is_float = format.sample_type == vs.FLOAT
+    chroma = {(1, 1): "420", (1, 0): "422", (0, 0): "444"}.get((format.subsampling_w, format.subsampling_h))
+    name = f"yuv{chroma}p" + ("" if bits == 8 else f"{bits}le")
+    if format.color_family == vs.RGB and (bits == 32 if is_float else bits <= 16):
+        return _Rgb(bits)
+    if format.color_family == vs.YUV and name in PLANAR_FORMATS and not is_float:
+        return _Ycc(name, bits)
+    raise InputError(
+        f"The clip is {format.name}; convert it with resize.Bicubic(format=...) to YUV 4:2:0, 4:2:2 or 4:4:4 of 8, 9, "
+        "10, 12, 14 or 16 bits, RGB of 8 to 16 bits, or RGBS first."
+    )
+
+
+@dataclass(frozen=True)
+class _Rgb:
+    """RGB as BGR arrays; integers that fill no type are scaled to 16 bits, and rounded back, which gives them again."""
+
+    bits: int
+
+    def image(self, frame: vs.VideoFrame) -> Image:
+        """Return a frame of the host as an image."""
+        image: Image = np.stack([np.asarray(frame[plane]) for plane in (2, 1, 0)], axis=-1)
+        return image if self.bits in (8, 16, 32) else _scaled(image, (1 << self.bits) - 1, 65535)
+
+    def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[NDArray[Any]]:
+        """Return the planes that an image has in a frame of the host, coded like another frame."""
+        values = as_array(image)
+        values = values if self.bits in (8, 16, 32) else _scaled(values, 65535, (1 << self.bits) - 1)
+        return [values[..., channel] for channel in (2, 1, 0)]
+
+
+def _scaled(values: Image, top: int, new_top: int) -> Image:
+    return ((values.astype(np.uint32) * new_top + top // 2) // top).astype(np.uint16)
+
+
+@dataclass(frozen=True)
+class _Ycc:
+    """YUV as images in planes, with the methods of `_Rgb`."""
+
+    pixel_format: str
+    bits: int
+
+    def image(self, frame: vs.VideoFrame) -> YCbCrImage:
+        y, cb, cr = (np.array(frame[plane]) for plane in range(3))
+        return YCbCrImage((y, cb, cr), self._coding(frame))
+
+    def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[NDArray[Any]]:
+        if isinstance(image, YCbCrImage):
+            return image.planes
+        coding = self._coding(like)
+        numbers = coding.pixel_format, coding.color_space, coding.full_range
+        return in_planes(from_bgr(as_array(image), *numbers, chroma_location=coding.chroma_location), coding).planes
+
+    def _coding(self, frame: vs.VideoFrame) -> Coding:
+        """Return what the code values of a frame mean."""
+        props = frame.props
+        matrix = int(props.get("_Matrix", vs.MATRIX_UNSPECIFIED))
+        if matrix in UNTAGGED_MATRICES:
+            matrix = assumed_color_space(frame.height)
+        if matrix not in luma_weights:
+            raise InputError(
+                f"The clip uses the colour matrix number {matrix}, which is not supported; convert it to BT.709 or "
+                "BT.2020 first."
+            )
+        # before release 73, the numbers of the range were the other way round and had another name
+        full_range = props["_Range"] == 1 if "_Range" in props else props.get("_ColorRange") == 0
+        location = CHROMA_LOCATIONS[int(props.get("_ChromaLocation", 0))]
+        return Coding(self.bits, matrix, full_range, location, self.pixel_format)
+
+
+class _Pairs:
+    """Pairs of consecutive frames by the number of the first one, for many threads.
+
+    All that are in use are kept, and `most` of those that were asked for last.
+    """
+
+    def __init__(
+        self, clip: vs.VideoNode, interpolator: Interpolator, factor: Fraction, *, finds_cuts: bool, most: int
+    ) -> None:
+        self._rate, self._factor = clip.fps or Fraction(1), factor
+        self._layout, self._interpolator, self._finds_cuts = _layout_of(clip.format), interpolator, finds_cuts
+        self._lock = Lock()
+        self._known: WeakValueDictionary[int, Pair] = WeakValueDictionary()
+        self._images: WeakValueDictionary[int, FrameCache] = WeakValueDictionary()
+        self._last: deque[Pair] = deque(maxlen=most)
+
+    def pair(self, number: int, frames: Frames) -> Pair:
+        """Return a pair, which is made of two of the frames unless it is known."""
+        with self._lock:
+            pair = self._known.get(number)
+            if pair is None:
+                image0, image1 = (self._image(each, frames[each]) for each in (number, number + 1))
+                interpolator = self._interpolator_of(frames[number], frames[number + 1])
+                pair = self._known[number] = interpolator.pair(image0, image1)
+            if pair in self._last:
+                self._last.remove(pair)
+            self._last.append(pair)
+        return pair
+
+    def _image(self, number: int, frame: vs.VideoFrame) -> FrameCache:
+        """Return a frame as an image, the same one for both of its pairs."""
+        image = self._images.get(number)
+        if image is None:
+            pixels = self._layout.image(frame)
+            if isinstance(pixels, YCbCrImage) and not self._interpolator.takes_planes:
+                pixels = bgr_of(pixels)
+            place = SourcePosition(number, number / self._rate)
+            image = self._images[number] = FrameCache(pixels, number * self._factor, place)
+        return image
+
+    def _interpolator_of(self, frame0: vs.VideoFrame, frame1: vs.VideoFrame) -> Interpolator:
+        """Return the interpolator of a pair, which goes by the properties about cuts where there are any."""
+        marks = [frame0.props.get("_SceneChangeNext"), frame1.props.get("_SceneChangePrev")]
+        if not self._finds_cuts or marks == [None, None]:
+            return self._interpolator
+        return replace(self._interpolator, cuts=CutDetector(threshold=1) if any(marks) else None)
+
+
+class _FrameMaker:
+    """Maker of the output frames of a clip, each by its number."""
+
+    def __init__(self, clip: vs.VideoNode, interpolator: Interpolator, factor: Fraction, *, finds_cuts: bool) -> None:
+        self._clip, self._interpolator, self._factor, self._finds_cuts = clip, interpolator, factor, finds_cuts
+        self._layout, self._last = _layout_of(clip.format), int(clip.num_frames) - 1
+        # frames that are made at once lie in so many pairs, each needs those beside its own, and threads lag
+        most = math.ceil(vs.core.num_threads / factor) + 4
+        self._pairs = _Pairs(clip, interpolator, factor, finds_cuts=finds_cuts, most=most)
+        self._compiled = Results()
+
+    @property
+    def count(self) -> int:
+        """Number of output frames."""
+        return math.ceil((self._last + 1) * self._factor)
+
+    def node(self, like: vs.VideoNode, n: int) -> vs.VideoNode:
+        """Return a clip of one frame, output frame `n`, for `FrameEval`; `like` has its format."""
+        numbers = self._needed(n)
+        return like.std.ModifyFrame([self._clip[each] for each in numbers], partial(self._frame, n, numbers))
+
+    def _frame(
+        self, number: int, numbers: Sequence[int], n: int, f: vs.VideoFrame | list[vs.VideoFrame]
+    ) -> vs.VideoFrame:
+        """Return an output frame, for `ModifyFrame`, which gives the frames of `numbers` as `f`."""
+        frames = dict(zip(numbers, f if isinstance(f, list) else [f], strict=True))
+        index, t = self._position(number)
+        made = frames[index].copy()
+        with _host_errors():
+            if self._is_made(number):
+                pair, before, after = self._surroundings(index, frames)
+                self._compiled.cached("kernels", partial(_compile, self._interpolator, pair))
+                (image,) = self._interpolator.between(pair, [t], before, after).images
+                for plane, values in enumerate(self._layout.planes(image, made)):
+                    np.asarray(made[plane])[:] = values
+            self._set_scene_changes(number, made, frames)
+        self._set_times(number, made, frames)
+        return made
+
+    def _position(self, number: int) -> tuple[int, Fraction]:
+        """Return the source frame at or before an output frame, and t between it and the next one."""
+        index, t = divmod(number / self._factor, 1)
+        return int(index), t
+
+    def _is_made(self, number: int) -> bool:
+        """Return whether an output frame lies between two frames; after the last one, that is held."""
+        index, t = self._position(number)
+        return t > 0 and index < self._last
+
+    def _needed(self, number: int) -> range:
+        """Return the source frames that an output frame needs."""
+        index, _ = self._position(number)
+        pairs = [index] if self._is_made(number) else []
+        if self._finds_cuts:
+            pairs += [pair for side in self._pairs_beside(number) for pair in side]
+        first = min([index, *(pair - 1 for pair in pairs)])
+        last = max([index, *(pair + 2 for pair in pairs), *([] if self._clip.fps else self._shown(number))])
+        return range(max(first, 0), min(last, self._last) + 1)
+
+    def _surroundings(self, index: int, frames: Frames) -> tuple[Pair, Pair | None, Pair | None]:
+        """Return a pair and the ones before and after, where there are any."""
+        before, pair, after = (
+            self._pairs.pair(each, frames) if 0 <= each < self._last else None for each in (index - 1, index, index + 1)
+        )
+        assert pair is not None, "asked for between two frames"
+        return pair, before, after
+
+    def _pairs_beside(self, number: int) -> tuple[range, range]:
+        """Return the pairs in whose middle a cut would lie between an output frame and the one before, and the next."""
+        before, here, after = ((number + step) / self._factor - Fraction(1, 2) for step in (-1, 0, 1))
+        first, middle, stop = (min(max(math.ceil(each), 0), self._last) for each in (before, here, after))
+        return range(first, middle), range(middle, stop)
+
+    def _set_scene_changes(self, number: int, made: vs.VideoFrame, frames: Frames) -> None:
+        """Say whether a scene ends between an output frame and the one before, and the next."""
+        names = "_SceneChangePrev", "_SceneChangeNext"
+        for name, pairs in zip(names, self._pairs_beside(number), strict=True):
+            if self._finds_cuts:
+                made.props[name] = int(any(self._is_cut(pair, frames) for pair in pairs))
+            elif name in made.props:
+                del made.props[name]
+
+    def _is_cut(self, index: int, frames: Frames) -> bool:
+        pair, before, after = self._surroundings(index, frames)
+        return pair.is_cut(before, after)
+
+    def _shown(self, number: int) -> dict[int, Fraction]:
+        """Return the source frames during which an output frame is shown, and the share of each that it takes."""
+        begin, end = number / self._factor, min((number + 1) / self._factor, Fraction(self._last + 1))
+        frames = range(math.floor(begin), math.ceil(end))
+        return {each: min(Fraction(each + 1), end) - max(Fraction(each), begin) for each in frames}
+
+    def _set_times(self, number: int, made: vs.VideoFrame, frames: Frames) -> None:
+        """Set when an output frame is shown, and for how long."""
+        index, t = self._position(number)
+        if self._clip.fps:
+            lasts = 1 / self._clip.fps
+            duration = lasts / self._factor
+        else:
+            lasts = _duration_of(frames[index])
+            shown = self._shown(number)
+            duration = sum((_duration_of(frames[each]) * share for each, share in shown.items()), Fraction(0))
+        if duration:
+            made.props["_DurationNum"], made.props["_DurationDen"] = duration.as_integer_ratio()
+        if "_AbsoluteTime" in made.props:
+            made.props["_AbsoluteTime"] += float(t * lasts)
+
+
+def _duration_of(frame: vs.VideoFrame) -> Fraction:
+    """Return how long a frame is shown by its properties, seconds; 0 if they do not say."""
+    return Fraction(frame.props.get("_DurationNum", 0), frame.props.get("_DurationDen") or 1)
+
+
+def _compile(interpolator: Interpolator, pair: Pair) -> None:
+    """Compile the kernels, or load them from the cache, before several threads need them; say so if it takes long."""
+    core = vs.core.core
+    say = partial(
+        core.log_message,
+        vs.MESSAGE_TYPE_INFORMATION,
+        "fpsboost: Compiling for this machine, once; later runs start at once.",
+    )
+    with told_of_compiling(say):
+        interpolator.compile_for(pair.image0.image)
