@@ -61,7 +61,9 @@ def preview(
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), overwrite=options.overwrite)
     methods = _methods(options, cuts)
-    job = ConversionJob(input, plan_outputs([input], "converted")[0], rate, next(iter(methods.values())), decoding)
+    planned = plan_outputs([input], "converted")[0]
+    output = f"{_stem(input)}-converted{'/' if planned.endswith('/') else Path(planned).suffix}"
+    job = ConversionJob(input, output, rate, next(iter(methods.values())), decoding)
     console = Console(highlight=False, quiet=options.quiet)
     with Console(stderr=True, quiet=options.quiet).status("reading") as status:
         found = run(
@@ -73,7 +75,7 @@ def preview(
         )
         found.remarks = [in_flags(remark) for remark in found.remarks]
         status.update("writing the page")
-        words = ["fpsboost", input, job.output or "", *_method_words(options)]
+        words = ["fpsboost", input, output, *_method_words(options)]
         given = [word for each in (decoding, rate, cuts) for word in words_of(dict(_given(each)))]
         write_page(place, found, shlex.join([*words, *given]), overwrite=options.overwrite)
         if options.side_by_side is not None:

@@ -76,16 +76,11 @@ def make_page(shown: Preview, command: str) -> str:
     )
     environment.filters["as_time"] = format_time
     height, width = shown.found.shown[0].before.image_at(Fraction(0)).shape[:2]
-    divided = [passage for passage in shown.found.divided if passage not in shown.found.shown]
-    examined = [*shown.found.shown, *divided]
     return environment.get_template("preview.html.j2").render(
         shown=shown,
         name=Path(shown.info.name).name or shown.info.name,
         rates=f"{float(shown.info.rate):.5g} to {float(shown.rate):.5g} frames a second",
         passages=shown.found.shown,
-        cuts=sorted({cut for passage in examined for cut in passage.cuts}),
-        duplicates=sorted({repeat for passage in examined for repeat in passage.duplicates}),
-        examined=float(sum(passage.end - passage.start for passage in examined)),
         least_certain=_least_certain(shown),
         estimates={name: estimate_sentence(estimate) for name, estimate in shown.estimates.items()},
         included=included_sentence(shown),
@@ -151,7 +146,10 @@ def estimate_sentence(estimate: Estimate) -> str:
     if estimate.frames is None:
         return f"{each}; the length of the clip is not known beforehand."
     least, most = (_as_duration(estimate.frames * seconds) for seconds in (estimate.least, estimate.most))
-    return f"{f'about {least}' if least == most else f'{least} to {most}'} for {estimate.frames:,} frames: {each}."
+    if least.split()[1] == most.split()[1]:
+        least = least.split()[0]
+    span = f"about {most}" if least in most.split() else f"{least} to {most}"
+    return f"{span} for {estimate.frames:,} frames: {each}."
 
 
 def included_sentence(shown: Preview) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
 from typing import NamedTuple
@@ -52,7 +52,7 @@ class Place(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """Part of a clip that is shown.
+    """Part of a clip that was read.
 
     Attributes
     ----------
@@ -79,11 +79,32 @@ class Passage(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Passages in the order of their times; those that cuts divide, for their cuts; and remarks."""
+    """Passages that are shown, in the order of their times; all that were examined; and remarks."""
 
     shown: list[Passage]
-    divided: list[Passage]
+    examined: list[Passage]
     remarks: list[str]
+
+    @property
+    def parts(self) -> list[tuple[Fraction, Fraction]]:
+        """Beginnings and ends of what was examined, without overlap, seconds in the clip."""
+        parts = list[tuple[Fraction, Fraction]]()
+        for passage in sorted(self.examined, key=lambda passage: passage.start):
+            if parts and passage.start <= parts[-1][1]:
+                parts[-1] = parts[-1][0], max(parts[-1][1], passage.end)
+            else:
+                parts.append((passage.start, passage.end))
+        return parts
+
+    @property
+    def cuts(self) -> list[Fraction]:
+        """Times of all cuts that were found, seconds in the clip."""
+        return sorted({cut for passage in self.examined for cut in passage.cuts})
+
+    @property
+    def duplicates(self) -> list[Fraction]:
+        """Times of all duplicates that were found, seconds in the clip."""
+        return sorted({duplicate for passage in self.examined for duplicate in passage.duplicates})
 
 
 def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = ()) -> Found:
@@ -105,68 +126,47 @@ def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = 
     """
     with opened_clip(job, run) as clip:
         info, images = clip.whole.info, clip.whole.stream_info.images
-        begin, end = job.decoding.trim.seconds(info)
+        reader = _Reader(job, run, info.rate, isinstance(clip.whole, Sliceable))
+    begin, end = job.decoding.trim.seconds(info)
     declared = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
     end = min((each for each in (end, declared) if each is not None), default=None)
     step = images.step if images is not None and images.fills_gaps else 1
     count = min(max(round(info.rate), MIN_FRAMES), MAX_FRAMES)
     lasts = step * count / info.rate
 
-    def examined(start: Fraction, stop: Fraction | None = None) -> Passage:
-        latest = start if end is None else max(begin, min(start, end - lasts))
-        return _examine(job, run, latest, latest + lasts) if stop is None else _examine(job, run, start, stop)
+    def latest(start: Fraction) -> Fraction:
+        return start if end is None else max(begin, min(start, end - lasts))
 
     given = [position.seconds(info.rate) for position in at]
     for start in given:
         if end is not None and start >= end:
             raise OptionError(f"`at={float(start):g}` lies behind the end of {info.name}, {float(end):g} s; name less.")
     if given:
-        return Found([examined(start) for start in given], [], [])
-    places, remarks = _measure(job, run, info.name, begin, end, count)
-    shown, divided = list[Passage](), list[Passage]()
+        asked = [reader.examine(latest(start), lasts) for start in given]
+        return Found(asked, asked, [])
+    places = [] if end is None else reader.measure(begin + (end - begin) * k / PLACES for k in range(PLACES))
+    examined, remarks = list[Passage](), list[str]()
+    if len(places) < ENOUGH_PLACES:
+        read_for = MAX_READ / info.rate
+        read, places = reader.read(begin, read_for if end is None else min(read_for, end - begin), count)
+        examined.append(read)
+        if end is None or end - begin > read_for:
+            remarks.append(f"Of {info.name}, the first {float(read.before.end):.3g} s alone were looked at.")
+    shown = list[Passage]()
     for place in sorted(places, key=lambda place: -place.motion):
-        if len(shown) == PASSAGES or len(divided) == 2 * PASSAGES:
+        if len(shown) == PASSAGES or len(examined) == 3 * PASSAGES:
             break
-        if any(place.start < other.end and other.start < place.start + lasts for other in [*shown, *divided]):
+        start = latest(max(begin, place.start))
+        if any(start < other.end and other.start < start + lasts for other in shown):
             continue
-        passage = examined(place.start)
-        if passage.cuts:
-            divided.append(passage)
-            longest = max(pairwise([passage.start, *passage.cuts, passage.end]), key=lambda piece: piece[1] - piece[0])
-            if longest[1] - longest[0] < lasts / 3:
-                continue
-            passage = examined(*longest)
-        shown.append(passage)
-    return Found(sorted(shown or divided[:1], key=lambda passage: passage.start), divided, remarks)
-
-
-@dataclass
-class _FindingsWithView(Findings):
-    """Facts collected while frames are read, and the frames as a page shows them."""
-
-    view: View = field(default_factory=View)
-
-    def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
-        """See `Findings.shown`."""
-        for each in super().shown(frames):
-            self.view.add(each.frame, each.frame.time - self.times[0])
-            yield each
-
-
-def _examine(job: ConversionJob, run: RunOptions, start: Fraction, end: Fraction) -> Passage:
-    """Read a passage, and find what a conversion would find."""
-    with opened_clip(job, run) as clip:
-        is_images, rate = isinstance(clip.whole, Sliceable), clip.whole.info.rate
-    # images count frames, so that they need no rate; videos can seek to times
-    ends = [Fraction(round(each * rate)) if is_images else each for each in (start, end)]
-    trim = Trim(*(Position(each, is_frame=is_images) for each in ends))
-    with opened_clip(of_part(job, trim), run) as clip:
-        findings = _FindingsWithView(view=View(clip.whole.stream_info.traits))
-        cuts = findings.cuts(clip.source, job.method)
-        begins, first = beginning(clip.source).seconds, findings.times[0]
-    findings.view.end = findings.end - first
-    of_clip = [[begins + time - first for time in times] for times in (cuts, findings.duplicates)]
-    return Passage(begins, trim, findings.view, *of_clip)
+        passage = reader.examine(start, lasts)
+        examined.append(passage)
+        longest = max(pairwise([passage.start, *passage.cuts, passage.end]), key=lambda piece: piece[1] - piece[0])
+        if passage.cuts and longest[1] - longest[0] >= lasts / 3:
+            passage = reader.examine(longest[0], longest[1] - longest[0])
+        if not passage.cuts:
+            shown.append(passage)
+    return Found(sorted(shown or examined[-1:], key=lambda passage: passage.start), examined, remarks)
 
 
 def of_part(job: ConversionJob, trim: Trim) -> ConversionJob:
@@ -174,50 +174,83 @@ def of_part(job: ConversionJob, trim: Trim) -> ConversionJob:
     return replace(job, decoding=replace(job.decoding, trim=trim))
 
 
-def _measure(
-    job: ConversionJob, run: RunOptions, name: str, begin: Fraction, end: Fraction | None, count: int
-) -> tuple[list[Place], list[str]]:
-    """Measure motion at places spread over the clip, or over its beginning if it can be entered nowhere else."""
-    if end is not None:
-        starts = [begin + (end - begin) * k / PLACES for k in range(PLACES)]
-        found = (_measure_at(job, run, start, begin) for start in starts)
-        places = {place.start: place for place in found if place is not None}
-        if len(places) >= ENOUGH_PLACES:
-            return list(places.values()), []
-    with opened_clip(job, run) as clip:
-        arriving = iter(clip.source)
-        motions = list(_motions(islice(arriving, MAX_READ)))
-        is_whole = next(arriving, None) is None
-    starts_at = range(0, max(len(motions) - count + 2, 1), max(1, count // 3))
-    groups = [motions[place : place + count] for place in starts_at if motions]
-    places_read = [Place(begin + group[0].start - motions[0].start, _mean(group)) for group in groups]
-    remark = f"{name} can be entered at few places; the passages are from its first {MAX_READ} frames."
-    return places_read or [Place(begin, 0.0)], [] if is_whole else [remark]
+@dataclass
+class _Watched(Findings):
+    """Facts collected while frames are read, which are passed on with their times from the first one."""
+
+    seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
+
+    def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
+        """See `Findings.shown`."""
+        for each in super().shown(frames):
+            self.seen(each.frame, each.frame.time - self.times[0])
+            yield each
 
 
-def _measure_at(job: ConversionJob, run: RunOptions, start: Fraction, begin: Fraction) -> Place | None:
-    """Measure motion where reading can begin next to a time; None if it can begin at the start only."""
-    with opened_clip(of_part(job, Trim()), run) as clip:
-        source, origin = clip.whole, Fraction(0)
-        if isinstance(source, Sliceable):
-            source.keep(round(start * source.info.rate), None)
-            origin = -beginning(source).seconds
-        elif isinstance(source, Seekable):
-            origin = source.first_time()
-            source.skip_to(origin + start)
-        else:
-            return None
-        motions = list(_motions(islice(source, FRAMES_PER_PLACE)))
-    return Place(max(begin, motions[0].start - origin), _mean(motions)) if motions else None
+@dataclass(frozen=True)
+class _Reader:
+    """Reader of parts of a job's clip, which is opened anew for each."""
+
+    job: ConversionJob
+    run: RunOptions
+    rate: Fraction
+    is_images: bool
+
+    def examine(
+        self, start: Fraction, lasts: Fraction, seen: Callable[[Frame, Fraction], None] | None = None
+    ) -> Passage:
+        """Read a part, and find what a conversion would find; its frames are kept unless another function sees them."""
+        # images count frames, so that they need no rate; videos can seek to times
+        ends = [Fraction(round(each * self.rate)) if self.is_images else each for each in (start, start + lasts)]
+        trim = Trim(*(Position(each, is_frame=self.is_images) for each in ends))
+        with opened_clip(of_part(self.job, trim), self.run) as clip:
+            view = View(clip.whole.stream_info.traits)
+            findings = _Watched(seen=seen or view.add)
+            cuts = findings.cuts(clip.source, self.job.method)
+            begins, first = beginning(clip.source).seconds, findings.times[0]
+        view.end = findings.end - first
+        of_clip = [[begins + time - first for time in times] for times in (cuts, findings.duplicates)]
+        return Passage(begins, trim, view, *of_clip)
+
+    def read(self, start: Fraction, lasts: Fraction, count: int) -> tuple[Passage, list[Place]]:
+        """Read a part, and measure the motion from each of its frames on, in that many."""
+        small = list[tuple[Fraction, FrameCache]]()
+        read = self.examine(start, lasts, lambda frame, time: small.append((time, _thumbnail(frame))))
+        motions = [Place(read.start + each.start, each.motion) for each in _motions(small)]
+        groups = [motions[number : number + count] for number in range(0, len(motions), max(1, count // 3))]
+        return read, [Place(group[0].start, _mean(group)) for group in groups] or [Place(read.start, 0.0)]
+
+    def measure(self, starts: Iterable[Fraction]) -> list[Place]:
+        """Measure motion wherever reading can begin next to some times."""
+        found = (self._measure_at(start) for start in starts)
+        return list({place.start: place for place in found if place is not None}.values())
+
+    def _measure_at(self, start: Fraction) -> Place | None:
+        with opened_clip(of_part(self.job, Trim()), self.run) as clip:
+            source, origin = clip.whole, Fraction(0)
+            if isinstance(source, Sliceable):
+                source.keep(round(start * self.rate), None)
+                origin = -beginning(source).seconds
+            elif isinstance(source, Seekable):
+                origin = source.first_time()
+                source.skip_to(origin + start)
+            else:
+                return None
+            few = islice(source, FRAMES_PER_PLACE)
+            motions = list(_motions((frame.time, _thumbnail(frame)) for frame in few))
+        return Place(motions[0].start - origin, _mean(motions)) if motions else None
+
+
+def _thumbnail(frame: Frame) -> FrameCache:
+    return FrameCache(small_copy(frame.pixels, THUMBNAIL_SIDE))
 
 
 def _mean(motions: list[Place]) -> float:
     return float(np.mean([each.motion for each in motions]))
 
 
-def _motions(frames: Iterable[Frame]) -> Iterator[Place]:
-    """Yield the mean length of the motion from every frame to the next, as a fraction of the longer side."""
-    small = ((frame.time, FrameCache(small_copy(frame.pixels, THUMBNAIL_SIDE))) for frame in frames)
-    for (time, image0), (_, image1) in pairwise(small):
+def _motions(images: Iterable[tuple[Fraction, FrameCache]]) -> Iterator[Place]:
+    """Yield the mean length of the motion from every image to the next, as a fraction of the longer side."""
+    for (time, image0), (_, image1) in pairwise(images):
         field01, _ = Dis("fast").estimate(image0, image1)
         yield Place(time, float(np.linalg.norm(field01.flow, axis=2).mean()) / THUMBNAIL_SIDE)

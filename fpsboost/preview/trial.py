@@ -155,7 +155,7 @@ def preview(
                 trial, summary = _try(replace(job, method=method), run, target, passage, output)
                 trials[name].append(trial)
                 remarks |= dict.fromkeys(summary.remarks)
-                details = summary.details
+                details = summary.details.partition(": ")[2]  # without the name of the file
     return Preview(
         info,
         ready.output.timing.rate,
