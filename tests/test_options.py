@@ -16,7 +16,7 @@ from fpsboost.cli.flags import flags_of
 from fpsboost.cli.options import TuningOptions, flag_names, in_flags, option_classes
 
 PACKAGE = Path(fpsboost.__file__).parent
-NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer"}
+NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer", "watcher"}
 """Groups of options of their own, and an object."""
 
 
@@ -66,9 +66,9 @@ def test_messages_name_flags(sentence, shown):
 
 
 def library_texts():
-    """Yield the texts of the library outside docstrings, with their files."""
+    """Yield the texts of the library outside docstrings, with their files; integrations name options of their hosts."""
     for path in sorted(PACKAGE.rglob("*.py")):
-        if path.relative_to(PACKAGE).parts[0] == "cli" or path.name in WRITES_COMMANDS:
+        if path.relative_to(PACKAGE).parts[0] in ("cli", "integrations") or path.name in WRITES_COMMANDS:
             continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
