@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from fpsboost.layered import Layer, LayeredImage
     from fpsboost.method_table import interpolate, interpolate_with_confidence, methods
     from fpsboost.motion import MotionEstimator
-    from fpsboost.observer import LowestMatch, Observer, SourceMoment, Summary
+    from fpsboost.observer import FrameWatcher, LowestMatch, Observer, SourceMoment, Summary
     from fpsboost.parts.join import join
     from fpsboost.preparation import ConversionJob
     from fpsboost.rerender.frame_choice import FrameChoice, choose_frames
@@ -68,6 +68,7 @@ __all__ = [
     "FrameIntervals",
     "FrameSink",
     "FrameSource",
+    "FrameWatcher",
     "InputError",
     "InterpolatedImage",
     "Interpolator",
@@ -132,6 +133,7 @@ _homes = {
     "FrameIntervals": "timing.rate",
     "FrameSink": "io",
     "FrameSource": "io",
+    "FrameWatcher": "observer",
     "InputError": "errors",
     "InterpolatedImage": "synthesis",
     "Interpolator": "interpolator",

@@ -113,7 +113,9 @@ def convert_job(job: ConversionJob, run: RunOptions | None = None) -> Summary:
         fingerprint = fingerprint_job(clip.whole, options, resume=run.resume)
         part = None if run.chunk is None else plan_part(job, run, clip, ready)
         output = replace(ready.output, job=fingerprint, part=None if part is None else part.output)
-        sink = with_side_outputs(ready.target.open(output), run.side, images, overwrite=run.overwrite)
+        sink = with_side_outputs(
+            ready.target.open(output), run.side, images, overwrite=run.overwrite, watcher=run.watcher
+        )
         info = clip.source.info
         threads = run.threads
         if threads is None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from fpsboost.timing.rate import FrameIntervals
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
-    from fpsboost.frame import ClipInfo
+    from fpsboost.frame import ClipInfo, Frame
 
 
 @dataclass(frozen=True)
@@ -108,6 +108,22 @@ class Observer(Protocol):
 
     def wrote(self, summary: Summary) -> None:
         """Handle another frame that was passed on to the target."""
+        ...
+
+
+class FrameWatcher(Protocol):
+    """Contract: sees the frames of an output as they are written.
+
+    Attributes
+    ----------
+    needs_confidence : bool
+        Whether frames that are made are to have their confidence.
+    """
+
+    needs_confidence: bool
+
+    def saw(self, frame: Frame) -> None:
+        """Take notice of the next frame, whose image must not be changed."""
         ...
 
 

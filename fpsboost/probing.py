@@ -13,17 +13,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, group_duplicates
+from fpsboost.analysis.duplicates import SourceFrame, group_duplicates, group_singly
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import Pair, with_neighbours
+from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.io import FrameSource, Stoppable
 from fpsboost.io.animation.source import animation_format
 from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
+from fpsboost.io.trim import beginning
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.listing import StreamFacts, list_streams
 from fpsboost.io.video.traits import VideoTraits
@@ -158,14 +159,37 @@ class Probe:
 
 
 @dataclass
-class _Findings:
-    """Facts collected while frames are read."""
+class Findings:
+    """Facts collected while frames are read.
+
+    Attributes
+    ----------
+    times : list of Fraction
+        Times of all frames, seconds.
+    end : Fraction
+        End of the last of them.
+    interlaced : int
+        Number of frames flagged as interlaced.
+    duplicates : list of Fraction
+        Times of the duplicate frames, stills not counted.
+    moments : list of Fraction
+        Times of the frames that are no duplicates.
+    """
 
     times: list[Fraction] = field(default_factory=list)
     end: Fraction = Fraction(0)
     interlaced: int = 0
-    duplicates: int = 0
+    duplicates: list[Fraction] = field(default_factory=list)
     moments: list[Fraction] = field(default_factory=list)
+
+    def cuts(self, frames: FrameSource, interpolator: Interpolator) -> list[Fraction]:
+        """Read frames and return the times of those that begin a scene."""
+        # `moments` runs ahead of the current pair: the pair's index tells which of them it ends with
+        return [
+            self.moments[place + 1]
+            for place, (before, pair, after) in enumerate(with_neighbours(self.pairs(frames, interpolator)))
+            if pair.is_cut(before, after)
+        ]
 
     def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
         """Yield the frames and record their facts."""
@@ -173,14 +197,16 @@ class _Findings:
             self.times.append(frame.time)
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)
             self.interlaced += _is_interlaced(frame)
-            yield SourceFrame(frame, FrameCache(frame.image))
+            begins = beginning(frames)
+            place = SourcePosition(begins.number + len(self.times) - 1, begins.seconds + frame.time - self.times[0])
+            yield SourceFrame(frame, FrameCache(frame.image, source_position=place))
 
-    def pairs(self, frames: FrameSource) -> Iterator[Pair]:
+    def pairs(self, frames: FrameSource, interpolator: Interpolator) -> Iterator[Pair]:
         """Yield the pairs between which a conversion would make frames."""
-        interpolator = methods["nlm"]
         last: SourceFrame | None = None
-        for held in group_duplicates(self.shown(frames), DuplicateDetector()):
-            self.duplicates += len(held) - 1
+        detector, shown = interpolator.duplicates, self.shown(frames)
+        for held in group_singly(shown) if detector is None else group_duplicates(shown, detector):
+            self.duplicates += [repeat.frame.time for repeat in held[1:]]
             self.moments.append(held[0].frame.time)
             if last is not None:
                 yield interpolator.pair(last.image, held[0].image)
@@ -219,13 +245,8 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
         losses: list[str] = []
         if beside.video is not None and refused is None:
             refused, losses = _try_sink(source.info, beside, schedule)
-        findings = _Findings()
-        # `moments` runs ahead of the current pair: the pair's index tells which of them it ends with
-        cuts = [
-            findings.moments[place + 1]
-            for place, (before, pair, after) in enumerate(with_neighbours(findings.pairs(source)))
-            if pair.is_cut(before, after)
-        ]
+        findings = Findings()
+        cuts = findings.cuts(source, methods["nlm"])
         if isinstance(source, Stoppable):
             refused = refused or source.stopped_by
         info, times = source.info, findings.times
@@ -250,7 +271,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
             number_step=beside.images.step if beside.images is not None and beside.images.numbers else None,
             frames=len(times),
             declared_frames=info.frame_count,
-            duplicates=findings.duplicates,
+            duplicates=len(findings.duplicates),
             cuts=[float(cut) for cut in cuts],
             interlaced=findings.interlaced,
             remarks=list(source.remarks),

@@ -8,7 +8,7 @@ from fpsboost.errors import OptionError
 from fpsboost.io.memory_limit import MemoryLimit, parse_memory
 from fpsboost.io.part import Part, parse_part
 from fpsboost.io.side.options import SideOutputs
-from fpsboost.observer import Observer
+from fpsboost.observer import FrameWatcher, Observer
 from fpsboost.options import option
 
 
@@ -35,6 +35,8 @@ class RunOptions:
         Make only this part of the output, in a folder of its own; see `fpsboost.join`.
     observer : Observer, optional
         Informed of the progress.
+    watcher : FrameWatcher, optional
+        Sees every frame as it is written.
     side : SideOutputs
         What is written beside the frames; nothing by default.
 
@@ -53,6 +55,7 @@ class RunOptions:
     threads: int | None = option(None, "Pairs of frames made in parallel; else one per core.")
     chunk: Part | None = option(None, "Make the K-th of N parts, to be joined.", metavar="K/N", parse=parse_part)
     observer: Observer | None = None
+    watcher: FrameWatcher | None = None
     side: SideOutputs = SideOutputs()
 
     def __post_init__(self) -> None:

@@ -16,7 +16,7 @@ from fpsboost.cli.flags import flags_of
 from fpsboost.cli.options import TuningOptions, flag_names, in_flags, option_classes
 
 PACKAGE = Path(fpsboost.__file__).parent
-NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer"}
+NOT_ON_THE_COMMAND_LINE = {"trim", "side", "observer", "watcher"}
 """Groups of options of their own, and an object."""
 
 

@@ -43,6 +43,7 @@ EXAMPLES = """
   fpsboost join out.mp4 out.mp4.parts/                 and all of them joined
   ffmpeg -i in -f yuv4mpegpipe - | fpsboost - out.mp4  from a pipe
   fpsboost probe in.mp4                                what a clip is
+  fpsboost preview in.mp4                              what would come out
   fpsboost plan renders/ plan/ --budget 10%            regions worth rendering
   fpsboost merge doubled/ regions/ out/ --plan plan/   and back into the frames
   fpsboost compare in.mp4 --report page/               which method is best
@@ -141,6 +142,12 @@ def convert(
 
 app.command(
     "fpsboost.cli.probe:probe", help="Say what a clip is, and what a conversion would do with it.", help_epilogue=""
+)
+app.command(
+    "fpsboost.cli.preview:preview",
+    help="Show some passages before and after, and what the whole would take.",
+    usage="Usage: fpsboost preview [OPTIONS] IN [PAGE]",
+    help_epilogue="",
 )
 app.command(
     "fpsboost.cli.compare:compare",

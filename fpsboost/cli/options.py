@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from fpsboost.cli.flags import flags_of
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import OptionError
+from fpsboost.io.memory_limit import MemoryLimit, parse_memory
 from fpsboost.io.vectors.convention import ConventionName
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.options import option
 from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
 from fpsboost.run_options import RunOptions
+from fpsboost.timing.position import Position, parse_positions
 from fpsboost.timing.rate import OutputRate
 
 if TYPE_CHECKING:
@@ -267,10 +269,37 @@ class SweepOptions:
     frames: int = option(3, "How many to try on; they are chosen for their motion.")
 
 
+@dataclass(frozen=True)
+class PreviewOptions:
+    """What is shown, and where it is written."""
+
+    at: tuple[Position, ...] = option(
+        (),
+        "Begin a passage there: 90, 1:30.5, or frame 120f; else\nwhere most moves. May be given repeatedly.",
+        metavar="TIME",
+        parse=parse_positions,
+    )
+    methods: tuple[str, ...] = option(
+        ("nlm",),
+        "As in compare: with commas between them and options\nbehind a colon.",
+        short="m",
+        metavar="NAMES",
+    )
+    duplicates: Literal["interpolate", "keep"] = option("interpolate", "Repeats: interpolate or keep.")
+    match_grain: bool = option(False, "Make in-between frames as grainy as their neighbours.")
+    side_by_side: str | None = option(None, "Also a video of the passages before and after.", metavar="FILE")
+    overwrite: bool = option(False, "Replace an existing page and video.", short="y")
+    limit: MemoryLimit | None = option(
+        None, "Refuse clips that need more: 8G; else what is free.", flag="max-memory", parse=parse_memory
+    )
+    threads: int | None = option(None, "Pairs of frames made in parallel; else one per core.")
+    quiet: bool = option(False, "Print errors only.", short="q")
+
+
 option_classes = (
     *(DecodeOptions, OutputRate, MethodOptions, CutOptions, Encoding, RunOptions, TuningOptions, ClusterOptions),
     *(MessageOptions, HidingOptions, ContestOptions, ResultOptions, SweepOptions),
-    *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions, JoinOptions),
+    *(PlanOptions, FrameChoiceOptions, PlannedMethodOptions, MergeOptions, JoinOptions, PreviewOptions),
 )
 
 QUOTES = "'\""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -86,3 +87,8 @@ def parse_position(text: str, option: str) -> Position:
             "number of a frame (2700f)."
         )
     return Position(int(found[1] or 0) * 3600 + int(found[2] or 0) * 60 + Fraction(found[3]))
+
+
+def parse_positions(texts: Sequence[str], option: str) -> tuple[Position, ...]:
+    """Parse several positions; see `parse_position`."""
+    return tuple(parse_position(text, option) for text in texts)

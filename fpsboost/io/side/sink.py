@@ -16,6 +16,7 @@ from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.side.names import FileNames
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.io.side.writers import ConfidenceWriter, MotionWriter, SideWriter
+from fpsboost.observer import FrameWatcher
 
 
 class SideSink:
@@ -26,11 +27,19 @@ class SideSink:
     sink : FrameSink
     confidence : ConfidenceWriter, optional
     motion : MotionWriter, optional
+    watcher : FrameWatcher, optional
     """
 
-    def __init__(self, sink: FrameSink, confidence: ConfidenceWriter | None, motion: MotionWriter | None) -> None:
-        self._sink, self.holds_last_frame = sink, sink.holds_last_frame
-        self.needs_confidence, self.needs_motion = confidence is not None, motion is not None
+    def __init__(
+        self,
+        sink: FrameSink,
+        confidence: ConfidenceWriter | None,
+        motion: MotionWriter | None,
+        watcher: FrameWatcher | None = None,
+    ) -> None:
+        self._sink, self.holds_last_frame, self._watcher = sink, sink.holds_last_frame, watcher
+        self.needs_confidence = confidence is not None or (watcher is not None and watcher.needs_confidence)
+        self.needs_motion = motion is not None
         self._writers: Sequence[SideWriter] = [each for each in (confidence, motion) if each is not None]
 
     @property
@@ -52,6 +61,8 @@ class SideSink:
         """Write the next frame, and what is known of it."""
         for writer in self._writers:
             writer.write(frame)
+        if self._watcher is not None:
+            self._watcher.saw(frame)
         self._sink.write(frame)
 
     def __enter__(self) -> Self:
@@ -88,9 +99,14 @@ class SideSink:
 
 
 def with_side_outputs(
-    sink: FrameSink, side: SideOutputs, images: NumberedImages | None, *, overwrite: bool
+    sink: FrameSink,
+    side: SideOutputs,
+    images: NumberedImages | None,
+    *,
+    overwrite: bool,
+    watcher: FrameWatcher | None = None,
 ) -> FrameSink:
-    """Return a sink that also writes side outputs; the same sink if none are asked for.
+    """Return a sink that also writes side outputs, and shows frames; the same sink if neither is asked for.
 
     Parameters
     ----------
@@ -101,6 +117,8 @@ def with_side_outputs(
         The images that are read, if the source has images.
     overwrite : bool
         Replace existing files.
+    watcher : FrameWatcher, optional
+        Sees every frame before it is written.
 
     Returns
     -------
@@ -113,7 +131,7 @@ def with_side_outputs(
     OutputError
         Files exist there already, or the place cannot be written.
     """
-    if not side.given:
+    if not side.given and watcher is None:
         return sink
     taken = [images.files[0].parent] if images else []
     taken += [sink.numbering.folder] if isinstance(sink, ImageSink) else []
@@ -127,7 +145,7 @@ def with_side_outputs(
         names = FileNames.after_source(side.save_motion, "`save_motion`", MotionWriter.suffixes, images)
         _check_alone(names.folder, "`save_motion`", taken)
         motion = MotionWriter(names, overwrite=overwrite)
-    return SideSink(sink, confidence, motion)
+    return SideSink(sink, confidence, motion, watcher)
 
 
 def _check_alone(folder: Path, option: str, taken: Sequence[Path]) -> None:

@@ -1,0 +1,139 @@
+"""Command `fpsboost preview`: converts some passages of a clip and shows them on a page."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Group, Parameter
+from rich.console import Console
+
+from fpsboost.cli.batch import plan_outputs
+from fpsboost.cli.compare import words_of
+from fpsboost.cli.contestants import choose, split_methods
+from fpsboost.cli.flags import flags_of
+from fpsboost.cli.messages import sentence, shown
+from fpsboost.cli.options import CutOptions, PreviewOptions, in_flags
+from fpsboost.cli.signature import GROUPS, PathName, with_flags
+from fpsboost.errors import OptionError
+from fpsboost.io.opening import PIPES
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.run_options import RunOptions
+from fpsboost.timing.rate import OutputRate
+
+if TYPE_CHECKING:
+    from fpsboost.interpolator import Interpolator
+
+
+@with_flags
+def preview(
+    input: Annotated[PathName, Parameter(name="IN")],
+    page: Annotated[PathName | None, Parameter(name="PAGE")] = None,
+    /,
+    *,
+    options: Annotated[PreviewOptions, Group("Preview", sort_key=0)],
+    decoding: Annotated[DecodeOptions, GROUPS["Input"]],
+    rate: Annotated[OutputRate, GROUPS["Rate"]],
+    cuts: Annotated[CutOptions, GROUPS["Scenes"]],
+) -> None:
+    """Show some passages of a clip before and after, and what the whole conversion would take.
+
+    Parameters
+    ----------
+    input
+        A video, an animation, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+    page
+        The page; else IN-preview.html in the current folder.
+    """
+    from fpsboost.io.target import Target  # noqa: PLC0415
+    from fpsboost.preparation import ConversionJob  # noqa: PLC0415
+    from fpsboost.preview.page import check_page, estimate_sentence, write_page  # noqa: PLC0415
+    from fpsboost.preview.side_by_side import check_video, write_video  # noqa: PLC0415
+    from fpsboost.preview.trial import preview as run  # noqa: PLC0415
+
+    if input in PIPES:
+        raise OptionError("Standard input can be read only once, and a preview reads several places; name a file.")
+    place = Path(page or f"{_stem(input)}-preview.html")
+    check_page(place, overwrite=options.overwrite)
+    if options.side_by_side is not None:
+        check_video(Target.parse(options.side_by_side), overwrite=options.overwrite)
+    methods = _methods(options, cuts)
+    planned = plan_outputs([input], "converted")[0]
+    output = f"{_stem(input)}-converted{'/' if planned.endswith('/') else Path(planned).suffix}"
+    job = ConversionJob(input, output, rate, next(iter(methods.values())), decoding)
+    console = Console(highlight=False, quiet=options.quiet)
+    with Console(stderr=True, quiet=options.quiet).status("reading") as status:
+        found = run(
+            job,
+            methods,
+            RunOptions(limit=options.limit, threads=options.threads),
+            at=options.at,
+            told=lambda task: status.update(shown(task)),
+        )
+        found.remarks = [in_flags(remark) for remark in found.remarks]
+        status.update("writing the page")
+        words = ["fpsboost", input, output, *_method_words(options)]
+        given = [word for each in (decoding, rate, cuts) for word in words_of(dict(_given(each)))]
+        write_page(place, found, shlex.join([*words, *given]), overwrite=options.overwrite)
+        if options.side_by_side is not None:
+            write_video(options.side_by_side, found, overwrite=options.overwrite)
+    for remark in found.remarks:
+        console.print(f"Note: {shown(remark)}", soft_wrap=True)
+    for name, estimate in found.estimates.items():
+        console.print(sentence(f"{name}: {estimate_sentence(estimate)}"), soft_wrap=True)
+    if options.side_by_side is not None:
+        console.print(f"Video: {shown(options.side_by_side)}", soft_wrap=True)
+    console.print(f"Page: {shown(str(place))}", soft_wrap=True)
+
+
+def _stem(input: str) -> str:
+    """Return the name of a clip without what a folder or a pattern adds to it."""
+    name = Path(input).resolve().name if Path(input).is_dir() else Path(input).stem
+    return name.split("#")[0].split("%")[0].rstrip("._- ") or "clip"
+
+
+def _methods(options: PreviewOptions, cuts: CutOptions) -> dict[str, Interpolator]:
+    """Return the methods by their names.
+
+    Raises
+    ------
+    OptionError
+        One is unknown, or none of this package.
+    """
+    from fpsboost.evaluation.making import InterpolatorMaker  # noqa: PLC0415
+    from fpsboost.interpolator import Interpolator  # noqa: PLC0415
+
+    makers, skipped = choose(options.methods, None)
+    makers_of_ours = {name: maker for name, maker in makers.items() if isinstance(maker, InterpolatorMaker)}
+    others = [*skipped, *(name for name in makers if name not in makers_of_ours)]
+    if others:
+        raise OptionError(f"A preview cannot show {', '.join(others)}; leave it out of --methods.")
+    methods = dict[str, Interpolator]()
+    for name, maker in makers_of_ours.items():
+        method = replace(cuts.applied_to(maker.interpolator), match_grain=options.match_grain)
+        methods[name] = method if options.duplicates == "interpolate" else replace(method, duplicates=None)
+    return methods
+
+
+def _method_words(options: PreviewOptions) -> list[str]:
+    """Return the first method as options of a conversion."""
+    first = split_methods(options.methods)[0]
+    chosen = {"--method": first.name, **{f"--{name}": value for name, value in first.options.items()}}
+    if first.text == "nlm":
+        chosen = {}
+    kept = {"--duplicates": options.duplicates if options.duplicates == "keep" else None}
+    return list(words_of({**chosen, **kept, "--match-grain": options.match_grain}))
+
+
+def _given(options: Any) -> Iterator[tuple[str, object]]:
+    """Yield the options that differ from their defaults, by their flags, with values as they are written."""
+    names = {flag.field: flag.name for flag in flags_of(type(options))}
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if is_dataclass(field.default):
+            yield from _given(value)
+        elif field.name in names and value != field.default:
+            yield names[field.name], value.as_option() if hasattr(value, "as_option") else value

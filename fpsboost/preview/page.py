@@ -1,0 +1,176 @@
+"""A preview as one page that needs nothing but a browser."""
+
+from __future__ import annotations
+
+import base64
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from fpsboost.errors import OutputError
+from fpsboost.evaluation.pictures import as_heat, encode
+from fpsboost.evaluation.writing import appearing
+from fpsboost.io.prefetch import available_cores
+from fpsboost.preview.trial import Estimate, Preview
+from fpsboost.timing.position import format_time
+
+
+class LeastCertain(NamedTuple):
+    """The frame of a passage about which a method is least certain."""
+
+    method: str
+    time: str
+    passage: int
+    place: int
+    """Of the frame in the player."""
+    picture: str
+    doubt: str | None
+    """Picture of where it is uncertain; None if the method does not say."""
+    confidence: float | None
+
+
+def write_page(path: Path, shown: Preview, command: str, *, overwrite: bool = False) -> None:
+    """Write a page, which appears whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    shown : Preview
+    command : str
+        Command line of the whole conversion.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    OutputError
+        It exists, or cannot be written.
+    """
+    check_page(path, overwrite=overwrite)
+    text = make_page(shown, command)
+    with appearing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+
+
+def check_page(path: Path, *, overwrite: bool) -> None:
+    """Raise `OutputError` if a page cannot be written to a path."""
+    if path.is_dir():
+        raise OutputError(f"{path} is a folder; name a file for the page, such as preview.html.")
+    if path.exists() and not overwrite:
+        raise OutputError(f"{path} exists; name another page, or replace it with `overwrite`.")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path} is in no folder that exists; create {path.parent} or name another page.")
+
+
+def make_page(shown: Preview, command: str) -> str:
+    """Return a page as text; see `write_page`."""
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader("fpsboost.preview"), PackageLoader("fpsboost.evaluation")]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["as_time"] = format_time
+    height, width = shown.found.shown[0].before.image_at(Fraction(0)).shape[:2]
+    return environment.get_template("preview.html.j2").render(
+        shown=shown,
+        name=Path(shown.info.name).name or shown.info.name,
+        rates=f"{float(shown.info.rate):.5g} to {float(shown.rate):.5g} frames a second",
+        passages=shown.found.shown,
+        least_certain=_least_certain(shown),
+        estimates={name: estimate_sentence(estimate) for name, estimate in shown.estimates.items()},
+        included=included_sentence(shown),
+        command=command,
+        width=width,
+        height=height,
+        played=_played(shown),
+        text_of=lambda file: Markup(environment.loader.get_source(environment, file)[0]),  # type: ignore[union-attr]
+    )
+
+
+def _least_certain(shown: Preview) -> list[LeastCertain]:
+    """Return the least certain frame of every passage, of the first method."""
+    method, trials = next(iter(shown.trials.items()))
+    found = []
+    for number, (passage, trial) in enumerate(zip(shown.found.shown, trials, strict=True)):
+        least, confidence = trial.least_certain, trial.confidence
+        if least is None:
+            continue
+        time = format_time(passage.start + least.time)
+        doubt = None if confidence is None else encode(as_heat(1 - confidence))
+        mean = None if confidence is None else float(confidence.mean())
+        picture = _uri(trial.after.pictures[least.number])
+        place = sum(_count(shown, each.before.end) for each in shown.found.shown[:number])
+        place += round(least.time * shown.stretch * shown.rate)
+        found.append(LeastCertain(method, time, number, place, picture, doubt, mean))
+    return found
+
+
+def _count(shown: Preview, end: Fraction) -> int:
+    """Return the number of frames in which the player shows a passage."""
+    return max(1, round(end * shown.stretch * shown.rate))
+
+
+def _played(shown: Preview) -> dict[str, Any]:
+    """Return what the player shows at the times of the output's frames, each picture once."""
+    uris: dict[bytes, int] = {}
+    frames = []
+    for number, (passage, views) in enumerate(zip(shown.found.shown, shown.views(), strict=True)):
+        for place in range(_count(shown, passage.before.end)):
+            time = place / shown.rate / shown.stretch
+            pictures = [view.pictures[view.place_at(time)] for view in views.values()]
+            frames.append(
+                {
+                    "number": place,
+                    "note": format_time(passage.start + time),
+                    "passage": number,
+                    "images": [uris.setdefault(picture, len(uris)) for picture in pictures],
+                }
+            )
+    names = ["before", *shown.trials] if len(shown.trials) > 1 else ["before", "after"]
+    return {"names": names, "fps": float(shown.rate), "uris": [_uri(each) for each in uris], "frames": frames}
+
+
+def _uri(picture: bytes) -> str:
+    return "data:image/jpeg;base64," + base64.b64encode(picture).decode()
+
+
+def estimate_sentence(estimate: Estimate) -> str:
+    """Return what a conversion would take, in one sentence."""
+    speeds = f"{1 / estimate.most:.2g} to {1 / estimate.least:.2g} frames a second"
+    each = f"{speeds} on {available_cores()} cores, {estimate.cpu:.2g} s of CPU time a frame"
+    if estimate.frames is None:
+        return f"{each}; the length of the clip is not known beforehand."
+    least, most = (_as_duration(estimate.frames * seconds) for seconds in (estimate.least, estimate.most))
+    if least.split()[1] == most.split()[1]:
+        least = least.split()[0]
+    span = f"about {most}" if least in most.split() else f"{least} to {most}"
+    return f"{span} for {estimate.frames:,} frames: {each}."
+
+
+def included_sentence(shown: Preview) -> str:
+    """Return what the estimate contains, and how it was measured."""
+    frames = sum(trial.frames for trial in next(iter(shown.trials.values())))
+    details = f" ({shown.details.rstrip('.')})" if shown.details else ""
+    what = f"encoding the video{details}; copying sound is not" if shown.is_video else "writing the images"
+    return (
+        f"Measured on {frames} frames of these passages, which have more motion than most. Reading, making frames and "
+        f"{what} included. The shorter time is that of cores that are always busy, the longer one as measured."
+    )
+
+
+def _as_duration(seconds: float) -> str:
+    """Return a duration as people say it.
+
+    Examples
+    --------
+    >>> _as_duration(41.3), _as_duration(400), _as_duration(20000)
+    ('41 s', '7 min', '5.6 h')
+    """
+    if seconds < 90:
+        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

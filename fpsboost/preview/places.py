@@ -1,0 +1,256 @@
+"""Passages of a clip that show what a conversion would do, found by decoding a few frames at places all over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import islice, pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from fpsboost.analysis.duplicates import SourceFrame
+from fpsboost.errors import OptionError
+from fpsboost.frame import Frame
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io import FrameSource
+from fpsboost.io.trim import Seekable, Sliceable, beginning
+from fpsboost.motion.colour import small_copy
+from fpsboost.motion.opencv import Dis
+from fpsboost.preparation import ConversionJob, opened_clip
+from fpsboost.preview.views import View
+from fpsboost.probing import Findings
+from fpsboost.run_options import RunOptions
+from fpsboost.timing.position import Position
+from fpsboost.timing.trim import Trim
+
+PASSAGES = 3
+"""Maximum number of passages that are chosen."""
+
+PLACES, FRAMES_PER_PLACE = 12, 4
+"""Number of places at which motion is measured, and of frames that are decoded at each."""
+
+ENOUGH_PLACES = 4
+"""Number of different places below which the clip is read from its beginning instead."""
+
+MAX_READ = 480
+"""Maximum number of frames that are read then."""
+
+MIN_FRAMES, MAX_FRAMES = 8, 30
+"""Number of source frames in a passage, which lasts a second if it can."""
+
+THUMBNAIL_SIDE = 160
+"""Longer side of the images on which motion is measured, pixels."""
+
+
+class Place(NamedTuple):
+    """Time at which a passage may begin, seconds after the clip's first frame, and the mean motion there."""
+
+    start: Fraction
+    motion: float
+
+
+class Passage(NamedTuple):
+    """Part of a clip that was read.
+
+    Attributes
+    ----------
+    start : Fraction
+        Seconds after the clip's first frame.
+    trim : Trim
+        The part as an option.
+    before : View
+        Frames of the source.
+    cuts, duplicates : list of Fraction
+        Times of the frames that begin a scene, and of those that show the same as the one before; seconds in the clip.
+    """
+
+    start: Fraction
+    trim: Trim
+    before: View
+    cuts: list[Fraction]
+    duplicates: list[Fraction]
+
+    @property
+    def end(self) -> Fraction:
+        """Seconds after the clip's first frame."""
+        return self.start + self.before.end
+
+
+class Found(NamedTuple):
+    """Passages that are shown, in the order of their times; all that were examined; and remarks."""
+
+    shown: list[Passage]
+    examined: list[Passage]
+    remarks: list[str]
+
+    @property
+    def parts(self) -> list[tuple[Fraction, Fraction]]:
+        """Beginnings and ends of what was examined, without overlap, seconds in the clip."""
+        parts = list[tuple[Fraction, Fraction]]()
+        for passage in sorted(self.examined, key=lambda passage: passage.start):
+            if parts and passage.start <= parts[-1][1]:
+                parts[-1] = parts[-1][0], max(parts[-1][1], passage.end)
+            else:
+                parts.append((passage.start, passage.end))
+        return parts
+
+    @property
+    def cuts(self) -> list[Fraction]:
+        """Times of all cuts that were found, seconds in the clip."""
+        return sorted({cut for passage in self.examined for cut in passage.cuts})
+
+    @property
+    def duplicates(self) -> list[Fraction]:
+        """Times of all duplicates that were found, seconds in the clip."""
+        return sorted({duplicate for passage in self.examined for duplicate in passage.duplicates})
+
+
+def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = ()) -> Found:
+    """Choose the passages with the most motion that no cut divides, or those at given positions.
+
+    Parameters
+    ----------
+    job : ConversionJob
+    run : RunOptions
+    at : iterable of Position
+        Beginnings of the passages that are shown, whatever is there; by default they are chosen.
+
+    Raises
+    ------
+    OptionError
+        A position lies behind the end of the clip.
+    InputError
+        See `fpsboost.preparation.opened_clip`.
+    """
+    with opened_clip(job, run) as clip:
+        info, images = clip.whole.info, clip.whole.stream_info.images
+        reader = _Reader(job, run, info.rate, isinstance(clip.whole, Sliceable))
+    begin, end = job.decoding.trim.seconds(info)
+    declared = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
+    end = min((each for each in (end, declared) if each is not None), default=None)
+    step = images.step if images is not None and images.fills_gaps else 1
+    count = min(max(round(info.rate), MIN_FRAMES), MAX_FRAMES)
+    lasts = step * count / info.rate
+
+    def latest(start: Fraction) -> Fraction:
+        return start if end is None else max(begin, min(start, end - lasts))
+
+    given = [position.seconds(info.rate) for position in at]
+    for start in given:
+        if end is not None and start >= end:
+            raise OptionError(f"`at={float(start):g}` lies behind the end of {info.name}, {float(end):g} s; name less.")
+    if given:
+        asked = [reader.examine(latest(start), lasts) for start in given]
+        return Found(asked, asked, [])
+    places = [] if end is None else reader.measure(begin + (end - begin) * k / PLACES for k in range(PLACES))
+    examined, remarks = list[Passage](), list[str]()
+    if len(places) < ENOUGH_PLACES:
+        read_for = MAX_READ / info.rate
+        read, places = reader.read(begin, read_for if end is None else min(read_for, end - begin), count)
+        examined.append(read)
+        if end is None or end - begin > read_for:
+            remarks.append(f"Of {info.name}, the first {float(read.before.end):.3g} s alone were looked at.")
+    shown = list[Passage]()
+    for place in sorted(places, key=lambda place: -place.motion):
+        if len(shown) == PASSAGES or len(examined) == 3 * PASSAGES:
+            break
+        start = latest(max(begin, place.start))
+        if any(start < other.end and other.start < start + lasts for other in shown):
+            continue
+        passage = reader.examine(start, lasts)
+        examined.append(passage)
+        longest = max(pairwise([passage.start, *passage.cuts, passage.end]), key=lambda piece: piece[1] - piece[0])
+        if passage.cuts and longest[1] - longest[0] >= lasts / 3:
+            passage = reader.examine(longest[0], longest[1] - longest[0])
+        if not passage.cuts:
+            shown.append(passage)
+    return Found(sorted(shown or examined[-1:], key=lambda passage: passage.start), examined, remarks)
+
+
+def of_part(job: ConversionJob, trim: Trim) -> ConversionJob:
+    """Return the same job for a part of the clip."""
+    return replace(job, decoding=replace(job.decoding, trim=trim))
+
+
+@dataclass
+class _Watched(Findings):
+    """Facts collected while frames are read, which are passed on with their times from the first one."""
+
+    seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
+
+    def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
+        """See `Findings.shown`."""
+        for each in super().shown(frames):
+            self.seen(each.frame, each.frame.time - self.times[0])
+            yield each
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Reader of parts of a job's clip, which is opened anew for each."""
+
+    job: ConversionJob
+    run: RunOptions
+    rate: Fraction
+    is_images: bool
+
+    def examine(
+        self, start: Fraction, lasts: Fraction, seen: Callable[[Frame, Fraction], None] | None = None
+    ) -> Passage:
+        """Read a part, and find what a conversion would find; its frames are kept unless another function sees them."""
+        # images count frames, so that they need no rate; videos can seek to times
+        ends = [Fraction(round(each * self.rate)) if self.is_images else each for each in (start, start + lasts)]
+        trim = Trim(*(Position(each, is_frame=self.is_images) for each in ends))
+        with opened_clip(of_part(self.job, trim), self.run) as clip:
+            view = View(clip.whole.stream_info.traits)
+            findings = _Watched(seen=seen or view.add)
+            cuts = findings.cuts(clip.source, self.job.method)
+            begins, first = beginning(clip.source).seconds, findings.times[0]
+        view.end = findings.end - first
+        of_clip = [[begins + time - first for time in times] for times in (cuts, findings.duplicates)]
+        return Passage(begins, trim, view, *of_clip)
+
+    def read(self, start: Fraction, lasts: Fraction, count: int) -> tuple[Passage, list[Place]]:
+        """Read a part, and measure the motion from each of its frames on, in that many."""
+        small = list[tuple[Fraction, FrameCache]]()
+        read = self.examine(start, lasts, lambda frame, time: small.append((time, _thumbnail(frame))))
+        motions = [Place(read.start + each.start, each.motion) for each in _motions(small)]
+        groups = [motions[number : number + count] for number in range(0, len(motions), max(1, count // 3))]
+        return read, [Place(group[0].start, _mean(group)) for group in groups] or [Place(read.start, 0.0)]
+
+    def measure(self, starts: Iterable[Fraction]) -> list[Place]:
+        """Measure motion wherever reading can begin next to some times."""
+        found = (self._measure_at(start) for start in starts)
+        return list({place.start: place for place in found if place is not None}.values())
+
+    def _measure_at(self, start: Fraction) -> Place | None:
+        with opened_clip(of_part(self.job, Trim()), self.run) as clip:
+            source, origin = clip.whole, Fraction(0)
+            if isinstance(source, Sliceable):
+                source.keep(round(start * self.rate), None)
+                origin = -beginning(source).seconds
+            elif isinstance(source, Seekable):
+                origin = source.first_time()
+                source.skip_to(origin + start)
+            else:
+                return None
+            few = islice(source, FRAMES_PER_PLACE)
+            motions = list(_motions((frame.time, _thumbnail(frame)) for frame in few))
+        return Place(motions[0].start - origin, _mean(motions)) if motions else None
+
+
+def _thumbnail(frame: Frame) -> FrameCache:
+    return FrameCache(small_copy(frame.pixels, THUMBNAIL_SIDE))
+
+
+def _mean(motions: list[Place]) -> float:
+    return float(np.mean([each.motion for each in motions]))
+
+
+def _motions(images: Iterable[tuple[Fraction, FrameCache]]) -> Iterator[Place]:
+    """Yield the mean length of the motion from every image to the next, as a fraction of the longer side."""
+    for (time, image0), (_, image1) in pairwise(images):
+        field01, _ = Dis("fast").estimate(image0, image1)
+        yield Place(time, float(np.linalg.norm(field01.flow, axis=2).mean()) / THUMBNAIL_SIDE)

@@ -1,0 +1,224 @@
+"""Passages of a clip converted by every method, and what that took."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from fpsboost.conversion import convert_job
+from fpsboost.errors import FpsboostError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.interpolator import Interpolator
+from fpsboost.io.prefetch import available_cores
+from fpsboost.io.target import Target
+from fpsboost.observer import LowestMatch, SilentObserver, Summary
+from fpsboost.preparation import ConversionJob, opened_clip, prepare
+from fpsboost.preview.places import Found, Passage, find_passages, of_part
+from fpsboost.preview.views import View
+from fpsboost.run_options import RunOptions
+from fpsboost.synthesis import FusesHypotheses
+from fpsboost.timing.position import Position
+
+
+class Trial(NamedTuple):
+    """A passage converted by a method.
+
+    Attributes
+    ----------
+    after : View
+    least_certain : LowestMatch or None
+        See `fpsboost.Summary.lowest_match`, with the time in the passage on the source's clock.
+    confidence : (H, W, 1) float32 or None
+        Confidence of that frame's pixels; None if the method has none of its own.
+    frames : int
+        Number of frames written.
+    seconds, cpu_seconds : float
+        What they took, the pictures for the page not counted.
+    """
+
+    after: View
+    least_certain: LowestMatch | None
+    confidence: NDArray[Any] | None
+    frames: int
+    seconds: float
+    cpu_seconds: float
+
+
+class Estimate(NamedTuple):
+    """What the whole conversion would take on this machine.
+
+    Attributes
+    ----------
+    frames : int or None
+        Number of frames to be written; None if the header of the source does not say.
+    least, most : float
+        Seconds a frame: if all cores were busy all the time, and as measured.
+    cpu : float
+        CPU seconds a frame.
+    """
+
+    frames: int | None
+    least: float
+    most: float
+    cpu: float
+
+
+@dataclass
+class Preview:
+    """Passages of a clip before and after a conversion.
+
+    Attributes
+    ----------
+    info : ClipInfo
+        The whole clip.
+    rate : Fraction
+        Nominal frames per second of the output.
+    stretch : Fraction
+        Duration of the output as a multiple of the source's.
+    found : Found
+    trials : dict of str to list of Trial
+        For each method one for each passage.
+    estimates : dict of str to Estimate
+    is_video : bool
+        Whether the conversion, and so the estimate, encodes video.
+    details : str
+        How it was encoded.
+    remarks : list of str
+    """
+
+    info: ClipInfo
+    rate: Fraction
+    stretch: Fraction
+    found: Found
+    trials: dict[str, list[Trial]]
+    estimates: dict[str, Estimate]
+    is_video: bool
+    details: str
+    remarks: list[str]
+
+    def views(self) -> list[dict[str, View]]:
+        """Return the views of every passage by their names, that before the conversion first."""
+        return [
+            {"before": passage.before, **{name: trials[place].after for name, trials in self.trials.items()}}
+            for place, passage in enumerate(self.found.shown)
+        ]
+
+
+def preview(
+    job: ConversionJob,
+    methods: Mapping[str, Interpolator],
+    run: RunOptions,
+    *,
+    at: Iterable[Position] = (),
+    told: Callable[[str], None] = lambda task: None,
+) -> Preview:
+    """Convert some passages of a clip.
+
+    Parameters
+    ----------
+    job : ConversionJob
+        The whole conversion. Its output is not written; it says of what kind the output will be.
+    methods : mapping of str to Interpolator
+        Methods by the names that the page shows, instead of the job's own.
+    run : RunOptions
+    at : iterable of Position
+        Beginnings of the passages; by default those with the most motion.
+    told : callable
+        Called with what is done next.
+
+    Raises
+    ------
+    OptionError, InputError
+        See `fpsboost.convert`.
+    """
+    target = job.target(run)
+    with opened_clip(job, run) as clip:
+        ready = prepare(job, run, clip)
+        info, frames = clip.whole.info, ready.output.expected_frames
+    told("looking for motion")
+    found = find_passages(job, run, at)
+    trials: dict[str, list[Trial]] = {name: [] for name in methods}
+    remarks, details = dict.fromkeys(found.remarks), ""
+    with TemporaryDirectory(prefix="fpsboost-") as folder:
+        for number, passage in enumerate(found.shown):
+            for name, method in methods.items():
+                told(f"{name}, passage {number + 1} of {len(found.shown)}")
+                output = Path(folder, str(number), str(list(methods).index(name)))
+                output.parent.mkdir(exist_ok=True)
+                trial, summary = _try(replace(job, method=method), run, target, passage, output)
+                trials[name].append(trial)
+                remarks |= dict.fromkeys(summary.remarks)
+                details = summary.details.partition(": ")[2]  # without the name of the file
+    return Preview(
+        info,
+        ready.output.timing.rate,
+        job.rate.stretch,
+        found,
+        trials,
+        {name: _estimate(frames, each) for name, each in trials.items()},
+        target.kind == "video",
+        details,
+        list(remarks),
+    )
+
+
+@dataclass
+class _Recorder(SilentObserver):
+    """Watcher and observer of one conversion."""
+
+    view: View
+    stretch: Fraction
+    needs_confidence: bool
+    confidences: list[NDArray[Any] | None] = field(default_factory=list)
+    own_seconds: float = 0.0
+    begun: tuple[float, float] = (0.0, 0.0)
+
+    def ready(self) -> None:
+        """See `fpsboost.observer.Observer.ready`."""
+        self.begun = time.perf_counter(), time.process_time()
+
+    def saw(self, frame: Frame) -> None:
+        """See `fpsboost.observer.FrameWatcher.saw`."""
+        begin = time.thread_time()
+        self.view.add(frame, frame.time / self.stretch)
+        self.view.end = (frame.time + frame.duration) / self.stretch
+        confidence = frame.confidence
+        self.confidences.append(None if confidence is None else self.view.displayed(confidence))
+        self.own_seconds += time.thread_time() - begin
+
+
+def _try(job: ConversionJob, run: RunOptions, target: Target, passage: Passage, place: Path) -> tuple[Trial, Summary]:
+    """Convert a passage to files of the target's kind, which are left to the caller to remove."""
+    part = of_part(job, passage.trim)
+    if target.kind == "video":
+        part = replace(part, encoding=replace(job.encoding, audio=False, subtitles=False))
+    output = f"{place}/" if target.kind == "images" else f"{place}{target.file_type}"
+    needs_confidence = isinstance(job.method.synthesizer, FusesHypotheses)  # of others it would take time
+    recorder = _Recorder(View(passage.before.traits), job.rate.stretch, needs_confidence)
+    try:
+        summary = convert_job(replace(part, output=output), replace(run, observer=recorder, watcher=recorder))
+    except FpsboostError as error:
+        raise type(error)(str(error).replace(output, target.path)) from error
+    cpu = time.process_time() - recorder.begun[1]
+    own = min(recorder.own_seconds / cpu, 0.9)
+    seconds = (time.perf_counter() - recorder.begun[0]) * (1 - own)
+    least, confidence = summary.lowest_match, None
+    if least is not None:
+        least, confidence = replace(least, time=least.time / job.rate.stretch), recorder.confidences[least.number]
+    summary.remarks = [remark.replace(output, target.path) for remark in summary.remarks]
+    return Trial(recorder.view, least, confidence, summary.frames_out, seconds, cpu * (1 - own)), summary
+
+
+def _estimate(frames: int | None, trials: list[Trial]) -> Estimate:
+    """Return what every frame takes, over all passages."""
+    count = sum(trial.frames for trial in trials)
+    most = sum(trial.seconds for trial in trials) / count
+    cpu = sum(trial.cpu_seconds for trial in trials) / count
+    return Estimate(frames, min(most, cpu / available_cores()), most, cpu)
