@@ -38,7 +38,10 @@ MAX_READ = 480
 """Maximum number of frames that are read then."""
 
 MIN_FRAMES, MAX_FRAMES = 8, 30
-"""Number of source frames in a passage, which lasts a second if it can."""
+"""Number of source frames in a passage, which lasts a second if that is not too much."""
+
+MAX_PIXELS = 33_000_000
+"""Number of pixels in the frames of a passage above which it is shorter, so that large frames do not take minutes."""
 
 THUMBNAIL_SIDE = 160
 """Longer side of the images on which motion is measured, pixels."""
@@ -131,7 +134,7 @@ def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = 
     declared = info.duration or (None if info.frame_count is None else info.frame_count / info.rate)
     end = min((each for each in (end, declared) if each is not None), default=None)
     step = images.step if images is not None and images.fills_gaps else 1
-    count = min(max(round(info.rate), MIN_FRAMES), MAX_FRAMES)
+    count = max(min(round(info.rate), MAX_FRAMES, MAX_PIXELS // (info.width * info.height)), MIN_FRAMES)
     lasts = step * count / info.rate
 
     def latest(start: Fraction) -> Fraction:

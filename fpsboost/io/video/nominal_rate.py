@@ -112,10 +112,10 @@ def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
         return None
     middle = statistics.median_low(intervals)
     # If frames are one tick apart, times are exact, and an interval of two ticks is a missing frame.
-    rounding = 0 if middle == 1 else 1
-    margin = Fraction(rounding)
+    # The margin is whole, as the intervals are: with fractions, those of a long film would take seconds to compare.
+    margin = 0 if middle == 1 else 1
     if sum(abs(interval - middle) <= margin for interval in intervals) < MIN_ROUNDED_SHARE * len(intervals):
-        margin = max(margin, Fraction(middle, JITTER_DIVISOR))
+        margin = max(margin, middle // JITTER_DIVISOR)
     usual = [interval for interval in intervals if abs(interval - middle) <= margin]
     # Along a sequence of usual intervals the errors of the times cancel out, except at its two ends.
     rows = 1 + sum(
