@@ -122,7 +122,7 @@ class FrameWatcher(Protocol):
 
     needs_confidence: bool
 
-    def saw(self, frame: Frame) -> None:
+    def watch(self, frame: Frame) -> None:
         """Take notice of the next frame, whose image must not be changed."""
         ...
 

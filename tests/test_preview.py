@@ -355,7 +355,7 @@ def test_watcher_sees_frames_as_they_are_written(short: Path, tmp_path: Path) ->
         needs_confidence = True
         seen: list[tuple[Fraction, bool]] = []  # noqa: RUF012
 
-        def saw(self, frame: Any) -> None:
+        def watch(self, frame: Any) -> None:
             self.seen.append((frame.time, frame.confidence is not None))
 
     convert(str(short), str(tmp_path / "out.mp4"), method="nlm", run=RunOptions(watcher=Watcher()))

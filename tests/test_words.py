@@ -39,7 +39,7 @@ PROGRAMMING = words(
     flash folder format function height index info input json kwargs limit memory method name number observer
     option options original output overwrite place policy position presentation process range read ready resume
     run save score search second seconds sink size source step summary thread threads threshold
-    time times tolerance total entry job join stop target unit utilisation value warning watcher width write
+    time times tolerance total entry job join stop target unit utilisation value warning watch watcher width write
     """
 )
 """Terms of programs."""

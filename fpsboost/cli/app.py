@@ -145,7 +145,7 @@ app.command(
 )
 app.command(
     "fpsboost.cli.preview:preview",
-    help="Show some passages before and after, and what the whole would take.",
+    help="Show passages before and after, and the time a run takes.",
     usage="Usage: fpsboost preview [OPTIONS] IN [PAGE]",
     help_epilogue="",
 )

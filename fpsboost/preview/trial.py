@@ -184,8 +184,8 @@ class _Recorder(SilentObserver):
         """See `fpsboost.observer.Observer.ready`."""
         self.begun = time.perf_counter(), time.process_time()
 
-    def saw(self, frame: Frame) -> None:
-        """See `fpsboost.observer.FrameWatcher.saw`."""
+    def watch(self, frame: Frame) -> None:
+        """See `fpsboost.observer.FrameWatcher.watch`."""
         begin = time.thread_time()
         self.view.add(frame, frame.time / self.stretch)
         self.view.end = (frame.time + frame.duration) / self.stretch

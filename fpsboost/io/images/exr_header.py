@@ -169,6 +169,8 @@ def parse_exr_header(path: Path, data: bytes) -> ExrHeader:
     try:
         parts, end = _parts(data, version)
         header = ExrHeader(version, tuple(_with_chunks(data, version, parts, end)), end)
+        if not header.places:
+            raise ValueError("no channels")
         if len(header.places) != sum(len(part.channels) for part in parts):
             raise ValueError("two parts with one name")
     except (KeyError, IndexError, ValueError, OverflowError, ZeroDivisionError, struct.error) as error:

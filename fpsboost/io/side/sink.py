@@ -62,7 +62,7 @@ class SideSink:
         for writer in self._writers:
             writer.write(frame)
         if self._watcher is not None:
-            self._watcher.saw(frame)
+            self._watcher.watch(frame)
         self._sink.write(frame)
 
     def __enter__(self) -> Self:
