@@ -47,9 +47,6 @@ MAX_FRAMES = 2**31 - 1
 CHROMA_LOCATIONS = ("left", "center", "topleft", "top", "bottomleft", "bottom")
 """Chroma locations by their number in ``_ChromaLocation``."""
 
-UNTAGGED_MATRICES = (0, 2, 3)
-"""Values of ``_Matrix`` that name no matrix of luma and chroma."""
-
 Frames = Mapping[int, vs.VideoFrame]
 """Frames of the host by their numbers in the source."""
 
@@ -108,8 +105,8 @@ def interpolate(
         factor = _factor_of(clip, factor_num, factor_den, fps_num, fps_den)
         interpolator = replace(interpolator, duplicates=None, cuts=interpolator.cuts if sc else None)
         maker = _FrameMaker(clip, interpolator, factor, finds_cuts=sc)
-    rate = clip.fps * factor
-    output = vs.core.std.BlankClip(clip, length=maker.count, fpsnum=rate.numerator, fpsden=rate.denominator, keep=True)
+    count, rate = math.ceil(clip.num_frames * factor), clip.fps * factor
+    output = vs.core.std.BlankClip(clip, length=count, fpsnum=rate.numerator, fpsden=rate.denominator, keep=True)
     return vs.core.std.FrameEval(output, partial(maker.node, output[0]), clip_src=[clip])
 
 
@@ -228,7 +225,7 @@ class _Ycc:
         """Return what the code values of a frame mean."""
         props = frame.props
         matrix = int(props.get("_Matrix", vs.MATRIX_UNSPECIFIED))
-        if matrix in UNTAGGED_MATRICES:
+        if matrix in (0, 2, 3):  # they name no matrix of luma and chroma
             matrix = assumed_color_space(frame.height)
         if matrix not in luma_weights:
             raise InputError(
@@ -300,11 +297,6 @@ class _FrameMaker:
         self._pairs = _Pairs(clip, interpolator, factor, finds_cuts=finds_cuts, most=most)
         self._compiled = Results()
 
-    @property
-    def count(self) -> int:
-        """Number of output frames."""
-        return math.ceil((self._last + 1) * self._factor)
-
     def node(self, like: vs.VideoNode, n: int) -> vs.VideoNode:
         """Return a clip of one frame, output frame `n`, for `FrameEval`; `like` has its format."""
         numbers = self._needed(n)
@@ -367,13 +359,10 @@ class _FrameMaker:
         names = "_SceneChangePrev", "_SceneChangeNext"
         for name, pairs in zip(names, self._pairs_beside(number), strict=True):
             if self._finds_cuts:
-                made.props[name] = int(any(self._is_cut(pair, frames) for pair in pairs))
+                found = [self._surroundings(each, frames) for each in pairs]
+                made.props[name] = int(any(pair.is_cut(before, after) for pair, before, after in found))
             elif name in made.props:
                 del made.props[name]
-
-    def _is_cut(self, index: int, frames: Frames) -> bool:
-        pair, before, after = self._surroundings(index, frames)
-        return pair.is_cut(before, after)
 
     def _shown(self, number: int) -> dict[int, Fraction]:
         """Return the source frames during which an output frame is shown, and the share of each that it takes."""
@@ -404,11 +393,6 @@ def _duration_of(frame: vs.VideoFrame) -> Fraction:
 
 def _compile(interpolator: Interpolator, pair: Pair) -> None:
     """Compile the kernels, or load them from the cache, before several threads need them; say so if it takes long."""
-    core = vs.core.core
-    say = partial(
-        core.log_message,
-        vs.MESSAGE_TYPE_INFORMATION,
-        "fpsboost: Compiling for this machine, once; later runs start at once.",
-    )
-    with told_of_compiling(say):
+    text = "fpsboost: Compiling for this machine, once; later runs start at once."
+    with told_of_compiling(partial(vs.core.core.log_message, vs.MESSAGE_TYPE_INFORMATION, text)):
         interpolator.compile_for(pair.image0.image)
