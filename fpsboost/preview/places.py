@@ -12,7 +12,7 @@ import numpy as np
 
 from fpsboost.analysis.duplicates import SourceFrame
 from fpsboost.errors import OptionError
-from fpsboost.frame import Frame
+from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io import FrameSource
 from fpsboost.io.trim import Seekable, Sliceable, beginning
@@ -127,6 +127,63 @@ def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = 
     InputError
         See `fpsboost.preparation.opened_clip`.
     """
+    span, reader = _opened(job, run)
+    given = [position.seconds(span.info.rate) for position in at]
+    for start in given:
+        if span.end is not None and start >= span.end:
+            message = (
+                f"`at={float(start):g}` lies behind the end of {span.info.name}, {float(span.end):g} s; name less."
+            )
+            raise OptionError(message)
+    if given:
+        asked = [reader.examine(span.latest(start), span.lasts) for start in given]
+        return Found(asked, asked, [])
+    places, examined, remarks = reader.measure(span.spread(PLACES)), list[Passage](), list[str]()
+    if len(places) < ENOUGH_PLACES:
+        longest = MAX_READ / span.info.rate
+        read_for = longest if span.end is None else min(longest, span.end - span.begin)
+        read, places = reader.read(span.begin, read_for, span.count)
+        examined.append(read)
+        if span.end is None or span.end - span.begin > longest:
+            remarks.append(f"Of {span.info.name}, the first {float(read.before.end):.3g} s alone were looked at.")
+    shown = _with_most_motion(places, span, reader, examined)
+    return Found(sorted(shown or examined[-1:], key=lambda passage: passage.start), examined, remarks)
+
+
+@dataclass(frozen=True)
+class _Span:
+    """The part of a clip in which passages are chosen.
+
+    Attributes
+    ----------
+    info : ClipInfo
+    begin, end : Fraction
+        Seconds after the clip's first frame; `end` is None if nothing says it.
+    count : int
+        Number of frames in a passage.
+    lasts : Fraction
+        Duration of a passage, seconds.
+    """
+
+    info: ClipInfo
+    begin: Fraction
+    end: Fraction | None
+    count: int
+    lasts: Fraction
+
+    def latest(self, start: Fraction) -> Fraction:
+        """Return a time, or an earlier one from which a whole passage is left."""
+        return start if self.end is None else max(self.begin, min(start, self.end - self.lasts))
+
+    def spread(self, count: int) -> list[Fraction]:
+        """Return times at equal distances, from the beginning on; none if the end is not known."""
+        if self.end is None:
+            return []
+        return [self.begin + (self.end - self.begin) * number / count for number in range(count)]
+
+
+def _opened(job: ConversionJob, run: RunOptions) -> tuple[_Span, _Reader]:
+    """Return the part of a job's clip in which passages are chosen, and its reader."""
     with opened_clip(job, run) as clip:
         info, images = clip.whole.info, clip.whole.stream_info.images
         reader = _Reader(job, run, info.rate, isinstance(clip.whole, Sliceable))
@@ -135,41 +192,26 @@ def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = 
     end = min((each for each in (end, declared) if each is not None), default=None)
     step = images.step if images is not None and images.fills_gaps else 1
     count = max(min(round(info.rate), MAX_FRAMES, MAX_PIXELS // (info.width * info.height)), MIN_FRAMES)
-    lasts = step * count / info.rate
+    return _Span(info, begin, end, count, step * count / info.rate), reader
 
-    def latest(start: Fraction) -> Fraction:
-        return start if end is None else max(begin, min(start, end - lasts))
 
-    given = [position.seconds(info.rate) for position in at]
-    for start in given:
-        if end is not None and start >= end:
-            raise OptionError(f"`at={float(start):g}` lies behind the end of {info.name}, {float(end):g} s; name less.")
-    if given:
-        asked = [reader.examine(latest(start), lasts) for start in given]
-        return Found(asked, asked, [])
-    places = [] if end is None else reader.measure(begin + (end - begin) * k / PLACES for k in range(PLACES))
-    examined, remarks = list[Passage](), list[str]()
-    if len(places) < ENOUGH_PLACES:
-        read_for = MAX_READ / info.rate
-        read, places = reader.read(begin, read_for if end is None else min(read_for, end - begin), count)
-        examined.append(read)
-        if end is None or end - begin > read_for:
-            remarks.append(f"Of {info.name}, the first {float(read.before.end):.3g} s alone were looked at.")
-    shown = list[Passage]()
+def _with_most_motion(places: list[Place], span: _Span, reader: _Reader, examined: list[Passage]) -> list[Passage]:
+    """Return the passages with the most motion that overlap no other and hold no cut; all that are read are noted."""
+    chosen = list[Passage]()
     for place in sorted(places, key=lambda place: -place.motion):
-        if len(shown) == PASSAGES or len(examined) == 3 * PASSAGES:
+        if len(chosen) == PASSAGES or len(examined) == 3 * PASSAGES:
             break
-        start = latest(max(begin, place.start))
-        if any(start < other.end and other.start < start + lasts for other in shown):
+        start = span.latest(max(span.begin, place.start))
+        if any(start < other.end and other.start < start + span.lasts for other in chosen):
             continue
-        passage = reader.examine(start, lasts)
+        passage = reader.examine(start, span.lasts)
         examined.append(passage)
         longest = max(pairwise([passage.start, *passage.cuts, passage.end]), key=lambda piece: piece[1] - piece[0])
-        if passage.cuts and longest[1] - longest[0] >= lasts / 3:
+        if passage.cuts and longest[1] - longest[0] >= span.lasts / 3:
             passage = reader.examine(longest[0], longest[1] - longest[0])
         if not passage.cuts:
-            shown.append(passage)
-    return Found(sorted(shown or examined[-1:], key=lambda passage: passage.start), examined, remarks)
+            chosen.append(passage)
+    return chosen
 
 
 def of_part(job: ConversionJob, trim: Trim) -> ConversionJob:
