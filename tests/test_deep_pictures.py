@@ -40,9 +40,8 @@ def write_images(folder: Path, images: list[NDArray[Any]], suffix: str = ".png")
 
 def to_video(source: Path, target: Path, **options: Any) -> list[str]:
     """Convert images without making any; return what was said."""
-    return convert(
-        str(source), str(target), factor=1, encoding=Encoding(**options), decoding=DecodeOptions(input_fps=10)
-    ).remarks
+    encoding, decoding = Encoding(**options), DecodeOptions(input_fps=10)
+    return convert(str(source), str(target), factor=1, method="nearest", encoding=encoding, decoding=decoding).remarks
 
 
 def first_image(path: Path, *, alpha: bool = False) -> tuple[str, NDArray[Any]]:
