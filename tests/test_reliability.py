@@ -67,21 +67,27 @@ def when_whole():
     StagingDirectory.publish = numbered.move_all = die
 
 
-for output in ["out.mp4", "out.mkv", "new", "out_####.png"]:
-    for wait in (lambda: when_written(1), lambda: when_written(130), lambda: when_written(270), when_whole):
-        process = os.fork()  # before anything has started a thread
-        if not process:
-            wait()
-            sys.argv = ["fpsboost", "in.mp4", output, "--overwrite", "--factor", "40", *sys.argv[1:]]
-            main()
-        ended = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
-        assert ended == -signal.SIGKILL, (output, ended)
+first, within, second_chunk = (lambda: when_written(1)), (lambda: when_written(130)), (lambda: when_written(270))
+moments = {
+    "out.mp4": [first, within, second_chunk, when_whole],
+    "out.mkv": [second_chunk, when_whole],
+    "new": [first, when_whole],
+    "out_####.png": [within, when_whole],
+}
+for output, wait in ((output, wait) for output, waits in moments.items() for wait in waits):
+    process = os.fork()  # before anything has started a thread
+    if not process:
+        wait()
+        sys.argv = ["fpsboost", "in.mp4", output, "--overwrite", "--factor", "40", *sys.argv[1:]]
+        main()
+    ended = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    assert ended == -signal.SIGKILL, (output, ended)
 """
 
 
 @on_unix
 def test_a_killed_run_changes_nothing(tmp_path, snapshot):
-    """SIGKILL at four moments, the last before the output gets its name: old files stay, and there are no new ones."""
+    """SIGKILL at some moments, the last before the output gets its name: old files stay, and there are no new ones."""
     write_clip(tmp_path / "in.mp4", times=range(8))
     for name in ("out.mp4", "out.mkv", "out_0001.png"):
         (tmp_path / name).write_bytes(b"precious")
