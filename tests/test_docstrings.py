@@ -22,7 +22,7 @@ ABOUT_FORM = {"GL01", "GL02", "GL05", "GL06", "GL07", "GL10", "SS02", "SS03"}
 MODULES = [
     module.name
     for module in pkgutil.walk_packages(fpsboost.__path__, "fpsboost.")
-    if not module.name.endswith("__main__") and not module.name.startswith("fpsboost.cli")
+    if not module.name.endswith("__main__") and not module.name.startswith(("fpsboost.cli", "fpsboost.ui.command"))
 ]
 """All modules but those of the command line, whose docstrings are texts of the help."""
 

@@ -165,6 +165,12 @@ app.command(
     help_epilogue="",
 )
 app.command("fpsboost.cli.tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
+app.command(
+    "fpsboost.ui.command:ui",
+    help="Show a page to choose, look at and convert clips.",
+    usage="Usage: fpsboost ui [OPTIONS] [FOLDER]",
+    help_epilogue="",
+)
 app.command("fpsboost.cli.doctor:doctor", help="Say whether fpsboost works on this machine.", help_epilogue="")
 app.command(
     "fpsboost.cli.completion:completion",

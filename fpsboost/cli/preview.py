@@ -76,7 +76,7 @@ def preview(
         found.remarks = [in_flags(remark) for remark in found.remarks]
         status.update("writing the page")
         words = ["fpsboost", input, output, *_method_words(options)]
-        given = [word for each in (decoding, rate, cuts) for word in words_of(dict(_given(each)))]
+        given = [word for each in (decoding, rate, cuts) for word in words_of(dict(given_flags(each)))]
         write_page(place, found, shlex.join([*words, *given]), overwrite=options.overwrite)
         if options.side_by_side is not None:
             write_video(options.side_by_side, found, overwrite=options.overwrite)
@@ -128,12 +128,12 @@ def _method_words(options: PreviewOptions) -> list[str]:
     return list(words_of({**chosen, **kept, "--match-grain": options.match_grain}))
 
 
-def _given(options: Any) -> Iterator[tuple[str, object]]:
+def given_flags(options: Any) -> Iterator[tuple[str, object]]:
     """Yield the options that differ from their defaults, by their flags, with values as they are written."""
     names = {flag.field: flag.name for flag in flags_of(type(options))}
     for field in fields(options):
         value = getattr(options, field.name)
         if is_dataclass(field.default):
-            yield from _given(value)
+            yield from given_flags(value)
         elif field.name in names and value != field.default:
             yield names[field.name], value.as_option() if hasattr(value, "as_option") else value

@@ -15,7 +15,6 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from fpsboost.errors import OutputError
@@ -23,6 +22,7 @@ from fpsboost.evaluation.charts import Chart, Dot, Series, draw_dots, draw_lines
 from fpsboost.evaluation.further_metrics import Figure, figures_of, metrics
 from fpsboost.evaluation.looks import looks_of
 from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
+from fpsboost.evaluation.page_templates import templates_of
 from fpsboost.evaluation.picking import make_some, pick
 from fpsboost.evaluation.pictures import MAX_DRAWN_ERROR, FrameView, MotionView, view_frame, view_motion
 from fpsboost.evaluation.results import Comparison, MethodResult
@@ -146,13 +146,7 @@ def make_page(
         When it was made; now, if not given.
     """
     shown, motion = _view_frames(comparison, makers, input_fps)
-    environment = Environment(
-        loader=PackageLoader("fpsboost.evaluation"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = templates_of("fpsboost.evaluation")
     environment.filters["breakable"] = breakable
     return environment.get_template("page.html.j2").render(
         comparison=comparison,
@@ -180,7 +174,6 @@ def make_page(
         is_float=comparison.kind.endswith("float"),
         looks=looks_of([method.name for method in comparison.methods]),
         brightest=MAX_DRAWN_ERROR,
-        text_of=lambda file: _text_of(environment, file),
     )
 
 
@@ -406,9 +399,3 @@ def breakable(name: str) -> Markup:
     Markup('nlm:<wbr>v=0.1,<wbr>reach=&lt;1&gt;')
     """
     return Markup("<wbr>").join(re.findall(r"[^:,]*[:,]+|[^:,]+", name))
-
-
-def _text_of(environment: Environment, file: str) -> Markup:
-    """Return a style sheet or a script as it is."""
-    assert environment.loader is not None
-    return Markup(environment.loader.get_source(environment, file)[0])

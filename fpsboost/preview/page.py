@@ -7,10 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-
 from fpsboost.errors import OutputError
+from fpsboost.evaluation.page_templates import templates_of
 from fpsboost.evaluation.pictures import as_heat, encode
 from fpsboost.evaluation.writing import appearing
 from fpsboost.io.prefetch import available_cores
@@ -67,13 +65,7 @@ def check_page(path: Path, *, overwrite: bool) -> None:
 
 def make_page(shown: Preview, command: str) -> str:
     """Return a page as text; see `write_page`."""
-    environment = Environment(
-        loader=ChoiceLoader([PackageLoader("fpsboost.preview"), PackageLoader("fpsboost.evaluation")]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = templates_of("fpsboost.preview", "fpsboost.evaluation")
     environment.filters["as_time"] = format_time
     height, width = shown.found.shown[0].before.image_at(Fraction(0)).shape[:2]
     return environment.get_template("preview.html.j2").render(
@@ -88,7 +80,6 @@ def make_page(shown: Preview, command: str) -> str:
         width=width,
         height=height,
         played=_played(shown),
-        text_of=lambda file: Markup(environment.loader.get_source(environment, file)[0]),  # type: ignore[union-attr]
     )
 
 

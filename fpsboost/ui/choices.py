@@ -1,0 +1,116 @@
+"""What the page's form says, as a job of the library and as the words of the command line that does the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal, Self, get_args
+
+from fpsboost.cli.batch import plan_outputs
+from fpsboost.cli.compare import words_of
+from fpsboost.cli.options import MethodOptions, TuningOptions, in_flags
+from fpsboost.cli.preview import given_flags
+from fpsboost.errors import OptionError, check_choice
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoding import encoders
+from fpsboost.preparation import ConversionJob, opened_clip, prepare
+from fpsboost.run_options import RunOptions
+from fpsboost.timing.position import format_time, parse_position
+from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.schedule import parse_number, parse_rate
+from fpsboost.timing.trim import Trim
+from fpsboost.ui.files import Files
+
+RateKind = Literal["factor", "fps", "slow"]
+Quality = Literal["usual", "smaller", "higher", "lossless"]
+
+CRF_STEPS: dict[str, int] = {"smaller": 6, "higher": -4}
+"""How far from the usual constant rate factor; 6 is about half of the size."""
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the page's form says, as text."""
+
+    input: str
+    folder: str
+    name: str
+    rate: RateKind = "factor"
+    value: str = "2"
+    method: str = "nlm"
+    start: str = ""
+    end: str = ""
+    codec: str = ""
+    quality: Quality = "usual"
+    sound: bool = True
+    overwrite: bool = False
+    input_fps: str = ""
+
+    def __post_init__(self) -> None:
+        check_choice("The kind of rate", self.rate, get_args(RateKind))
+        check_choice("The quality", self.quality, get_args(Quality))
+
+    @classmethod
+    def of(cls, data: object) -> Self:
+        """Return what a request says."""
+        kinds = {field.name: bool if isinstance(field.default, bool) else str for field in fields(cls)}
+        given = data if isinstance(data, dict) else {}
+        wrong = [name for name in kinds if type(given.get(name)) is not kinds[name]]
+        if wrong:
+            raise OptionError(f"The page has sent no valid value of {', '.join(wrong)}; load it anew.")
+        return cls(**{name: given[name] for name in kinds})
+
+    def job(self, files: Files) -> ConversionJob:
+        """Return the conversion."""
+        files.check_picked(self.input)
+        output = files.output(self.folder, self.name)
+        if self.rate == "fps":
+            rate = OutputRate(fps=parse_rate(self.value, "`fps`"))
+        else:
+            rate = OutputRate(factor=parse_number(self.value, "`factor`"), slow_motion=self.rate == "slow")
+        places = ((self.start, "`start`"), (self.end, "`end`"))
+        trim = Trim(*(parse_position(text, name) if text else None for text, name in places))
+        input_fps = parse_rate(self.input_fps, "`input_fps`") if self.input_fps else None
+        decoding = DecodeOptions(input_fps=input_fps, trim=trim)
+        method = MethodOptions(self.method).interpolator(TuningOptions())
+        return ConversionJob(self.input, output, rate, method, decoding, self.encoding)
+
+    @property
+    def encoding(self) -> Encoding:
+        """How video is encoded."""
+        encoding = Encoding(codec=self.codec or None, lossless=self.quality == "lossless", audio=self.sound)
+        if self.quality not in CRF_STEPS:
+            return encoding
+        codec = self.codec or ("vp9" if self.name.lower().endswith(".webm") else "h264")
+        check_choice("`codec`", codec, encoders)
+        return replace(encoding, crf=encoders[codec].crf + CRF_STEPS[self.quality])
+
+    def words(self, job: ConversionJob) -> list[str]:
+        """Return the job as words of the command line."""
+        given = [job.rate, MethodOptions(self.method), job.decoding, job.encoding, RunOptions(overwrite=self.overwrite)]
+        options = [word for each in given for word in words_of(dict(given_flags(each)))]
+        return ["fpsboost", job.input, job.output or "", *options]
+
+    def check(self, job: ConversionJob) -> dict[str, Any]:
+        """Return what the conversion would give, as plain data, without doing it."""
+        run = RunOptions(overwrite=self.overwrite)
+        with opened_clip(job, run) as clip:
+            ready = prepare(job, run, clip)
+            remarks = [*ready.remarks, *ready.target.open(ready.output).remarks]
+            frames, rate = ready.output.expected_frames, ready.output.timing.rate
+        has_rate = ready.target.has_rate
+        return {
+            "frames": frames,
+            "rate": float(rate) if has_rate else None,
+            "length": format_time(frames / rate) if has_rate and frames else "",
+            "remarks": [in_flags(each) for each in remarks],
+        }
+
+
+def first_choices(path: str) -> Choices:
+    """Return what the form says of a clip at first."""
+    folder = Path(path).parent
+    planned = plan_outputs([path], str(folder / "converted"))[0]
+    name = f"{Path(path).name}-2x/" if planned.endswith("/") else f"{Path(path).stem}-2x{Path(planned).suffix}"
+    return Choices(path, str(folder), name)

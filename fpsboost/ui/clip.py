@@ -1,0 +1,84 @@
+"""What a clip is, for the page: at once by its header, and as `fpsboost probe` says by reading it to its end."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import asdict
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from fpsboost.cli.probe import facts
+from fpsboost.errors import InputError
+from fpsboost.io.opening import TargetRequirements, open_source
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.listing import StreamFacts
+from fpsboost.probing import Conversion, Look, Probe
+from fpsboost.timing.position import format_time
+from fpsboost.ui.choices import first_choices
+from fpsboost.ui.jobs import start_process
+
+QUICK_PIXELS = 1_500_000_000
+"""Number of pixels in all frames of a clip up to which it is read to its end unasked, which takes seconds."""
+
+
+def header(path: str) -> dict[str, Any]:
+    """Return what is known of a clip without reading its frames, as plain data."""
+    with open_source(path, requirements=TargetRequirements(layers=True), decoding=DecodeOptions()) as source:
+        info, is_images = source.info, source.stream_info.images is not None
+        remarks = list(source.remarks)
+    count, duration = info.frame_count, info.duration
+    says = [f"{info.width}x{info.height}", *([f"{count:,} frames"] if count else [])]
+    if not is_images:
+        says += [f"{float(info.rate):.6g} frames a second", *([format_time(duration)] if duration else [])]
+    return {
+        "name": Path(path).name,
+        "says": ", ".join(says),
+        "is_images": is_images,
+        "last": max(0.0, float((duration or (count or 0) / info.rate) - 1 / info.rate)),
+        "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
+        "remarks": remarks,
+        "choices": asdict(first_choices(path)),
+    }
+
+
+class Prober:
+    """Reader of one clip at a time to its end, in a process of its own: a long clip is dropped for the next one."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._process: subprocess.Popen[str] | None = None
+
+    def probe(self, path: str) -> dict[str, Any]:
+        """Return what `fpsboost probe` says, as plain data."""
+        with self._lock:
+            self.close()
+            self._process = process = start_process(["probe", path, "--json"])
+        text, said = process.communicate()
+        if process.returncode != 0:
+            raise InputError(said.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")
+        found = _as_probe(json.loads(text))
+        return {
+            "facts": {name: value for name, value in facts(found).items() if not name.startswith("--")},
+            "streams": [
+                f"{each.kind}: {' '.join(filter(None, (each.codec, each.details, each.language, each.title)))}"
+                for each in found.streams
+            ],
+            "remarks": [*found.remarks, *found.conversion.remarks],
+        }
+
+    def close(self) -> None:
+        """Drop the clip that is being read."""
+        if self._process is not None:
+            self._process.terminate()
+
+
+def _as_probe(data: dict[str, Any]) -> Probe:
+    """Return the result of `Probe.as_json` as it was."""
+    parts = {
+        "look": data["look"] and Look(**data["look"]),
+        "streams": [StreamFacts(**each) for each in data["streams"]],
+        "conversion": Conversion(**data["conversion"]),
+    }
+    return Probe(**{**data, **parts})

@@ -1,0 +1,107 @@
+"""Files of this machine as the page shows them, and those that its user has picked."""
+
+from __future__ import annotations
+
+import os
+import stat
+from dataclasses import dataclass, field
+from mimetypes import guess_type
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from fpsboost.errors import InputError, OutputError, explained
+from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.io.images.files import IMAGE_SUFFIXES
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES
+
+MAX_ENTRIES = 2000
+"""Maximum number of folders and clips that are listed of a folder."""
+
+MAX_PICKED = 200
+"""Maximum number of inputs that may be picked in a run."""
+
+
+@dataclass
+class Files:
+    """The part of the file system that the page may use: what is in the root, or everything if that is None."""
+
+    root: Path | None = None
+    _picked: set[Path] = field(default_factory=set)
+    _lock: Lock = field(default_factory=Lock)
+
+    def inside(self, text: str) -> Path:
+        """Return a path with all symbolic links followed."""
+        if not text or "\0" in text:
+            raise InputError("The name of the input is empty; name a video or a folder of images.")
+        path = Path(os.path.realpath(os.path.expanduser(text)))
+        if self.root is not None and not path.is_relative_to(self.root):
+            raise InputError(f"{text} lies outside of {self.root}, which is all that this page may use.")
+        return path
+
+    def listing(self, text: str) -> dict[str, Any]:
+        """Return the folders and clips in a folder, and the folders above it, as plain data."""
+        folder = self.inside(text)
+        with explained(InputError, "list", str(folder), "check the permissions"):
+            found = sorted(os.scandir(folder), key=lambda each: each.name.casefold())
+        entries, images = list[dict[str, Any]](), 0
+        for each in found:
+            if each.name.startswith("."):
+                continue
+            kind, size = _kind(each)
+            images += kind == "image"
+            if kind in ("folder", "clip"):
+                entries.append({"name": each.name, "path": str(folder / each.name), "kind": kind, "size": size})
+        entries.sort(key=lambda each: each["kind"] == "clip")
+        above = [*reversed(folder.parents), folder]
+        above = [each for each in above if self.root is None or each.is_relative_to(self.root)]
+        return {
+            "path": str(folder),
+            "above": [{"name": each.name or each.anchor, "path": str(each)} for each in above],
+            "entries": entries[:MAX_ENTRIES],
+            "left_out": max(0, len(entries) - MAX_ENTRIES),
+            "images": images,
+        }
+
+    def pick(self, text: str) -> str:
+        """Return the path of an input, which may be read from now on."""
+        path = self.inside(text)
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise InputError(f"{text} is neither a file nor a folder; name a video or a folder of images.")
+        with self._lock:
+            if len(self._picked | {path}) > MAX_PICKED:
+                raise InputError(f"More than {MAX_PICKED} clips are picked; start fpsboost ui anew for others.")
+            self._picked.add(path)
+        return str(path)
+
+    def check_picked(self, path: str) -> None:
+        """Raise `InputError` unless a path was picked, and still is what it was then."""
+        with self._lock:
+            is_picked = Path(path) in self._picked
+        if not is_picked or self.inside(path) != Path(path):
+            raise InputError(f"{path} was not picked on this page; pick it first.")
+
+    def output(self, folder: str, name: str) -> str:
+        """Return the path of an output."""
+        place = self.inside(folder)
+        file = name.rstrip("/\\")
+        if not file or file in (".", "..") or file != Path(file).name or "\\" in file or "\0" in file:
+            raise OutputError(f"{name!r} is no name of a file; write one such as clip-2x.mp4, and pick its folder.")
+        path = place / file
+        if path.is_symlink():
+            raise OutputError(f"{path} is a link to another place; choose another name.")
+        return f"{path}/" if len(file) < len(name) else str(path)
+
+
+def _kind(entry: os.DirEntry[str]) -> tuple[str, int]:
+    """Return what an entry of a folder is, and its size in bytes."""
+    try:
+        state = entry.stat()
+    except OSError:  # a link that leads nowhere, or a file that has just gone
+        return "other", 0
+    if not stat.S_ISREG(state.st_mode):
+        return ("folder" if stat.S_ISDIR(state.st_mode) else "other"), 0
+    suffix = Path(entry.name).suffix.lower()
+    if suffix in (*VIDEO_SUFFIXES, *ANIMATION_SUFFIXES) or (guess_type(entry.name)[0] or "").startswith("video/"):
+        return "clip", state.st_size
+    return ("image" if suffix in IMAGE_SUFFIXES else "other"), state.st_size

@@ -1,0 +1,212 @@
+"""The page's queue of conversions: each runs as a command line of its own, so that it can be stopped and resumed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections import deque
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from threading import Condition, Thread
+from typing import Any, Literal
+
+from fpsboost.errors import OptionError, OutputError, explained
+from fpsboost.io.staging import MANIFEST, StagingDirectory, hidden_place, write_safely
+from fpsboost.io.target import Target
+
+State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
+
+MAX_JOBS = 100
+"""Maximum number of jobs in the queue."""
+
+
+@dataclass
+class Job:
+    """A conversion in the queue: its command line, and what its runs have told of it."""
+
+    number: int
+    words: list[str]
+    output: str
+    state: State = "waiting"
+    stage: str = ""
+    frame: int = 0
+    frames: int | None = None
+    fps: float | None = None
+    message: str = ""
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def arguments(self) -> list[str]:
+        """Arguments of the next run, which goes on where the last one has stopped if the kind of output allows it."""
+        resumes = self.frame > 0 and Target.parse(self.output).kind in ("video", "images")
+        return [*self.words[1:], *["--resume"] * resumes, "--progress", "json"]
+
+    def take(self, told: dict[str, Any]) -> None:
+        """Take over what a run tells of its progress."""
+        for name in ("stage", "frame", "frames", "fps"):
+            setattr(self, name, told.get(name, getattr(self, name)))
+        self.remarks += [each for each in told.get("remarks", []) if each not in self.remarks]
+
+
+class Queue:
+    """Jobs, of which one at a time runs until it is closed; a file keeps them from one start to the next."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._changed = Condition()
+        self._jobs = {job.number: job for job in _read(path)}
+        self._process: subprocess.Popen[str] | None = None
+        self._closed = False
+        with self._changed:
+            self._save()
+        self._thread = Thread(target=self._work, name="jobs", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop what runs; it is paused for the next start."""
+        with self._changed:
+            self._closed = True
+            self._stop()
+            self._changed.notify_all()
+        self._thread.join()
+
+    def listing(self) -> list[dict[str, Any]]:
+        """Return all jobs as plain data."""
+        with self._changed:
+            return [asdict(job) for job in self._jobs.values()]
+
+    def job(self, number: int) -> Job:
+        """Return a job by its number; raise `OptionError` if there is none."""
+        with self._changed:
+            if number not in self._jobs:
+                raise OptionError(f"There is no job {number} in the queue; load the page anew.")
+            return self._jobs[number]
+
+    def add(self, words: list[str], output: str) -> int:
+        """Add a job and return its number; raise `OptionError` if there are too many, or one writes the same output."""
+        with self._changed:
+            if len(self._jobs) >= MAX_JOBS:
+                raise OptionError(f"The queue has {MAX_JOBS} jobs; remove some first.")
+            if any(job.output == output and job.state != "done" for job in self._jobs.values()):
+                raise OptionError(f"Another job in the queue writes {output}; choose another name.")
+            number = max(self._jobs, default=0) + 1
+            self._jobs[number] = Job(number, words, output)
+            self._save()
+            return number
+
+    def pause(self, number: int) -> None:
+        """Stop a job, so that it can go on later."""
+        with self._changed:
+            job = self.job(number)
+            if job.state == "running":
+                job.state = "stopping"
+                self._stop()
+            elif job.state == "waiting":
+                job.state = "paused"
+            self._save()
+
+    def resume(self, number: int) -> None:
+        """Let a job go on that was paused, or try one again that failed."""
+        with self._changed:
+            job = self.job(number)
+            if job.state in ("paused", "failed"):
+                job.state, job.message = "waiting", ""
+            self._save()
+
+    def remove(self, number: int) -> None:
+        """Remove a job, and what it has left of an unfinished output; a finished output stays."""
+        with self._changed:
+            job = self.job(number)
+            self.pause(number)
+            self._changed.wait_for(lambda: job.state != "stopping")
+            if job.state != "done":
+                discard_unfinished(job.output)
+            self._jobs.pop(number, None)
+            self._save()
+
+    def _save(self) -> None:
+        """Write the jobs down, and wake who waits for a change."""
+        with explained(OutputError, "write to", self._path, "check the permissions"):
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            write_safely(self._path, json.dumps([asdict(job) for job in self._jobs.values()]).encode())
+        self._changed.notify_all()
+
+    def _stop(self) -> None:
+        if self._process is not None:
+            self._process.terminate()
+
+    def _work(self) -> None:
+        """Run the jobs that wait, until the queue is closed."""
+        while True:
+            with self._changed:
+                job = next((job for job in self._jobs.values() if job.state == "waiting"), None)
+                if self._closed:
+                    return
+                if job is None:
+                    self._changed.wait()
+                    continue
+                job.state, job.stage, job.fps = "running", "", None
+                self._process = process = start_process(job.arguments)
+                self._save()
+            self._end(job, self._follow(job, process), process.returncode)
+
+    def _follow(self, job: Job, process: subprocess.Popen[str]) -> str:
+        """Take over what a run tells until it ends, and return the sentences among it."""
+        lines = deque[str](maxlen=20)  # a broken run may say much
+        assert process.stderr is not None, "it is a pipe"
+        with process.stderr as told:
+            for line in told:
+                if line.startswith("{"):
+                    with self._changed:
+                        job.take(json.loads(line))
+                        self._changed.notify_all()
+                else:
+                    lines.append(line.strip().removeprefix("fpsboost: "))
+        process.wait()
+        return " ".join(lines) or f"The conversion ended with code {process.returncode} and without a message."
+
+    def _end(self, job: Job, message: str, code: int) -> None:
+        """Note how a run has ended."""
+        with self._changed:
+            self._process = None
+            is_stopped = self._closed or job.state == "stopping"
+            job.state = "done" if code == 0 else "paused" if is_stopped else "failed"
+            job.message = "" if code == 0 else message
+            self._save()
+
+
+def start_process(words: list[str]) -> subprocess.Popen[str]:
+    """Start the command line as a process of its own, whose messages are read."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "fpsboost", *words],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE if "probe" in words[:1] else subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        errors="replace",
+    )
+
+
+def discard_unfinished(output: str) -> None:
+    """Remove what a stopped run has left of an output."""
+    path = Path(output)
+    for place in (hidden_place(path.parent, path.name), hidden_place(path, "fpsboost")):
+        if (place / MANIFEST).is_file():
+            with explained(OutputError, "remove", place, "check the permissions"):
+                staging = StagingDirectory(place, "output", output, None)
+                staging.open()
+                staging.close(keep=False)
+
+
+def _read(path: Path) -> list[Job]:
+    """Return the jobs of the last start, paused if they were not done; none if there was none."""
+    try:
+        jobs = [Job(**each) for each in json.loads(path.read_bytes())]
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError, TypeError) as error:
+        raise OutputError(f"{path} is no queue of fpsboost ui; move it away.") from error
+    for job in jobs:
+        job.state = job.state if job.state in ("done", "failed") else "paused"
+    return jobs

@@ -1,0 +1,157 @@
+"""The page's server: its requests, each answered by a function of the library or of the queue."""
+
+from __future__ import annotations
+
+import base64
+import secrets
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from fpsboost.cli.app import explain
+from fpsboost.cli.options import in_flags
+from fpsboost.errors import FpsboostError, InputError, OptionError, notes_of
+from fpsboost.evaluation.page_templates import templates_of
+from fpsboost.timing.position import format_time
+from fpsboost.ui.choices import Choices
+from fpsboost.ui.clip import Prober, header
+from fpsboost.ui.files import Files
+from fpsboost.ui.guard import Guard
+from fpsboost.ui.jobs import Queue
+from fpsboost.ui.look import look_between
+
+Json = dict[str, Any]
+
+
+@dataclass
+class Desk:
+    """What the page works with."""
+
+    files: Files
+    queue: Queue
+    start: Path
+    token: str
+    port: int
+    prober: Prober = field(default_factory=Prober)
+    _looking: Lock = field(default_factory=Lock)
+
+    def folder(self, data: Json) -> Json:
+        """Return what is in a folder."""
+        return self.files.listing(str(data.get("path") or self.start))
+
+    def pick(self, data: Json) -> Json:
+        """Return what a clip is by its header; it may be read from now on."""
+        return header(self.files.pick(str(data.get("path", ""))))
+
+    def probe(self, data: Json) -> Json:
+        """Return what a clip is by all of its frames."""
+        path = str(data.get("path", ""))
+        self.files.check_picked(path)
+        return self.prober.probe(path)
+
+    def check(self, data: Json) -> Json:
+        """Return what a conversion would give, and the command line for it."""
+        choices = Choices.of(data)
+        job = choices.job(self.files)
+        return {**choices.check(job), "command": shlex.join(choices.words(job))}
+
+    def look(self, data: Json) -> Json:
+        """Return a frame between two, by a method and by blending."""
+        choices, time = Choices.of(data.get("choices")), data.get("time")
+        if not isinstance(time, int | float) or time is True or not 0 <= time < 1e9:
+            raise OptionError("The page has sent no valid time; load it anew.")
+        job = choices.job(self.files)
+        with self._looking:  # one at a time, so that it takes no more memory than a conversion
+            found = look_between(job, Fraction(time).limit_denominator(10**9))
+        pictures = (base64.b64encode(each).decode() for each in (found.blended, found.made))
+        return {
+            "images": [f"data:image/jpeg;base64,{each}" for each in pictures],
+            "between": f"between {format_time(found.begin)} and {format_time(found.end)}",
+            "is_cut": found.is_cut,
+        }
+
+    def add(self, data: Json) -> Json:
+        """Add a conversion to the queue."""
+        choices = Choices.of(data)
+        job = choices.job(self.files)
+        choices.check(job)
+        return {"number": self.queue.add(choices.words(job), job.output or "")}
+
+    def change(self, data: Json) -> Json:
+        """Pause a job, let it go on, or remove it."""
+        actions = {"pause": self.queue.pause, "resume": self.queue.resume, "remove": self.queue.remove}
+        number, action = data.get("number"), data.get("action")
+        if type(number) is not int or action not in actions:
+            raise OptionError("The page has sent no valid action; load it anew.")
+        actions[action](number)
+        return {}
+
+    def result(self, number: int) -> Path:
+        """Return the file that a job has written."""
+        job = self.queue.job(number)
+        if job.state != "done":
+            raise OptionError(f"Job {number} is not done; wait for it.")
+        path = self.files.inside(job.output)
+        if path != Path(job.output) or not path.is_file():
+            raise InputError(f"{job.output} is no longer the file that was written.")
+        return path
+
+
+def make_app(desk: Desk) -> Starlette:
+    """Return the server's application, guarded."""
+    template = templates_of("fpsboost.ui", "fpsboost.evaluation").get_template("ui.html.j2")
+
+    async def page(request: Request) -> Response:
+        nonce = secrets.token_urlsafe(16)
+        policy = (
+            f"default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; style-src-attr 'unsafe-inline'"
+            "; img-src 'self' data:; media-src 'self'; connect-src 'self'; form-action 'none'; base-uri 'none'; "
+            "frame-ancestors 'none'"
+        )
+        return HTMLResponse(template.render(nonce=nonce), headers={"Content-Security-Policy": policy})
+
+    async def jobs(request: Request) -> Response:
+        return JSONResponse(desk.queue.listing())
+
+    async def result(request: Request) -> Response:
+        return FileResponse(desk.result(request.path_params["number"]))
+
+    def answering(answer: Callable[[Json], Json]) -> Callable[[Request], Any]:
+        async def endpoint(request: Request) -> Response:
+            try:
+                data = await request.json()
+            except ValueError as error:
+                raise OptionError("The page has sent what is no JSON; load it anew.") from error
+            return JSONResponse(await run_in_threadpool(answer, data if isinstance(data, dict) else {}))
+
+        return endpoint
+
+    posts = (desk.folder, desk.pick, desk.probe, desk.check, desk.look, desk.add, desk.change)
+    return Starlette(
+        routes=[
+            Route("/", page),
+            Route("/jobs", jobs),
+            Route("/result/{number:int}", result),
+            *(Route(f"/{each.__name__}", answering(each), methods=["POST"]) for each in posts),
+        ],
+        middleware=[Middleware(Guard, token=desk.token, port=desk.port)],
+        exception_handlers={FpsboostError: _notice, OSError: _notice, MemoryError: _notice},
+    )
+
+
+async def _notice(request: Request, error: Exception) -> Response:
+    """Answer with the sentence that the command line would print."""
+    sentence = explain(error) if isinstance(error, OSError | MemoryError) else str(error)
+    text = " ".join(filter(None, (in_flags(sentence), in_flags(notes_of(error)))))
+    return JSONResponse({"notice": text}, 400)
