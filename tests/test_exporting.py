@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +81,7 @@ def test_every_name_in_the_data_is_described(comparison):
 
 def test_the_data_are_json_for_everyone(comparison, tmp_path):
     """No NaN, which JSON has not: what nobody knows is null."""
-    write_json(tmp_path / "x.json", comparison)
+    write_json(tmp_path / "x.json", [comparison])
     text = (tmp_path / "x.json").read_text()
     data = json.loads(text, parse_constant=pytest.fail)
     assert data["methods"][1]["mean"]["seconds"] is None
@@ -92,7 +91,7 @@ def test_the_data_are_json_for_everyone(comparison, tmp_path):
 
 def test_the_table_has_a_row_for_each_method_and_frame(comparison, tmp_path):
     """Plain headings, each described; names with commas survive; what nobody knows is an empty cell."""
-    write_csv(tmp_path / "x.csv", comparison)
+    write_csv(tmp_path / "x.csv", [comparison])
     with (tmp_path / "x.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["method"], row["frame"]) for row in rows] == [
@@ -112,5 +111,5 @@ def test_a_file_that_cannot_be_written_is_one_sentence(comparison, tmp_path):
     """And nothing half done stays."""
     for write in (write_json, write_csv):
         with pytest.raises(OutputError, match="cannot be written"):
-            write(tmp_path / "no" / "x", replace(comparison))
+            write(tmp_path / "no" / "x", [comparison])
     assert list(tmp_path.iterdir()) == []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import csv
+import json
 import math
 import os
 import re
@@ -18,9 +20,10 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from conftest import Command
 from numpy.typing import NDArray
-from playwright.sync_api import Page, Request, sync_playwright
+from playwright.sync_api import Page, Request, expect, sync_playwright
 from video_truth import scene
 
 from fpsboost.errors import OutputError
@@ -29,10 +32,11 @@ from fpsboost.evaluation.compare import compare
 from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.looks import colours_of, looks_of
 from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
-from fpsboost.evaluation.metrics import as_shown
+from fpsboost.evaluation.metrics import Scores, as_shown
+from fpsboost.evaluation.passages import choose_passages, view_passages
 from fpsboost.evaluation.pictures import find_spots, in_colour
 from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, write_report
-from fpsboost.evaluation.results import Comparison
+from fpsboost.evaluation.results import Compared, Comparison, FrameResult, MethodResult
 from fpsboost.method_table import methods
 
 NAMES = ("dis", "blend", "nearest")
@@ -69,7 +73,7 @@ def comparison(tmp_path_factory: pytest.TempPathFactory, makers: dict[str, Maker
 
 @pytest.fixture(scope="module")
 def path(comparison: Comparison, makers: dict[str, Maker], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_report(tmp_path_factory.mktemp("report") / "page", comparison, makers)
+    return write_report(tmp_path_factory.mktemp("report") / "page", [Compared(comparison, makers)])
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +151,7 @@ def test_page_says_how_to_repeat_it(text: str, comparison: Comparison) -> None:
 def test_existing_folder_is_refused(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path) -> None:
     """A folder that is there is left alone, with one sentence that names it."""
     with pytest.raises(OutputError, match=rf"^{re.escape(str(tmp_path))} exists; [^.]*\.$"):
-        write_report(tmp_path, comparison, makers)
+        write_report(tmp_path, [Compared(comparison, makers)])
     assert list(tmp_path.iterdir()) == []
 
 
@@ -162,7 +166,7 @@ def test_folder_appears_whole_or_not_at_all(
 
     monkeypatch.setattr(Path, "write_text", fail)
     with pytest.raises(OutputError, match=r"cannot be written \(No space left on device\)"):
-        write_report(tmp_path / "page", comparison, makers)
+        write_report(tmp_path / "page", [Compared(comparison, makers)])
     assert list(tmp_path.iterdir()) == []
 
 
@@ -170,7 +174,7 @@ def test_frames_across_cuts_are_named_and_not_drawn(comparison: Comparison, make
     """A frame across a cut is said not to count, marked in every figure, and never picked to be shown."""
     worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
     cut = replace(comparison, cuts=[worst])
-    text = write_report(tmp_path / "page", cut, makers).read_text()
+    text = write_report(tmp_path / "page", [Compared(cut, makers)]).read_text()
     assert f"Not counted: frame {worst}," in text
     assert text.count('class="cut"') == 8
     assert worst not in [chosen.number for chosen in choose_frames(cut)]
@@ -182,7 +186,7 @@ def test_frames_that_are_no_truth_are_named_and_not_drawn(
     """Beside a repeat nobody knows what should be seen: said, marked in every figure, never picked to be shown."""
     worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
     beside = replace(comparison, repeats=[worst + 1], doubtful=[worst])
-    text = write_report(tmp_path / "page", beside, makers).read_text()
+    text = write_report(tmp_path / "page", [Compared(beside, makers)]).read_text()
     assert f"show what the one before shows, and are no truths: {worst + 1}." in text
     assert f"nobody knows what should be seen: {worst}." in text
     assert text.count('class="cut"') == 8
@@ -192,12 +196,12 @@ def test_frames_that_are_no_truth_are_named_and_not_drawn(
 def test_small_areas_are_not_on_the_page(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path) -> None:
     """An area of less than 2 % of the picture, or of more than 98 %, has no columns; without any there is no table."""
     shares = {"moving": 0.5, "occluded": 0.019, "uncertain": 0.03}
-    text = write_report(tmp_path / "page", replace(comparison, shares=shares), makers).read_text()
+    text = write_report(tmp_path / "page", [Compared(replace(comparison, shares=shares), makers)]).read_text()
     assert "50 % moving" in text
     assert "3 % uncertain" in text
     assert "% occluded" not in text
     none = replace(comparison, shares=dict.fromkeys(shares, 0.01) | {"moving": 0.99})
-    assert 'id="by-area"' not in write_report(tmp_path / "other", none, makers).read_text()
+    assert 'id="by-area"' not in write_report(tmp_path / "other", [Compared(none, makers)]).read_text()
 
 
 class Darkening:
@@ -220,11 +224,17 @@ def test_frames_shown_are_those_that_were_scored(comparison: Comparison) -> None
     """A method that looks far is run over the whole clip again, so that it makes what it made before."""
     makers = {"darkening": Darkening()}
     scored = compare(comparison.clip, makers, Hiding(), Silence())
+
+    def has_level(uri: str, number: int) -> bool:
+        image = cv2.imdecode(np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
+        return np.allclose(image, 255 - 60 * scored.hidden.index(number), atol=2)  # WebP is lossy
+
     for frame in _view_frames(scored, makers, None)[0]:
-        whole = frame.view.pictures[1].uri.partition(",")[2]
-        image = cv2.imdecode(np.frombuffer(base64.b64decode(whole), np.uint8), cv2.IMREAD_COLOR)
-        level = 255 - 60 * scored.hidden.index(frame.view.number)
-        assert np.allclose(image, level, atol=2)  # WebP is lossy
+        assert has_level(frame.view.strips[0].crops[1].uri, frame.view.number)
+    played = view_passages(scored, makers, [scored.hidden[1:3]])
+    hidden = [frame for frame in played.frames if frame["note"] == "hidden"]
+    assert [frame["number"] for frame in hidden] == scored.hidden[1:3]
+    assert all(has_level(played.uris[frame["images"][1]], frame["number"]) for frame in hidden)
 
 
 def test_a_frame_chosen_twice_is_shown_once(comparison: Comparison) -> None:
@@ -386,70 +396,298 @@ def shown_on(page: Page, selector: str) -> bool:
 
 
 def wipe(page: Page) -> float:
-    """Where the right picture of the first viewer begins, per cent from the left."""
-    clip: str = page.locator(".viewer .layer.is-right").first.evaluate("each => getComputedStyle(each).clipPath")
-    found = re.search(r"([\d.]+)%\)", clip)
-    return float(found[1]) if found else 0.0
+    """Where the right picture begins, per cent from the left."""
+    return float(page.locator(".wipe").input_value())
 
 
 def left(page: Page) -> str:
-    return page.locator(".viewer .tag.left").first.inner_text()
+    return page.locator(".player .tag.left").inner_text()
 
 
 def right(page: Page) -> str:
-    return page.locator(".viewer .tag.right").first.inner_text()
+    return page.locator(".player .tag.right").inner_text()
 
 
-def test_slider_moves_the_edge(page: Page) -> None:
-    """The slider, a drag in the picture and the arrow keys all move it."""
-    page.locator(".wipe").first.fill("30")
+def at_frame(page: Page, number: int) -> None:
+    """Wait until the player shows a frame."""
+    expect(page.locator(".place")).to_have_text(re.compile(rf"^frame {number}\b"))
+
+
+def test_first_screen_has_the_verdict_and_pictures(chromium: Any, path: Path) -> None:
+    """At a desk and on a phone, what comes out and the whole picture are seen without scrolling."""
+    for width, height in ((1200, 900), (390, 844)):
+        opened = chromium.new_page(viewport={"width": width, "height": height})
+        opened.goto(path.as_uri())
+        expect(opened.locator(".place")).to_contain_text("frame")
+        for selector in (".outcome", ".stage", ".play [data-side='right'] >> nth=1"):
+            box = opened.locator(selector).first.bounding_box()
+            assert box is not None
+            assert box["y"] + box["height"] <= height, selector
+        opened.close()
+
+
+def test_slider_and_pointer_move_the_edge(page: Page) -> None:
+    """The slider and a drag in the picture move it."""
+    page.locator(".wipe").fill("30")
     assert wipe(page) == 30
-    stage = page.locator(".stage").first
-    stage.scroll_into_view_if_needed()
-    box = stage.bounding_box()
+    box = page.locator(".stage").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
     page.mouse.down()
     page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 30)
     page.mouse.up()
     assert math.isclose(wipe(page), 80, abs_tol=1)
+
+
+def test_keyboard_steps_flips_and_chooses(page: Page, comparison: Comparison) -> None:
+    """Arrows step from frame to frame, F shows one picture and then the other, a digit chooses the right one."""
+    stage = page.locator(".stage")
     stage.focus()
-    before = wipe(page)
-    page.keyboard.press("ArrowLeft")
-    assert wipe(page) == before - 2
-
-
-def test_keyboard_flips_and_chooses(page: Page) -> None:
-    """Space shows one picture and then the other, a digit chooses the right one, d the difference."""
-    page.locator(".stage").first.focus()
-    page.keyboard.press("Space")
+    page.keyboard.press("Home")
+    at_frame(page, 0)
+    page.keyboard.press("ArrowRight")
+    at_frame(page, comparison.hidden[0])
+    page.keyboard.press("f")
     assert wipe(page) == 0
-    page.keyboard.press("Space")
+    page.keyboard.press("f")
     assert wipe(page) == 100
     page.keyboard.press("3")
     assert wipe(page) == 0  # what was chosen is seen
     assert left(page) == "nearest"
-    page.locator(".wipe").first.fill("50")
+    page.locator(".wipe").fill("50")
     assert (left(page), right(page)) == ("truth", "nearest")
-    page.locator(".stage").first.focus()
-    page.keyboard.press("d")
-    blend = page.locator(".viewer .layer.is-right").first.evaluate("each => getComputedStyle(each).mixBlendMode")
-    assert blend == "difference"
-
-
-def test_the_tag_of_a_flipped_picture_says_what_is_seen(page: Page) -> None:
-    """One picture fills the frame, and its name alone is there, in one place; a sliver has no name."""
-    stage = page.locator(".stage").first
+    page.locator(".wipe").fill("3")
+    assert not page.locator(".tag.left").is_visible()  # a sliver has no name
     stage.focus()
-    for name in (NAMES[0], "truth"):
-        page.keyboard.press("Space")
-        seen = page.locator(".viewer .layer.is-right" if wipe(page) == 0 else ".viewer .layer.is-left").first
-        assert seen.locator("img").get_attribute("alt").count(name) == 1
-        assert left(page) == name
-        assert not page.locator(".viewer .tag.right").first.is_visible()
-    page.locator(".wipe").first.fill("3")
-    assert not page.locator(".viewer .tag.left").first.is_visible()
-    assert right(page) == NAMES[0]
+    page.keyboard.press("e")
+    assert left(page) == "difference of truth and nearest"
+
+
+def test_player_plays_a_passage(page: Page) -> None:
+    """It goes on by itself until it is stopped, at its own speed or a quarter."""
+    page.locator(".stage").focus()
+    page.keyboard.press("Home")
+    at_frame(page, 0)
+    page.locator(".play.round").click()
+    expect(page.locator(".place")).not_to_have_text(re.compile("frame 0\\b"))
+    page.locator(".slow").click()
+    assert page.locator(".play.round").get_attribute("aria-label") == "Pause"
+    page.locator(".play.round").click()
+    expect(page.locator(".play.round")).to_have_attribute("aria-label", "Play")
+
+
+def test_chart_is_the_timeline(page: Page, comparison: Comparison) -> None:
+    """A click in the chart, or Enter, shows the frame, and a line in every chart says which is shown."""
+    chart = page.locator("#errors .metric:not(.later) .chart.wide")
+    box = chart.bounding_box()
+    assert box is not None
+    left_side, _, width, _ = map(float, (chart.get_attribute("data-box") or "").split())
+    first, last = map(float, (chart.get_attribute("data-x") or "").split())
+    for number in (comparison.hidden[1], comparison.hidden[0]):
+        across = left_side + width * (number - first) / (last - first)
+        chart.click(position={"x": across * box["width"], "y": box["height"] / 2})
+        at_frame(page, number)
+        line = chart.locator(".cursor").bounding_box()
+        assert line is not None
+        assert math.isclose(line["x"] - box["x"], across * box["width"], abs_tol=2)
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    at_frame(page, comparison.hidden[1])
+
+
+def test_pixels_are_read_and_zoomed(page: Page) -> None:
+    """At 16:1 a picture can be moved, and the values of both pictures under the pointer are told."""
+    page.locator('[data-zoom="8"]').click()
+    page.locator(".stage").press("+")
+    box = page.locator(".stage").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    expect(page.locator(".pixel")).to_contain_text(re.compile(r"column \d+, row \d+\s*truth about \d+ \d+ \d+"))
+    before = page.locator(".pixel span").first.inner_text()
+    page.locator(".stage").focus()
+    page.keyboard.press("Shift+ArrowRight")
+    expect(page.locator(".pixel span").first).not_to_have_text(before)
+
+
+def test_closer_look_leads_to_its_frame(page: Page) -> None:
+    """The button beside a spot shows its frame in the player, enlarged."""
+    button = page.locator("[data-goes]").last
+    number = int((button.get_attribute("data-goes") or "").split()[0])
+    button.click()
+    at_frame(page, number)
+    expect(page.locator('[data-zoom="4"]')).to_have_attribute("aria-pressed", "true")
+
+
+def test_address_keeps_what_is_shown(chromium: Any, page: Page, path: Path, comparison: Comparison) -> None:
+    """An address that is copied shows the same; one that is wrong does no harm."""
+    page.locator(".stage").focus()
+    page.keyboard.press("End")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("3")
+    page.keyboard.press("e")
+    page.locator('[data-zoom="2"]').click()
+    page.locator('[data-shows="psnr"]').click()
+    page.wait_for_url(re.compile("metric=psnr"))
+    copied, place = page.url, page.locator(".place").inner_text()
+    other = chromium.new_page(viewport={"width": 1200, "height": 900})
+    other.goto(copied)
+    expect(other.locator(".place")).to_have_text(place)
+    assert left(other) == "difference of truth and nearest"
+    assert other.locator('[data-zoom="2"]').get_attribute("aria-pressed") == "true"
+    assert shown_on(other, '[data-metric="psnr"] .chart.wide')
+    other.goto(f"{path.as_uri()}#frame=999999&left=nobody&zoom=x&metric=%22]&clip=7")
+    other.reload()
+    expect(other.locator(".place")).to_contain_text("frame")
+    other.close()
+
+
+def test_blind_test_hides_names_and_counts(page: Page) -> None:
+    """No name is told while it lasts, not in the address either; at the end every vote is."""
+    before = page.locator(".place").inner_text()
+    page.get_by_role("button", name="Blind test").click()
+    for vote in ("A, left", "B, right", "No difference"):
+        expect(page.locator(".tag.left")).to_have_text("A")
+        expect(page.locator(".tag.right")).to_have_text("B")
+        assert not page.locator("[data-side='left']").first.is_visible()
+        assert "A" not in page.url.partition("#")[2]
+        page.get_by_role("button", name="Show the truth").click()
+        assert left(page) == "truth"
+        page.locator(".stage").focus()
+        page.keyboard.press("2")  # would tell
+        assert left(page) == "truth"
+        page.get_by_role("button", name=vote).click()
+    expect(page.locator(".count")).to_have_text("3 votes")
+    page.get_by_role("button", name="End and reveal").click()
+    tally = page.locator(".tally").inner_text()
+    assert tally.startswith("3 rounds, 1 without a difference")
+    assert sum(int(won) for won in re.findall(r"preferred in (\d+) of", tally)) == 2
+    assert {name for name in NAMES if name in tally} == set(re.findall(r"^(\S+):", tally, re.MULTILINE))
+    assert (left(page), right(page)) == ("truth", NAMES[0])
+    expect(page.locator(".place")).to_have_text(before)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1200, 900), (390, 844)])
+def test_nothing_is_in_the_way_of_anybody(chromium: Any, several: Path, scheme: str, width: int, height: int) -> None:
+    """Axe finds no violation, in a page of several clips, also in the error map and in the blind test."""
+    opened = chromium.new_page(
+        viewport={"width": width, "height": height}, color_scheme=scheme, reduced_motion="reduce"
+    )
+    opened.goto(several.as_uri())
+    expect(opened.locator(".place").first).to_contain_text("frame")
+    for button in (None, "Error map", "Blind test"):
+        if button is not None:
+            opened.get_by_role("button", name=button).click()
+        found = Axe().run(opened).response["violations"]
+        assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
+    assert opened.evaluate("document.documentElement.scrollWidth") == width
+    opened.close()
+
+
+# ---------------------------------------------------------------- several clips
+
+
+@pytest.fixture(scope="module")
+def several(comparison: Comparison, makers: dict[str, Maker], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of two clips, of which the second is the first one's end."""
+    other = compare(comparison.clip, makers, Hiding(first=4), Silence())
+    clips = [Compared(each, makers) for each in (comparison, other)]
+    return write_report(tmp_path_factory.mktemp("report") / "page", clips)
+
+
+def test_page_of_several_clips(chromium: Any, several: Path, comparison: Comparison) -> None:
+    """One clip is seen at a time, names are unique, the address says which, and a table has all and their mean."""
+    references = References()
+    references.feed(several.read_text(encoding="utf-8"))
+    assert len(references.names) == len(set(references.names))
+    opened = chromium.new_page(viewport={"width": 1200, "height": 900})
+    opened.goto(several.as_uri())
+    assert opened.locator("h1").inner_text() == "2 clips"
+    assert "in the mean of 2 clips" in opened.locator(".outcome").inner_text()
+    expect(opened.locator(".clip").nth(0)).to_be_visible()
+    expect(opened.locator(".clip").nth(1)).not_to_be_visible()
+    opened.locator("[data-clip='1']").click()
+    expect(opened.locator(".clip").nth(1).locator(".place")).to_contain_text("frame")
+    expect(opened.locator(".clip").nth(0)).not_to_be_visible()
+    opened.wait_for_url(re.compile("clip=2"))
+    opened.reload()
+    expect(opened.locator(".clip").nth(1).locator(".place")).to_contain_text("frame")
+    rows = opened.locator("#clips tbody tr")
+    assert rows.count() == len(NAMES)
+    mean, *of_clips = (
+        float(each) for each in rows.first.locator("td").evaluate_all("all => all.map(each => each.dataset.value)")
+    )
+    assert math.isclose(mean, sum(of_clips) / 2)
+    opened.close()
+
+
+def test_command_compares_several_clips(comparison: Comparison, fpsboost_: Command, tmp_path: Path) -> None:
+    """Tables of each, a table of the means, one page, one JSON and one CSV that name the clips."""
+    shutil.copytree(comparison.clip, tmp_path / "second")
+    shutil.copytree(comparison.clip, tmp_path / "first")
+    for number in range(2):
+        (tmp_path / "second" / f"{number:04d}.png").unlink()
+    arguments = ("-m", "blend,nearest", "--report", "page", "--json", "x.json", "--csv", "x.csv")
+    result = fpsboost_("compare", "first", "second", *arguments)
+    assert result.code == 0, result.err
+    assert "2 clips" in result.out
+    assert re.search(r"blend does best in the mean of 2 clips: [\d.]+ dB, [\d.]+ dB more than nearest", result.out)
+    data = json.loads((tmp_path / "x.json").read_text())
+    assert [each["clip"] for each in data["clips"]] == ["first", "second"]
+    of_clips = data["mean"]["blend"]["psnr_of_clips"]
+    assert of_clips == [each["methods"][0]["mean"]["psnr"] for each in data["clips"]]
+    assert math.isclose(data["mean"]["blend"]["psnr"], sum(of_clips) / 2)
+    rows = list(csv.DictReader((tmp_path / "x.csv").read_text().splitlines()))
+    assert {row["clip"] for row in rows} == {"first", "second"}
+    below = fpsboost_("compare", "first", "second", "-m", "blend", "--fail-under", "99", "-q")
+    assert (below.code, below.err.count("99 dB of --fail-under")) == (3, 1)
+
+
+def test_several_clips_are_checked_before_any_work(comparison: Comparison, fpsboost_: Command, tmp_path: Path) -> None:
+    """The one that is wrong is named, at once; options about one clip are refused, and a clip that is named twice."""
+    missing = fpsboost_("compare", comparison.clip, "missing", "-m", "blend")
+    assert (missing.code, missing.out, missing.err.count("\n")) == (1, "", 1)
+    assert missing.err.startswith("fpsboost: missing ")
+    for option in ("--vectors", "--frames"):
+        refused = fpsboost_("compare", comparison.clip, "other", option, "x=y")
+        assert (refused.code, refused.err) == (
+            2,
+            f"fpsboost: {option} goes with one clip; compare several one by one.\n",
+        )
+    twice = fpsboost_("compare", comparison.clip, comparison.clip)
+    assert (twice.code, twice.err) == (2, f"fpsboost: {comparison.clip} is named twice; name it once.\n")
+
+
+def test_passages_are_where_methods_differ_and_err(comparison: Comparison) -> None:
+    """Within the count, without overlap, in order; frames of closer looks become passages of their own."""
+
+    def with_errors(*errors: list[float]) -> Comparison:
+        methods = [
+            MethodResult(str(place), "", [frame_of(number, mae) for number, mae in enumerate(of_method)])
+            for place, of_method in enumerate(errors)
+        ]
+        return replace(comparison, methods=methods, hidden=list(range(len(errors[0]))), cuts=[], doubtful=[])
+
+    def frame_of(number: int, mae: float) -> FrameResult:
+        return FrameResult(number, Scores(mae**2, 30.0, 0.9, mae), 0.1, 0.1, {}, {})
+
+    first = [1.0] * 20
+    first[15:18] = [9.0] * 3
+    others = [[value + (5.0 if place in (4, 5, 6) else 0.0) for place, value in enumerate(first)] for _ in range(2)]
+    found = with_errors(first, *others)
+    assert choose_passages(found, 6) == [[4, 5, 6], [15, 16, 17]]
+    assert choose_passages(found, 6, [5, 11]) == [[4, 5, 6], [11], [15, 16, 17]]
+    assert choose_passages(found, 20, [5]) == [list(range(20))]
+    assert choose_passages(replace(found, cuts=[4, 5, 6]), 6)[0] != [4, 5, 6]
+
+
+def test_played_frames_are_those_of_the_clip(comparison: Comparison, makers: dict[str, Maker]) -> None:
+    """Frames that were shown have one picture, hidden ones the truth and one of each method, in order."""
+    played = view_passages(comparison, makers, [comparison.hidden])
+    assert [frame["number"] for frame in played.frames] == list(range(comparison.clip_frames))
+    assert {len(frame["images"]) for frame in played.frames[::2]} == {1}
+    assert {len(frame["images"]) for frame in played.frames[1::2]} == {1 + len(NAMES)}
+    assert (played.width, played.height, played.fps) == (WIDTH, HEIGHT, 24.0)
 
 
 def test_sorting_starts_with_the_best(page: Page) -> None:
@@ -487,9 +725,9 @@ def test_a_phone_may_zoom_and_sees_every_label(chromium: Any, path: Path) -> Non
 
 def test_choosing_the_other_sides_picture_swaps(page: Page) -> None:
     """Two equal pictures side by side would show nothing."""
-    page.locator('.viewer [data-side="right"]').first.click()
+    page.locator('[data-side="right"]').first.click()
     assert right(page) == "truth"
-    assert page.locator(".viewer .tag.left").first.inner_text() == NAMES[0]
+    assert left(page) == NAMES[0]
 
 
 def test_legend_hides_a_method(page: Page) -> None:
@@ -558,12 +796,12 @@ def test_phone_sees_no_sideways_scrolling(page: Page) -> None:
 
 
 def test_page_can_be_read_without_script(chromium: Any, path: Path) -> None:
-    """Every picture and table is there for a browser that runs no script."""
+    """Every closer look and table is there for a browser that runs no script."""
     context = chromium.new_context(java_script_enabled=False)
     opened = context.new_page()
     opened.goto(path.as_uri())
-    layers = opened.locator(".layer")
-    assert all(layers.nth(index).is_visible() for index in range(layers.count()))
+    crops = opened.locator(".crops img")
+    assert all(crops.nth(index).is_visible() for index in range(crops.count()))
     assert opened.locator("#overall").is_visible()
-    assert not opened.locator(".panel").first.is_visible()
+    assert not opened.locator(".player").is_visible()
     context.close()

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -28,7 +29,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 if TYPE_CHECKING:
     from fpsboost.evaluation.hiding import Hiding
     from fpsboost.evaluation.making import Maker
-    from fpsboost.evaluation.results import Comparison, MethodResult
+    from fpsboost.evaluation.results import Compared, Comparison, MethodResult
     from fpsboost.io.vectors.folder import VectorFolder
 
 EXIT_BELOW_LIMIT = 3
@@ -50,7 +51,7 @@ def hiding_of(options: HidingOptions, decoding: DecodeOptions) -> Hiding:
 def compare(
     input: Annotated[PathName, Parameter(name="IN")],
     /,
-    *,
+    *more: Annotated[PathName, Parameter(show=False)],
     decoding: Annotated[DecodeOptions, frames_group],
     frames: Annotated[HidingOptions, frames_group],
     contest: Annotated[ContestOptions, Group("What is compared", sort_key=2)],
@@ -65,31 +66,59 @@ def compare(
     ----------
     input
         A video file, a folder of images, or a pattern: shot_%04d.png, shot_####.png.
+        Of several, each is compared, and all count alike.
+    more
+        Further ones.
     """
+    console = Console(highlight=False, quiet=results.quiet)
+    inputs, hiding = [input, *more], hiding_of(frames, decoding)
+    name_others(contest.frames_of, contest.peer)
+    if contest.depth is not None and contest.vectors is None:
+        raise OptionError("--depth goes with --vectors; give both.")
+    check_several(inputs, contest)
+    with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
+        compared = compare_each(inputs, hiding, contest, at_cuts, results, Path(scratch), console)
+        write_results(compared, results, console, None if decoding.input_fps is None else Fraction(decoding.input_fps))
+    if results.fail_under is not None:
+        check_is_reached([each.comparison for each in compared], results.fail_under)
+
+
+def compare_each(
+    inputs: Sequence[str],
+    hiding: Hiding,
+    contest: ContestOptions,
+    at_cuts: CutOptions,
+    results: ResultOptions,
+    scratch: Path,
+    console: Console,
+) -> list[Compared]:
+    """Compare the methods on one clip after the other, and print what comes out."""
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
-    from fpsboost.evaluation.exporting import write_csv, write_json  # noqa: PLC0415
     from fpsboost.evaluation.further_metrics import choose_metrics  # noqa: PLC0415
+    from fpsboost.evaluation.results import Compared  # noqa: PLC0415
+    from fpsboost.evaluation.several import judge_all  # noqa: PLC0415
     from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
-    console = Console(highlight=False, quiet=results.quiet)
-    hiding = hiding_of(frames, decoding)
+    vectors = contest.vector_folder
+    vectors = vectors and match_vectors(inputs[0], vectors)
     others = name_others(contest.frames_of, contest.peer)
-    if contest.depth is not None and contest.vectors is None:
-        raise OptionError("--depth goes with --vectors; give both.")
-    folder = contest.vector_folder
-    folder = folder and match_vectors(input, folder)
-    makers, skipped = choose(contest.methods, folder)
-    makers = with_cuts(makers, at_cuts)
+    ours, skipped = choose(contest.methods, vectors)
+    ours = with_cuts(ours, at_cuts)
     if results.fail_under is not None:
-        check_limit(results.fail_under, contest.methods, list(makers), skipped)
+        check_limit(results.fail_under, contest.methods, list(ours), skipped)
     chosen = choose_metrics(results.metrics)
     for path, option in ((results.report, "--report"), (results.json, "--json"), (results.csv, "--csv")):
         check_new(path, option)
-    rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
-    with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
+    rate = None if hiding.decoding.input_fps is None else Fraction(hiding.decoding.input_fps)
+    for input in inputs[1:]:  # the first one says so soon enough
+        next(hiding.intervals(input, rate))
+    compared = []
+    for place, input in enumerate(inputs):
+        own = scratch / str(place)
+        own.mkdir()
         with Progressing(quiet=results.quiet) as progress:
-            makers |= others.makers(lambda: hiding.intervals(input, rate), Path(scratch), progress.begun)
+            makers = ours | dict(others.makers(partial(hiding.intervals, input, rate), own, progress.begun))
             comparison = run(
                 input,
                 makers,
@@ -99,7 +128,7 @@ def compare(
                 input_fps=rate,
                 rendered=words_of(contest.rendered),
                 others=others.words(),
-                vectors=folder,
+                vectors=vectors,
                 cuts=at_cuts.applied_to(find_method("nlm")).cuts,
                 cut_options=words_of(at_cuts.given),
                 metrics=chosen,
@@ -109,18 +138,42 @@ def compare(
         for line in remarks(comparison, makers):
             console.print(sentence(line))
         console.print(sentence(judge(comparison).text), style="bold", soft_wrap=True)
-        if results.json is not None:
-            write_json(Path(results.json), comparison)
-        if results.csv is not None:
-            write_csv(Path(results.csv), comparison)
-        if results.report is not None:
-            from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (the drawing code is slow to import)
+        compared.append(Compared(comparison, makers))
+    if len(compared) > 1:
+        console.print(table_of_means([each.comparison for each in compared]))
+        console.print(sentence(judge_all([each.comparison for each in compared])), style="bold", soft_wrap=True)
+    return compared
 
-            with Console(stderr=True, quiet=results.quiet).status("writing the page"):
-                page = write_report(Path(results.report), comparison, makers, input_fps=rate)
-            console.print(f"Page: {shown(str(page))}", soft_wrap=True)
-    if results.fail_under is not None:
-        check_is_reached(comparison, results.fail_under)
+
+def write_results(
+    compared: Sequence[Compared], results: ResultOptions, console: Console, input_fps: Fraction | None
+) -> None:
+    """Write the files and the page that are asked for."""
+    from fpsboost.evaluation.exporting import write_csv, write_json  # noqa: PLC0415
+
+    comparisons = [each.comparison for each in compared]
+    if results.json is not None:
+        write_json(Path(results.json), comparisons)
+    if results.csv is not None:
+        write_csv(Path(results.csv), comparisons)
+    if results.report is not None:
+        from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (the drawing code is slow to import)
+
+        with Console(stderr=True, quiet=results.quiet).status("writing the page"):
+            page = write_report(Path(results.report), compared, input_fps=input_fps)
+        console.print(f"Page: {shown(str(page))}", soft_wrap=True)
+
+
+def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
+    """Raise `OptionError` if there are several clips and an option is about one, or one is named twice."""
+    if len(inputs) == 1:
+        return
+    of_one = [*["--vectors"] * (contest.vectors is not None), *["--frames"] * bool(contest.frames_of)]
+    if of_one:
+        raise OptionError(f"{' and '.join(of_one)} goes with one clip; compare several one by one.")
+    twice = next((input for input in inputs if inputs.count(input) > 1), None)
+    if twice is not None:
+        raise OptionError(f"{twice} is named twice; name it once.")
 
 
 def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
@@ -152,12 +205,13 @@ def check_limit(limit: float, methods: Sequence[str], compared: Sequence[str], s
         raise OptionError(f"--fail-under asks about {first}, which cannot be run here; name another method first.")
 
 
-def check_is_reached(comparison: Comparison, limit: float) -> None:
-    """Exit with `EXIT_BELOW_LIMIT` if the first method's mean PSNR is lower than a limit."""
-    first = comparison.methods[0]
-    psnr = comparison.means(first).psnr
-    if psnr < limit:
-        sentence = f"{first.name} reaches {psnr:.2f} dB, below the {limit:g} dB of --fail-under."
+def check_is_reached(comparisons: Sequence[Comparison], limit: float) -> None:
+    """Exit with `EXIT_BELOW_LIMIT` if the first method's mean PSNR, over the clips, is lower than a limit."""
+    from fpsboost.evaluation.several import means_over_clips  # noqa: PLC0415
+
+    first = means_over_clips(comparisons)[0]
+    if first.mean < limit:
+        sentence = f"{first.method} reaches {first.mean:.2f} dB, below the {limit:g} dB of --fail-under."
         messages.console().print(f"[red]fpsboost:[/] {shown(sentence)}")
         sys.exit(EXIT_BELOW_LIMIT)
 
@@ -208,6 +262,22 @@ def tables(comparison: Comparison) -> list[Table]:
     if comparison.metrics:
         found.append(further_table(comparison, ranked))
     return found
+
+
+def table_of_means(comparisons: Sequence[Comparison]) -> Table:
+    """Return the PSNR of every method on every clip, and the means over the clips, best method first."""
+    from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
+    from fpsboost.evaluation.several import means_over_clips  # noqa: PLC0415
+
+    table = Table(Column("PSNR", overflow="fold"), title=f"{len(comparisons)} clips")
+    table.add_column("mean", justify="right")
+    for comparison in comparisons:
+        table.add_column(shown(Path(comparison.clip).name), justify="right", overflow="fold")
+    for place, each in enumerate(sorted(means_over_clips(comparisons), key=lambda each: -each.mean)):
+        style = "bold green" if place == 0 else ""
+        cells = [f"{psnr:.2f}" for psnr in (each.mean, *each.of_clips)]
+        table.add_row("\n".join(map(shown, break_name(each.method))), *cells, style=style)
+    return table
 
 
 def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Table:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.evaluation.results import Comparison
+from fpsboost.evaluation.several import means_as_json
 from fpsboost.evaluation.verdict import judge
 from fpsboost.evaluation.writing import appearing
 
@@ -24,16 +25,20 @@ DATA_VERSION = 1
 """Of `Comparison.as_json`: higher where a name has gone or means something else, the same where names were added."""
 
 
-def write_json(path: Path, comparison: Comparison) -> None:
+def write_json(path: Path, comparisons: Sequence[Comparison]) -> None:
     """Write all figures; the file appears whole or not at all.
+
+    Of one clip it holds what `as_json` returns; of several ``clips``, a list of that, and their ``mean``.
 
     Raises
     ------
     OutputError
         It cannot be written.
     """
+    data = [as_json(comparison) for comparison in comparisons]
+    several = {"version": DATA_VERSION, "clips": data, "mean": means_as_json(comparisons)}
     with appearing(path) as unfinished:
-        unfinished.write_text(json.dumps(as_json(comparison), indent=1) + "\n", encoding="utf-8")
+        unfinished.write_text(json.dumps(data[0] if len(data) == 1 else several, indent=1) + "\n", encoding="utf-8")
 
 
 def as_json(comparison: Comparison) -> dict[str, Any]:
@@ -59,15 +64,19 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     return finite
 
 
-def write_csv(path: Path, comparison: Comparison) -> None:
+def write_csv(path: Path, comparisons: Sequence[Comparison]) -> None:
     """Write a row for each method and frame, under plain headings; the file appears whole or not at all.
+
+    Of several clips the first column is the clip.
 
     Raises
     ------
     OutputError
         It cannot be written.
     """
-    rows = list(rows_of(comparison))
+    rows = [row for each in comparisons for row in rows_of(each)]
+    if len(comparisons) > 1:
+        rows = [{"clip": each.clip, **row} for each in comparisons for row in rows_of(each)]
     with appearing(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, list(rows[0]))
         table.writeheader()

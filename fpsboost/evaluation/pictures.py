@@ -82,25 +82,19 @@ class Strip:
     ----------
     letter : str
     spot : Spot
-    place : tuple of float
-        Left, top, width and height, shares of the frame.
     crops : list of Picture
     """
 
     letter: str
     spot: Spot
-    place: tuple[float, float, float, float]
     crops: list[Picture]
 
 
 @dataclass(frozen=True)
 class FrameView:
-    """A hidden frame, in the truth and as every method made it, and closer looks."""
+    """Closer looks at a hidden frame, in the truth and as every method made it."""
 
     number: int
-    width: int
-    height: int
-    pictures: list[Picture]
     strips: list[Strip]
 
 
@@ -161,7 +155,7 @@ class MotionView:
 
 
 def view_frame(picked: Picked, made: Mapping[str, Image]) -> FrameView:
-    """Encode a frame as every method made it, and find and encode the spots worth a closer look.
+    """Find the spots of a frame that are worth a closer look, and encode them as every method made them.
 
     Parameters
     ----------
@@ -170,7 +164,6 @@ def view_frame(picked: Picked, made: Mapping[str, Image]) -> FrameView:
         By method, in the order of the comparison.
     """
     truth = picked.hidden.truth
-    height, width = truth.shape[:2]
     images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(made.items()))]
     errors = [absolute_error(truth, image) for image in made.values()]
     strips = []
@@ -185,10 +178,8 @@ def view_frame(picked: Picked, made: Mapping[str, Image]) -> FrameView:
             )
             for name, index, image in images
         ]
-        place = spot.x / width, spot.y / height, spot.size / width, spot.size / height
-        strips.append(Strip(letter, spot, place, crops))
-    pictures = [Picture(name, index, encode(not_too_wide(as_shown(image)))) for name, index, image in images]
-    return FrameView(picked.hidden.number, width, height, pictures, strips)
+        strips.append(Strip(letter, spot, crops))
+    return FrameView(picked.hidden.number, strips)
 
 
 def view_motion(picked: Picked, made: Mapping[str, Image], makers: Mapping[str, Maker]) -> MotionView | None:

@@ -23,9 +23,11 @@ from fpsboost.evaluation.further_metrics import Figure, figures_of, metrics
 from fpsboost.evaluation.looks import looks_of
 from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
 from fpsboost.evaluation.page_templates import templates_of
+from fpsboost.evaluation.passages import MAX_PIXELS, choose_passages, count_for, view_passages
 from fpsboost.evaluation.picking import make_some, pick
 from fpsboost.evaluation.pictures import MAX_DRAWN_ERROR, FrameView, MotionView, view_frame, view_motion
-from fpsboost.evaluation.results import Comparison, MethodResult
+from fpsboost.evaluation.results import Compared, Comparison, MethodResult
+from fpsboost.evaluation.several import judge_all, means_over_clips
 from fpsboost.evaluation.verdict import judge
 from fpsboost.evaluation.writing import appearing
 
@@ -96,19 +98,16 @@ class ShownFrame(NamedTuple):
     view: FrameView
 
 
-def write_report(
-    folder: Path, comparison: Comparison, makers: Mapping[str, Maker], *, input_fps: Fraction | None = None
-) -> Path:
-    """Write the page of a comparison into a new folder, which appears whole or not at all.
+def write_report(folder: Path, clips: Sequence[Compared], *, input_fps: Fraction | None = None) -> Path:
+    """Write the page of comparisons into a new folder, which appears whole or not at all.
 
     Parameters
     ----------
     folder : Path
-    comparison : Comparison
-    makers : mapping of str to Maker
-        Its methods, to make some frames again.
+    clips : sequence of Compared
+        One or more, by the same methods.
     input_fps : Fraction, optional
-        Frames per second of images, as in the comparison.
+        Frames per second of images, as in the comparisons.
 
     Returns
     -------
@@ -122,59 +121,85 @@ def write_report(
     """
     if folder.exists():
         raise OutputError(f"{folder} exists; name a new folder with `report`, or remove it first.")
-    page = make_page(comparison, makers, input_fps=input_fps)
+    page = make_page(clips, input_fps=input_fps)
     with appearing(folder) as unfinished:
         unfinished.mkdir(exist_ok=True)  # one of an earlier, stopped attempt is taken over
         (unfinished / PAGE).write_text(page, encoding="utf-8")
     return folder / PAGE
 
 
-def make_page(
-    comparison: Comparison,
-    makers: Mapping[str, Maker],
-    *,
-    input_fps: Fraction | None = None,
-    date: datetime | None = None,
-) -> str:
-    """Return the page of a comparison as text.
+def make_page(clips: Sequence[Compared], *, input_fps: Fraction | None = None, date: datetime | None = None) -> str:
+    """Return the page of comparisons as text.
 
     Parameters
     ----------
-    comparison, makers, input_fps
+    clips, input_fps
         As for `write_report`.
     date : datetime, optional
         When it was made; now, if not given.
     """
-    shown, motion = _view_frames(comparison, makers, input_fps)
     environment = templates_of("fpsboost.evaluation")
     environment.filters["breakable"] = breakable
+    comparisons = [each.comparison for each in clips]
+    max_pixels = MAX_PIXELS // len(clips)
+    written = (date or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M")
+    bodies = [
+        environment.get_template("clip.html.j2").render(
+            _clip_values(each, f"-{number}" if number > 1 else "", max_pixels, input_fps), date=written
+        )
+        for number, each in enumerate(clips, 1)
+    ]
+    one = clips[0].comparison if len(clips) == 1 else None
     return environment.get_template("page.html.j2").render(
-        comparison=comparison,
-        name=Path(comparison.clip).name or comparison.clip,
-        hidden=describe_hidden(comparison),
-        verdict=judge(comparison),
-        notes=comparison.notes(makers),
-        columns=COLUMNS,
-        overall=overall_rows(comparison),
-        areas=comparison.areas,
-        by_area=area_rows(comparison),
-        further_figures=figures_of(comparison.metrics),
-        further=further_rows(comparison),
-        meanings=[metrics[name].meaning for name in comparison.metrics],
-        plots=frame_plots(comparison),
-        timing=time_plot(comparison),
-        quality=quality_charts(comparison),
-        values=frame_values(comparison),
-        shared_out=shared_out(comparison),
-        tabled=len(comparison.hidden) <= TABLED_FRAMES,
-        shown=shown,
-        motion=motion,
-        command=command(comparison, input_fps),
-        date=(date or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M"),
-        is_float=comparison.kind.endswith("float"),
-        looks=looks_of([method.name for method in comparison.methods]),
-        brightest=MAX_DRAWN_ERROR,
+        name=_name_of(one) if one else f"{len(clips)} clips",
+        names=[_name_of(each) for each in comparisons],
+        outcome=judge(one).sentences[0] if one else judge_all(comparisons),
+        has_times=[time_plot(each) is not None for each in comparisons],
+        means=mean_rows(comparisons),
+        clip_columns=[(_name_of(each), "dB", True) for each in comparisons],
+        bodies=[Markup(each) for each in bodies],
+        looks=looks_of([method.name for method in comparisons[0].methods]),
     )
+
+
+def _name_of(comparison: Comparison) -> str:
+    return Path(comparison.clip).name or comparison.clip
+
+
+def _clip_values(each: Compared, at: str, max_pixels: int, input_fps: Fraction | None) -> dict[str, Any]:
+    """Return what the sections about one clip are made of; `at` tells their names from those of other clips."""
+    comparison, makers = each
+    shown, motion = _view_frames(comparison, makers, input_fps)
+    passages = choose_passages(comparison, count_for(comparison, max_pixels), [one.view.number for one in shown])
+    return {
+        "at": at,
+        "comparison": comparison,
+        "name": _name_of(comparison),
+        "hidden": describe_hidden(comparison),
+        "verdict": judge(comparison),
+        "notes": comparison.notes(makers),
+        "columns": COLUMNS,
+        "overall": overall_rows(comparison),
+        "areas": comparison.areas,
+        "by_area": area_rows(comparison),
+        "further_figures": figures_of(comparison.metrics),
+        "further": further_rows(comparison),
+        "meanings": [metrics[name].meaning for name in comparison.metrics],
+        "plots": frame_plots(comparison, at),
+        "timing": time_plot(comparison, at),
+        "quality": quality_charts(comparison, at),
+        "values": frame_values(comparison),
+        "shared_out": shared_out(comparison),
+        "tabled": len(comparison.hidden) <= TABLED_FRAMES,
+        "shown": shown,
+        "motion": motion,
+        "played": view_passages(comparison, makers, passages, input_fps),
+        "plays_all": len(passages) == 1 and len(passages[0]) == len(comparison.hidden),
+        "command": command(comparison, input_fps),
+        "is_float": comparison.kind.endswith("float"),
+        "looks": looks_of([method.name for method in comparison.methods]),
+        "brightest": MAX_DRAWN_ERROR,
+    }
 
 
 def _view_frames(
@@ -251,6 +276,13 @@ def overall_rows(comparison: Comparison) -> list[Row]:
     return [rows[index] for index in sorted(range(len(rows)), key=lambda index: -figures[index][0])]
 
 
+def mean_rows(comparisons: Sequence[Comparison]) -> list[Row]:
+    """Return the PSNR of every method on every clip, and its mean over the clips, which are of equal weight."""
+    figures = [[mean, *of_clips] for _, mean, of_clips in means_over_clips(comparisons)]
+    rows = _rows(comparisons[0].methods, figures, [(2, True)] * (1 + len(comparisons)))
+    return sorted(rows, key=lambda row: -figures[row.method][0])
+
+
 def area_rows(comparison: Comparison) -> list[Row]:
     """Return errors in and out of each area, in the order of `overall_rows`."""
     figures = [
@@ -301,7 +333,7 @@ def _more_digits(values: Sequence[float], digits: int) -> int:
     return next((more for more in (0, 1) if smallest >= 2 * 10.0 ** -(digits + more)), 2)
 
 
-def frame_plots(comparison: Comparison) -> list[Plot]:
+def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
     """Return the error of every frame, as three figures to choose from, and more where more was measured."""
     choices = [
         ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
@@ -313,23 +345,24 @@ def frame_plots(comparison: Comparison) -> list[Plot]:
         label += " (higher is better)" if figure.high_is_good else ""
         choices.append((figure.name, figure.title, figure.unit, label, {"from_zero": not figure.high_is_good}))
     return [
-        Plot(key, title, unit, _frame_charts(comparison, key, label, **how)) for key, title, unit, label, how in choices
+        Plot(key, title, unit, _frame_charts(comparison, key, label, at, **how))
+        for key, title, unit, label, how in choices
     ]
 
 
-def time_plot(comparison: Comparison) -> Plot | None:
+def time_plot(comparison: Comparison, at: str = "") -> Plot | None:
     """Draw the time that every frame took; None where nobody knows it."""
     if not any(math.isfinite(comparison.mean_seconds(method)[0]) for method in comparison.methods):
         return None
-    charts = _frame_charts(comparison, "seconds", "Time, seconds a frame", may_be_logarithmic=True)
+    charts = _frame_charts(comparison, "seconds", "Time, seconds a frame", at, may_be_logarithmic=True)
     return Plot("seconds", "Time", "s", charts)
 
 
-def _frame_charts(comparison: Comparison, key: str, label: str, **how: bool) -> list[Chart]:
+def _frame_charts(comparison: Comparison, key: str, label: str, at: str, **how: bool) -> list[Chart]:
     values = frame_values(comparison)
     looks = looks_of([method.name for method in comparison.methods])
     series = [Series(index, each[key], looks[index]) for index, each in enumerate(values["methods"])]
-    return draw_lines(key, label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
+    return draw_lines(key + at, label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
 
 
 def shared_out(comparison: Comparison) -> list[str]:
@@ -342,7 +375,7 @@ def shared_out(comparison: Comparison) -> list[str]:
     ]
 
 
-def quality_charts(comparison: Comparison) -> list[Chart]:
+def quality_charts(comparison: Comparison, at: str = "") -> list[Chart]:
     """Return one dot a method: what it costs and what it is worth."""
     looks = looks_of([method.name for method in comparison.methods])
     dots = [
@@ -350,7 +383,7 @@ def quality_charts(comparison: Comparison) -> list[Chart]:
         for index, method in enumerate(comparison.methods)
         if math.isfinite(comparison.mean_seconds(method)[0])
     ]
-    return draw_dots("quality", "PSNR, dB (higher is better)", "seconds a frame (farther left is faster)", dots)
+    return draw_dots("quality" + at, "PSNR, dB (higher is better)", "seconds a frame (farther left is faster)", dots)
 
 
 def frame_values(comparison: Comparison) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from fpsboost.evaluation.further_metrics import summarise
 from fpsboost.evaluation.hiding import Hiding
@@ -189,6 +190,13 @@ class Comparison:
         """Mean absolute error of a method in an area or outside of it, levels of 255."""
         frames = self.counted(method)
         return mean([(frame.inside if inside else frame.outside)[area] for frame in frames])
+
+
+class Compared(NamedTuple):
+    """A comparison, and its methods by name, to make some frames again."""
+
+    comparison: Comparison
+    makers: Mapping[str, Maker]
 
 
 def _some(numbers: Sequence[int]) -> str:

@@ -1,5 +1,4 @@
-"use strict";
-// Reads nothing but this page. Each part below stands alone; without it the page still shows every table and picture.
+// Reads nothing but this page; without it the page still shows every table and closer look. Needs player.js before it.
 
 const all = (selector, within = document) => [...within.querySelectorAll(selector)];
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
@@ -34,7 +33,6 @@ function sortTable(heading) {
 
 // ---------------------------------------------------------------- figures
 
-const values = JSON.parse(document.getElementById("values").textContent);
 const hiddenMethods = new Set();
 
 function toggleMethod(index) {
@@ -49,10 +47,10 @@ function showMetric(button) {
   for (const metric of all(".metric", plot)) metric.classList.toggle("later", metric.dataset.metric !== button.dataset.shows);
 }
 
-/** A chart that tells the values of the frame nearest to the pointer. */
+/** A chart that tells the values of the frame nearest to the pointer, and where the player is. */
 class Reader {
-  constructor(chart) {
-    this.chart = chart;
+  constructor(chart, values, goTo) {
+    Object.assign(this, { chart, values, goTo });
     this.place = null;
     [this.left, this.top, this.width, this.height] = chart.dataset.box.split(" ").map(Number);
     this.x = chart.dataset.x.split(" ").map(Number);
@@ -63,6 +61,23 @@ class Reader {
     chart.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && this.clear());
     chart.addEventListener("blur", () => this.clear());
     chart.addEventListener("keydown", (event) => this.step(event));
+    chart.addEventListener("click", () => this.choose());
+  }
+
+  choose() {
+    if (this.place !== null) this.goTo(this.values.frames[this.place]);
+  }
+
+  /** Mark the frame that the player shows. */
+  follow(frame) {
+    this.cursor ??= this.add("cursor");
+    this.cursor.style.cssText = `left:${100 * this.across(frame)}%;top:${100 * this.top}%;height:${100 * this.height}%`;
+  }
+
+  /** Shade frames that can be played. */
+  shade(first, last) {
+    const [left, right] = [first, last].map((frame) => clamp(this.across(frame), this.left, this.left + this.width));
+    this.add("shade").style.cssText = `left:${100 * left}%;width:${100 * (right - left)}%;top:${100 * this.top}%;height:${100 * this.height}%`;
   }
 
   across(frame) {
@@ -78,42 +93,43 @@ class Reader {
   point(event) {
     const bounds = this.chart.getBoundingClientRect();
     const share = (event.clientX - bounds.left) / bounds.width;
-    const distances = values.frames.map((frame) => Math.abs(this.across(frame) - share));
+    const distances = this.values.frames.map((frame) => Math.abs(this.across(frame) - share));
     this.read(distances.indexOf(Math.min(...distances)));
   }
 
   step(event) {
     const move = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (event.key === "Escape") this.clear();
+    if (event.key === "Enter") this.choose();
     if (!move) return;
     event.preventDefault();
-    this.read(this.place === null ? 0 : clamp(this.place + move, 0, values.frames.length - 1));
+    this.read(this.place === null ? 0 : clamp(this.place + move, 0, this.values.frames.length - 1));
   }
 
   read(place) {
     this.clear();
     this.place = place;
     const key = this.chart.dataset.key;
-    const rows = values.methods
+    const rows = this.values.methods
       .map((method, index) => ({ name: method.name, index, value: method[key][place] }))
       .filter((row) => row.value !== null && !hiddenMethods.has(row.index))
       .sort((one, other) => other.value - one.value);
-    const x = this.across(values.frames[place]);
-    this.add("pointer", `left:${100 * x}%;top:${100 * this.top}%;height:${100 * this.height}%`);
+    const x = this.across(this.values.frames[place]);
+    this.add("reads pointer", `left:${100 * x}%;top:${100 * this.top}%;height:${100 * this.height}%`);
     for (const row of rows) {
       const y = this.down(row.value);
       if (y < this.top - 0.01 || y > this.top + this.height + 0.01) continue;
-      this.add(`point method-${row.index}`, `left:${100 * x}%;top:${100 * y}%`);
+      this.add(`reads point method-${row.index}`, `left:${100 * x}%;top:${100 * y}%`);
     }
     this.tell(x, rows);
   }
 
   tell(x, rows) {
-    const frame = values.frames[this.place];
-    const box = this.add("reading", `top:${100 * this.top}%`);
+    const frame = this.values.frames[this.place];
+    const box = this.add("reads reading", `top:${100 * this.top}%`);
     box.setAttribute("role", "status");
     const title = document.createElement("b");
-    title.textContent = `frame ${frame}` + (values.cuts.includes(frame) ? ", across a cut" : values.doubtful.includes(frame) ? ", not counted" : "");
+    title.textContent = `frame ${frame}` + (this.values.cuts.includes(frame) ? ", across a cut" : this.values.doubtful.includes(frame) ? ", not counted" : "");
     const unit = document.createElement("small");
     unit.textContent = ` ${this.chart.dataset.unit}`;
     title.append(unit);
@@ -135,9 +151,9 @@ class Reader {
     box.style.left = `${clamp(beside, 0, Math.max(0, width - box.offsetWidth))}px`;
   }
 
-  add(names, style) {
+  add(names, style = "") {
     const element = document.createElement("div");
-    element.className = `mark-on-chart ${names}`;
+    element.className = names;
     element.style.cssText = style;
     this.chart.append(element);
     return element;
@@ -145,127 +161,234 @@ class Reader {
 
   clear() {
     this.place = null;
-    for (const element of all(".mark-on-chart", this.chart)) element.remove();
+    for (const element of all(".reads", this.chart)) element.remove();
   }
 }
 
-// ---------------------------------------------------------------- pictures
+// ---------------------------------------------------------------- clips
 
-/** Two pictures of one frame with an edge between them. */
-class Viewer {
+/** The sections about one clip, whose player begins when they are shown. */
+class Clip {
   constructor(element) {
     this.element = element;
-    this.stage = element.querySelector(".stage");
-    this.layers = all(".layer", element);
-    this.names = this.layers.map((layer) => layer.querySelector("figcaption").textContent);
-    this.sides = { left: 0, right: Math.min(1, this.layers.length - 1) };
-    this.wipe = element.querySelector(".wipe");
-    this.gain = element.querySelector(".gain");
-    for (const chip of all("[data-side]", element)) {
-      chip.addEventListener("click", () => this.choose(chip.dataset.side, +chip.dataset.picture));
+    this.values = JSON.parse(element.querySelector(".values").textContent);
+    this.readers = all(".chart[data-key]", element).map((chart) => new Reader(chart, this.values, (frame) => this.goTo(frame)));
+    for (const button of all("[data-shows]", element)) {
+      button.addEventListener("click", () => (showMetric(button), this.tell()));
     }
-    this.wipe.addEventListener("input", () => this.show());
-    this.gain.addEventListener("input", () => this.show());
-    element.querySelector(".flip").addEventListener("click", () => this.flip());
-    element.querySelector(".differ").addEventListener("click", () => this.differ());
-    element.querySelector(".spots").addEventListener("click", (event) => this.toggleSpots(event.currentTarget));
-    this.stage.addEventListener("pointerdown", (event) => this.drag(event));
-    this.stage.addEventListener("pointermove", (event) => event.buttons && this.drag(event));
-    new ResizeObserver(() => this.show()).observe(this.stage);
-    this.stage.addEventListener("keydown", (event) => this.press(event));
-    this.show();
+    for (const button of all("[data-goes]", element)) button.addEventListener("click", () => this.inspect(...button.dataset.goes.split(" ").map(Number)));
   }
 
-  choose(side, picture) {
-    if (picture >= this.layers.length) return;
-    const other = side === "left" ? "right" : "left";
-    if (this.sides[other] === picture) this.sides[other] = this.sides[side];
-    this.sides[side] = picture;
-    // what was chosen is seen: where the other side fills the frame, the edge jumps
-    if (this.wipe.value === (side === "left" ? "0" : "100")) this.wipe.value = side === "left" ? 100 : 0;
-    this.show();
+  tell() {
+    this.element.dispatchEvent(new CustomEvent("changed", { bubbles: true }));
   }
 
-  show() {
-    const differing = this.element.classList.contains("differing");
-    this.layers.forEach((layer, index) => {
-      layer.classList.toggle("is-left", index === this.sides.left);
-      layer.classList.toggle("is-right", index === this.sides.right);
-    });
-    for (const chip of all("[data-side]", this.element)) {
-      chip.ariaPressed = String(this.sides[chip.dataset.side] === +chip.dataset.picture);
+  get metric() {
+    return this.element.querySelector('[data-shows][aria-pressed="true"]').dataset.shows;
+  }
+
+  set metric(key) {
+    const button = this.element.querySelector(`[data-shows="${CSS.escape(key)}"]`);
+    if (button) showMetric(button);
+  }
+
+  open() {
+    if (this.player) return;
+    const { names, fps, uris, frames } = JSON.parse(this.element.querySelector(".played").textContent);
+    const played = frames.map((frame) => ({ ...frame, images: frame.images.map((image) => uris[image]) }));
+    const screen = this.element.querySelector(".player");
+    this.player = new Player(screen, { names, fps, frames: played });
+    const passages = Map.groupBy ? [...Map.groupBy(played, (frame) => frame.passage).values()] : [];
+    if (passages.length > 1) {
+      for (const each of passages) for (const reader of this.readers) reader.shade(each[0].number, each.at(-1).number);
     }
-    this.stage.style.setProperty("--wipe", `${this.wipe.value}%`);
-    this.stage.style.setProperty("--gain", this.gain.value);
-    this.element.querySelector("output").textContent = `${this.gain.value}×`;
-    const [left, right] = [this.names[this.sides.left], this.names[this.sides.right]];
-    if (differing) this.tag(`difference of ${left} and ${right}, ${this.gain.value}×`, 1, "", 0);
-    else this.tag(left, this.wipe.value / 100, right, 1 - this.wipe.value / 100);
+    screen.addEventListener("shown", () => {
+      for (const reader of this.readers) reader.follow(this.player.frames[this.player.place].number);
+    });
+    this.blind = new BlindTest(this.element.querySelector(".blind"), this.player);
+    this.goTo(this.worst());
   }
 
-  /** Names of the two pictures, each as long as it lies on its own picture; a picture that fills the frame has its name on the left. */
-  tag(left, leftShare, right, rightShare) {
-    const tags = ["left", "right"].map((side) => this.element.querySelector(`.tag.${side}`));
-    const whole = leftShare === 0 || rightShare === 0;
-    const [texts, shares] = whole ? [[leftShare ? left : right, ""], [1, 0]] : [[left, right], [leftShare, rightShare]];
-    tags.forEach((tag, index) => {
-      tag.textContent = texts[index];
-      tag.hidden = texts[index] === "";
-      tag.style.visibility = whole || tag.offsetWidth + 20 <= shares[index] * this.stage.clientWidth ? "" : "hidden";
+  /** The frame that differs most between the methods, which is worth seeing first. */
+  worst() {
+    const { frames, methods, cuts, doubtful } = this.values;
+    const spread = frames.map((frame, place) => {
+      const errors = methods.map((method) => method.mae[place]);
+      return cuts.includes(frame) || doubtful.includes(frame) ? -1 : Math.max(...errors) - Math.min(...errors);
+    });
+    return frames[spread.indexOf(Math.max(...spread))];
+  }
+
+  /** Show a frame, or the nearest one that can be played. */
+  goTo(frame) {
+    const distances = this.player.frames.map((each) => Math.abs(each.number - frame));
+    const shown = this.player.stepTo(distances.indexOf(Math.min(...distances)));
+    const { top, bottom } = this.player.stage.getBoundingClientRect();
+    if (bottom < 0 || top > innerHeight) this.player.stage.scrollIntoView({ block: "nearest" });
+    return shown;
+  }
+
+  async inspect(frame, x, y) {
+    await this.goTo(frame);
+    this.player.zoomTo(4, { x, y });
+    this.player.stage.scrollIntoView({ block: "center" });
+  }
+}
+
+// ---------------------------------------------------------------- blind test
+
+/** Two methods, drawn by chance, on sides drawn by chance; the page counts which is preferred and tells at the end. */
+class BlindTest {
+  constructor(element, player) {
+    Object.assign(this, { element, player });
+    this.named = player.nameOf;
+    const clicks = { ".begins": () => this.begin(), ".ends": () => this.end(), ".truth-too": () => this.showTruth(!this.seesTruth) };
+    for (const [selector, action] of Object.entries(clicks)) this.find(selector).addEventListener("click", action);
+    for (const button of all("[data-vote]", element)) button.addEventListener("click", () => this.vote(button.dataset.vote));
+    this.find(".begins").hidden = player.names.length < 3;
+  }
+
+  find(selector) {
+    return this.element.querySelector(selector);
+  }
+
+  get isOn() {
+    return this.player.element.classList.contains("is-blind");
+  }
+
+  begin() {
+    this.rounds = [];
+    this.find(".tally").replaceChildren();
+    this.before = { sides: { ...this.player.sides }, place: this.player.place };
+    this.player.setMode("wipe");
+    this.switchTo(true);
+    this.draw();
+  }
+
+  switchTo(on) {
+    this.player.element.classList.toggle("is-blind", on);
+    this.player.locked = on;
+    this.find(".begins").hidden = on;
+    this.find(".votes").hidden = !on;
+    this.player.nameOf = on ? (view) => (view === 0 ? "truth" : view === this.pair[0] ? "A" : "B") : this.named;
+  }
+
+  /** The next two methods and the next passage. */
+  draw() {
+    const { player } = this;
+    const methods = player.names.map((_, view) => view).slice(1);
+    const first = methods.splice(Math.floor(Math.random() * methods.length), 1)[0];
+    this.pair = [first, methods[Math.floor(Math.random() * methods.length)]];
+    const passages = [...new Set(player.frames.map((frame) => frame.passage))].filter(
+      (passage) => player.frames.filter((frame) => frame.passage === passage).length > 1,
+    );
+    const passage = passages[Math.floor(Math.random() * passages.length)];
+    player.sides = { left: this.pair[0], right: this.pair[1] };
+    player.wipe.value = 50;
+    this.showTruth(false);
+    this.find(".count").textContent = this.rounds.length === 1 ? "1 vote" : `${this.rounds.length} votes`;
+    player.stepTo(player.frames.findIndex((frame) => frame.passage === passage)).then(() => {
+      if (this.isOn && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
     });
   }
 
-  moveTo(per_cent) {
-    this.wipe.value = clamp(per_cent, 0, 100);
-    this.show();
+  /** Show the truth in place of both, or both again. */
+  showTruth(on) {
+    this.seesTruth = on;
+    this.find(".truth-too").ariaPressed = String(on);
+    this.player.sides = on ? { left: 0, right: 0 } : { left: this.pair[0], right: this.pair[1] };
+    this.player.restyle();
   }
 
-  drag(event) {
-    if (this.element.classList.contains("differing") || !event.isPrimary) return; // two fingers zoom
-    const bounds = this.stage.getBoundingClientRect();
-    this.stage.setPointerCapture(event.pointerId);
-    this.moveTo((100 * (event.clientX - bounds.left)) / bounds.width);
+  vote(side) {
+    this.rounds.push({ pair: this.pair, preferred: { left: this.pair[0], right: this.pair[1] }[side] ?? null });
+    this.draw();
   }
 
-  /** All of the right picture first, then all of the left one, and so on. */
-  flip() {
-    const whole = this.wipe.value === "0" || this.wipe.value === "100";
-    this.moveTo(whole ? 100 - this.wipe.value : 0);
+  end() {
+    this.switchTo(false);
+    this.player.pause();
+    this.player.sides = this.before.sides;
+    this.player.stepTo(this.before.place);
+    this.player.restyle();
+    const rows = this.player.names.slice(1).map((name, index) => {
+      const met = this.rounds.filter((round) => round.pair.includes(index + 1));
+      return { name, met: met.length, won: met.filter((round) => round.preferred === index + 1).length };
+    });
+    rows.sort((one, other) => other.won / (other.met || 1) - one.won / (one.met || 1));
+    const undecided = this.rounds.filter((round) => round.preferred === null).length;
+    const lines = rows.filter((row) => row.met).map((row) => `${row.name}: preferred in ${row.won} of ${row.met}`);
+    const text = [`${this.rounds.length} rounds${undecided ? `, ${undecided} without a difference` : ""}`, ...lines];
+    this.find(".tally").replaceChildren(
+      ...text.map((line) => Object.assign(document.createElement("p"), { textContent: line })),
+    );
+  }
+}
+
+// ---------------------------------------------------------------- the address
+
+/** What the page shows, as a part of its address behind #: an address that is copied shows the same. */
+class Address {
+  constructor(clips) {
+    this.clips = clips;
+    this.current = 0;
+    addEventListener("hashchange", () => this.read());
+    for (const name of ["shown", "changed"]) document.addEventListener(name, () => this.write());
+    for (const button of all("[data-clip]")) button.addEventListener("click", () => (this.turnTo(+button.dataset.clip), this.write()));
   }
 
-  differ() {
-    const on = this.element.classList.toggle("differing");
-    this.element.querySelector(".differ").ariaPressed = String(on);
-    this.wipe.parentElement.hidden = on;
-    this.gain.parentElement.hidden = !on;
-    this.show();
+  get clip() {
+    return this.clips[this.current];
   }
 
-  toggleSpots(button) {
-    button.ariaPressed = String(!this.element.classList.toggle("spotless"));
+  turnTo(place) {
+    this.clip.player?.pause();
+    this.current = place;
+    this.clips.forEach((clip, index) => clip.element.classList.toggle("later", index !== place));
+    for (const button of all("[data-clip]")) button.ariaPressed = String(+button.dataset.clip === place);
+    this.clip.open();
   }
 
-  press(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const digit = /^Digit(\d)$/.exec(event.code) || /^Numpad(\d)$/.exec(event.code);
-    const actions = {
-      ArrowLeft: () => this.moveTo(+this.wipe.value - 2),
-      ArrowRight: () => this.moveTo(+this.wipe.value + 2),
-      Home: () => this.moveTo(0),
-      End: () => this.moveTo(100),
-      " ": () => this.flip(),
-      d: () => this.differ(),
+  write() {
+    const { player, blind, metric } = this.clip;
+    if (!player || player.timer || blind.isOn || this.reads) return;
+    const values = {
+      ...(this.clips.length > 1 ? { clip: this.current + 1 } : {}),
+      frame: player.frames[player.place].number,
+      left: player.names[player.sides.left],
+      right: player.names[player.sides.right],
+      edge: Math.round(player.wipe.value),
+      ...(player.mode === "error" ? { error: player.range } : {}),
+      ...(player.zoom ? { zoom: player.zoom, x: Math.round(player.centre.x), y: Math.round(player.centre.y) } : {}),
+      metric,
     };
-    const action = digit ? () => this.choose(event.shiftKey ? "left" : "right", +digit[1]) : actions[event.key];
-    if (!action) return;
-    event.preventDefault();
-    action();
+    history.replaceState(null, "", `#${new URLSearchParams(values)}`);
+  }
+
+  async read() {
+    const values = new URLSearchParams(location.hash.slice(1));
+    if (!values.has("frame")) return; // a link to a section, or nothing
+    this.reads = true;
+    this.turnTo(clamp((+values.get("clip") || 1) - 1, 0, this.clips.length - 1));
+    const { clip } = this;
+    const { player } = clip;
+    for (const side of ["left", "right"]) {
+      const view = player.names.indexOf(values.get(side));
+      if (view >= 0) player.sides[side] = view;
+    }
+    player.wipe.value = values.get("edge") ?? 50;
+    player.mode = values.has("error") ? "error" : "wipe";
+    player.range = +values.get("error") || player.range;
+    if (values.has("metric")) clip.metric = values.get("metric");
+    await clip.goTo(+values.get("frame"));
+    player.zoomTo(+values.get("zoom") || 0, values.has("x") ? { x: +values.get("x"), y: +values.get("y") } : player.centre);
+    this.reads = false;
   }
 }
 
 document.querySelector(".theme").addEventListener("click", toggleTheme);
 for (const button of all(".sort")) button.addEventListener("click", () => sortTable(button.parentElement));
 for (const button of all("[data-toggles]")) button.addEventListener("click", () => toggleMethod(+button.dataset.toggles));
-for (const button of all("[data-shows]")) button.addEventListener("click", () => showMetric(button));
-for (const chart of all(".chart[data-key]")) new Reader(chart);
-for (const viewer of all(".viewer")) new Viewer(viewer);
+const address = new Address(all(".clip").map((element) => new Clip(element)));
+address.turnTo(0);
+address.read();

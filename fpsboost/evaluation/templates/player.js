@@ -178,7 +178,7 @@ class Player {
   // -------------------------------------------------------------- which pictures, and how
 
   choose(side, view) {
-    if (view >= this.names.length) return;
+    if (view >= this.names.length || this.locked) return; // while names are hidden, they cannot be chosen
     const other = side === "left" ? "right" : "left";
     if (this.sides[other] === view) this.sides[other] = this.sides[side];
     this.sides[side] = view;
@@ -189,6 +189,7 @@ class Player {
   }
 
   setMode(mode) {
+    if (this.locked) return;
     this.mode = mode;
     this.restyle();
     this.tell("changed");

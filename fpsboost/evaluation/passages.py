@@ -1,0 +1,157 @@
+"""Passages of a clip that the page plays: the true frames, and those that each method made, in step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from statistics import median
+from typing import Any
+
+from fpsboost.evaluation.hiding import Interval
+from fpsboost.evaluation.making import Maker
+from fpsboost.evaluation.metrics import as_shown
+from fpsboost.evaluation.pictures import WIDEST, encode, not_too_wide
+from fpsboost.evaluation.results import Comparison
+from fpsboost.frame import Image
+
+MAX_PIXELS = 24_000_000
+"""Number of pixels in all pictures that a page plays; those of large frames are reduced before."""
+
+MIN_HIDDEN = 6
+"""Number of hidden frames that are played in any case."""
+
+QUALITY = 72
+"""Of WebP; frames that are played are seen for a moment."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """Passages as the player takes them.
+
+    Attributes
+    ----------
+    width, height : int
+        Of the frames, pixels.
+    fps : float
+        Frames per second.
+    uris : list of str
+        Encoded pictures.
+    frames : list of dict
+        Of each frame its ``number``, ``passage``, ``note``, and the places of its ``images`` in `uris`: the truth and
+        every method's, or one if the frame was shown to the methods.
+    """
+
+    width: int
+    height: int
+    fps: float
+    uris: list[str]
+    frames: list[dict[str, Any]]
+
+
+def choose_passages(comparison: Comparison, count: int, also: Sequence[int] = ()) -> list[list[int]]:
+    """Choose hidden frames that are worth playing: where methods differ most, and where the first one errs most.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    count : int
+        Number of hidden frames in the two passages together.
+    also : sequence of int
+        Numbers of further hidden frames, which become passages of their own unless they lie in one.
+
+    Returns
+    -------
+    list of list of int
+        Numbers of the hidden frames of each passage; passages in the order of the clip.
+    """
+    hidden = comparison.hidden
+    if count >= len(hidden):
+        return [list(hidden)]
+    left_out = {*comparison.cuts, *comparison.doubtful}
+    errors = [[frame.scores.mae for frame in method.frames] for method in comparison.methods]
+    counts = [number not in left_out for number in hidden]
+    differences = [
+        (median(each) - min(each)) * is_one for each, is_one in zip(zip(*errors, strict=True), counts, strict=True)
+    ]
+    length = max(1, count // 2)
+    first = _largest(differences, length, [])
+    second = _largest([error * is_one for error, is_one in zip(errors[0], counts, strict=True)], length, [first])
+    passages = [hidden[begin : begin + length] for begin in sorted({first, second})]
+    passages += [[number] for number in also if not any(number in passage for passage in passages)]
+    return sorted(passages)
+
+
+def _largest(values: Sequence[float], length: int, taken: Sequence[int]) -> int:
+    """Return where the window with the largest sum begins that does not overlap the taken ones, if there is room."""
+    begins = range(len(values) - length + 1)
+    free = [begin for begin in begins if all(abs(begin - each) >= length for each in taken)]
+    return max(free or begins, key=lambda begin: sum(values[begin : begin + length]))
+
+
+def count_for(comparison: Comparison, max_pixels: int) -> int:
+    """Return how many hidden frames can be played within a number of pixels."""
+    width, height = (int(each) for each in comparison.kind.partition(",")[0].split("x"))
+    scale = min(1.0, WIDEST / width)
+    pictures = len(comparison.methods) + 1 + 1 / comparison.hiding.skip
+    return max(MIN_HIDDEN, int(max_pixels / (pictures * width * height * scale**2)))
+
+
+def view_passages(
+    comparison: Comparison,
+    makers: Mapping[str, Maker],
+    passages: Sequence[Sequence[int]],
+    input_fps: Fraction | None = None,
+) -> Played:
+    """Make the frames of passages once more and encode them.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    makers : mapping of str to Maker
+    passages : sequence of sequence of int
+        See `choose_passages`.
+    input_fps : Fraction, optional
+        As in the comparison.
+    """
+    wanted = {number: place for place, passage in enumerate(passages) for number in passage}
+    entries: dict[tuple[int, int], dict[str, Any]] = {}
+    uris: list[str] = []
+
+    def add(number: int, passage: int, image: Image, note: str) -> None:
+        entry = entries.setdefault(
+            (passage, number), {"number": number, "passage": passage, "note": note, "images": []}
+        )
+        entry["images"].append(len(uris))
+        uris.append(encode(not_too_wide(as_shown(image)), QUALITY))
+
+    def intervals() -> Iterator[Interval]:
+        return comparison.hiding.intervals(comparison.clip, input_fps)
+
+    size, fps = (0, 0), 0.0
+    for interval in _until(intervals(), max(wanted), 0):
+        places = [(hidden, wanted[hidden.number]) for hidden in interval.hidden if hidden.number in wanted]
+        for hidden, passage in places:
+            for number, frame in ((interval.number, interval.shown0), (interval.last, interval.shown1)):
+                if (passage, number) not in entries:
+                    add(number, passage, frame.array, "shown")
+            add(hidden.number, passage, hidden.truth, "hidden")
+            size = hidden.truth.shape[1], hidden.truth.shape[0]
+            fps = float((len(interval.hidden) + 1) / (interval.shown1.time - interval.shown0.time))
+    for method in comparison.methods:
+        maker = makers[method.name]
+        # one interval more, whose motion has a say; a method that looks far gets all
+        read = intervals() if maker.looks_far else _until(intervals(), max(wanted), 1)
+        for made in maker.make(read, wanted):
+            add(made.number, wanted[made.number], made.image, "hidden")
+    return Played(*size, fps, uris, [entries[key] for key in sorted(entries)])
+
+
+def _until(intervals: Iterable[Interval], last: int, more: int) -> Iterator[Interval]:
+    """Yield intervals up to the one with the last hidden frame, and some more."""
+    for interval in intervals:
+        yield interval
+        if interval.last > last:
+            if not more:
+                return
+            more -= 1
