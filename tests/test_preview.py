@@ -15,6 +15,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from conftest import Command, SaveImages, Snapshot
 from numpy.typing import NDArray
 from playwright.sync_api import Page, sync_playwright
@@ -328,7 +329,7 @@ def browser_page(page: Path) -> Iterator[Page]:
 
 
 def test_page_plays_steps_and_jumps(browser_page: Page) -> None:
-    """The passage plays in a browser, stops, steps, jumps to another one and to a frame that is uncertain."""
+    """The passage plays, stops, steps, jumps to another one and to an uncertain frame; axe finds nothing."""
     play = browser_page.locator(".play")
     browser_page.get_by_text("frame 0, 0:00.000").wait_for()
     browser_page.locator(".forth").click()
@@ -345,6 +346,10 @@ def test_page_plays_steps_and_jumps(browser_page: Page) -> None:
     browser_page.locator("[data-passage='1'][aria-pressed='true']").wait_for()
     assert browser_page.evaluate("document.documentElement.scrollWidth") == 390
     assert browser_page.locator("#command").inner_text() == "fpsboost 'in & out.mp4' out.mp4"
+    for scheme in ("light", "dark"):
+        browser_page.emulate_media(color_scheme=scheme)
+        found = Axe().run(browser_page).response["violations"]
+        assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
 
 
 def test_watcher_sees_frames_as_they_are_written(short: Path, tmp_path: Path) -> None:

@@ -548,7 +548,7 @@ def test_blind_test_hides_names_and_counts(page: Page) -> None:
     for vote in ("A, left", "B, right", "No difference"):
         expect(page.locator(".tag.left")).to_have_text("A")
         expect(page.locator(".tag.right")).to_have_text("B")
-        assert not page.locator("[data-side='left']").first.is_visible()
+        assert not page.locator("[data-side='left'], .begins").first.is_visible()
         assert "A" not in page.url.partition("#")[2]
         page.get_by_role("button", name="Show the truth").click()
         assert left(page) == "truth"

@@ -261,6 +261,7 @@ class BlindTest {
     this.find(".tally").replaceChildren();
     this.before = { sides: { ...this.player.sides }, place: this.player.place };
     this.player.setMode("wipe");
+    this.player.find(".pixel").replaceChildren(); // it may have names
     this.switchTo(true);
     this.draw();
   }
