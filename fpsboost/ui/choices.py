@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import Any, Self
 
 from fpsboost.cli.batch import plan_outputs
 from fpsboost.cli.compare import words_of
@@ -22,11 +22,8 @@ from fpsboost.timing.schedule import parse_number, parse_rate
 from fpsboost.timing.trim import Trim
 from fpsboost.ui.files import Files
 
-RateKind = Literal["factor", "fps", "slow"]
-Quality = Literal["usual", "smaller", "higher", "lossless"]
-
-CRF_STEPS: dict[str, int] = {"smaller": 6, "higher": -4}
-"""How far from the usual constant rate factor; 6 is about half of the size."""
+CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
+"""How far from the usual constant rate factor, by words for the quality; 6 is about half of the size."""
 
 
 @dataclass(frozen=True)
@@ -36,20 +33,20 @@ class Choices:
     input: str
     folder: str
     name: str
-    rate: RateKind = "factor"
+    rate: str = "factor"
     value: str = "2"
     method: str = "nlm"
     start: str = ""
     end: str = ""
     codec: str = ""
-    quality: Quality = "usual"
+    quality: str = "usual"
     sound: bool = True
     overwrite: bool = False
     input_fps: str = ""
 
     def __post_init__(self) -> None:
-        check_choice("The kind of rate", self.rate, get_args(RateKind))
-        check_choice("The quality", self.quality, get_args(Quality))
+        check_choice("The kind of rate", self.rate, ("factor", "fps", "slow"))
+        check_choice("The quality", self.quality, CRF_STEPS)
 
     @classmethod
     def of(cls, data: object) -> Self:
@@ -80,7 +77,7 @@ class Choices:
     def encoding(self) -> Encoding:
         """How video is encoded."""
         encoding = Encoding(codec=self.codec or None, lossless=self.quality == "lossless", audio=self.sound)
-        if self.quality not in CRF_STEPS:
+        if not CRF_STEPS[self.quality]:
             return encoding
         codec = self.codec or ("vp9" if self.name.lower().endswith(".webm") else "h264")
         check_choice("`codec`", codec, encoders)

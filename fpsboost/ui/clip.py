@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -12,7 +12,6 @@ from typing import Any
 from fpsboost.cli.probe import facts
 from fpsboost.errors import InputError
 from fpsboost.io.opening import TargetRequirements, open_source
-from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.listing import StreamFacts
 from fpsboost.probing import Conversion, Look, Probe
 from fpsboost.timing.position import format_time
@@ -25,7 +24,7 @@ QUICK_PIXELS = 1_500_000_000
 
 def header(path: str) -> dict[str, Any]:
     """Return what is known of a clip without reading its frames, as plain data."""
-    with open_source(path, requirements=TargetRequirements(layers=True), decoding=DecodeOptions()) as source:
+    with open_source(path, requirements=TargetRequirements(layers=True)) as source:
         info, is_images = source.info, source.stream_info.images is not None
         remarks = list(source.remarks)
     count, duration = info.frame_count, info.duration
@@ -43,12 +42,12 @@ def header(path: str) -> dict[str, Any]:
     }
 
 
+@dataclass
 class Prober:
     """Reader of one clip at a time to its end, in a process of its own: a long clip is dropped for the next one."""
 
-    def __init__(self) -> None:
-        self._lock = Lock()
-        self._process: subprocess.Popen[str] | None = None
+    _lock: Lock = field(default_factory=Lock)
+    _process: subprocess.Popen[str] | None = None
 
     def probe(self, path: str) -> dict[str, Any]:
         """Return what `fpsboost probe` says, as plain data."""

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections import deque
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Condition, Thread
@@ -126,11 +127,11 @@ class Queue:
             self._save()
 
     def _save(self) -> None:
-        """Write the jobs down, and wake who waits for a change."""
+        """Wake who waits for a change, and write the jobs down."""
+        self._changed.notify_all()
         with explained(OutputError, "write to", self._path, "check the permissions"):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             write_safely(self._path, json.dumps([asdict(job) for job in self._jobs.values()]).encode())
-        self._changed.notify_all()
 
     def _stop(self) -> None:
         if self._process is not None:
@@ -147,24 +148,30 @@ class Queue:
                     self._changed.wait()
                     continue
                 job.state, job.stage, job.fps = "running", "", None
-                self._process = process = start_process(job.arguments)
-                self._save()
-            self._end(job, self._follow(job, process), process.returncode)
+                try:
+                    self._process = start_process(job.arguments)
+                except OSError as error:
+                    self._end(job, f"It could not be started ({error.strerror}); try again.", 1)
+                    continue
+                self._changed.notify_all()
+            self._end(job, *self._follow(job, self._process))
 
-    def _follow(self, job: Job, process: subprocess.Popen[str]) -> str:
-        """Take over what a run tells until it ends, and return the sentences among it."""
+    def _follow(self, job: Job, process: subprocess.Popen[str]) -> tuple[str, int]:
+        """Take over what a run tells until it ends, and return the sentences among it and how it ended."""
         lines = deque[str](maxlen=20)  # a broken run may say much
         assert process.stderr is not None, "it is a pipe"
         with process.stderr as told:
             for line in told:
-                if line.startswith("{"):
-                    with self._changed:
-                        job.take(json.loads(line))
-                        self._changed.notify_all()
-                else:
+                try:
+                    values = dict(json.loads(line))
+                except (TypeError, ValueError):
                     lines.append(line.strip().removeprefix("fpsboost: "))
-        process.wait()
-        return " ".join(lines) or f"The conversion ended with code {process.returncode} and without a message."
+                    continue
+                with self._changed:
+                    job.take(values)
+                    self._changed.notify_all()
+        code = process.wait()
+        return " ".join(lines) or f"The conversion ended with code {code} and without a message.", code
 
     def _end(self, job: Job, message: str, code: int) -> None:
         """Note how a run has ended."""
@@ -173,7 +180,8 @@ class Queue:
             is_stopped = self._closed or job.state == "stopping"
             job.state = "done" if code == 0 else "paused" if is_stopped else "failed"
             job.message = "" if code == 0 else message
-            self._save()
+            with suppress(OutputError):  # on a full disk jobs go on; the next change writes all of them
+                self._save()
 
 
 def start_process(words: list[str]) -> subprocess.Popen[str]:

@@ -13,6 +13,7 @@ from fpsboost.interpolator import with_neighbours
 from fpsboost.io.trim import beginning
 from fpsboost.method_table import methods
 from fpsboost.preparation import ConversionJob, opened_clip
+from fpsboost.preview.places import of_part
 from fpsboost.preview.views import View
 from fpsboost.probing import Findings
 from fpsboost.run_options import RunOptions
@@ -33,11 +34,12 @@ class Look(NamedTuple):
 def look_between(job: ConversionJob, time: Fraction) -> Look:
     """Make the frame in the middle between the two around a time, or between the last two."""
     run = RunOptions(overwrite=True)  # nothing is written
-    with opened_clip(_at(job, Fraction(0)), run) as clip:
+    with opened_clip(of_part(job, Trim()), run) as clip:
         info, traits = clip.whole.info, clip.whole.stream_info.traits
     if info.duration is not None:
         time = min(time, info.duration - 1 / info.rate)
-    with opened_clip(_at(job, max(Fraction(0), time - Fraction(3, 2) / info.rate)), run) as clip:
+    start = time - Fraction(3, 2) / info.rate
+    with opened_clip(of_part(job, Trim(Position(start) if start > 0 else None)), run) as clip:
         findings = Findings()
         # the pair and one on either side, whose motion says where its own one bends
         pairs = list(islice(findings.pairs(clip.source, job.method), 3))
@@ -54,9 +56,3 @@ def look_between(job: ConversionJob, time: Fraction) -> Look:
         is_cut = pair.is_cut(before, after)
     made, blended = view.pictures
     return Look(made, blended, moments[place], moments[place + 1], is_cut)
-
-
-def _at(job: ConversionJob, start: Fraction) -> ConversionJob:
-    """Return the job from a time on."""
-    part = Trim(start=Position(start)) if start else Trim()
-    return replace(job, decoding=replace(job.decoding, trim=part))
