@@ -35,7 +35,8 @@ from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
 from fpsboost.evaluation.metrics import Scores, as_shown
 from fpsboost.evaluation.passages import choose_passages, view_passages
 from fpsboost.evaluation.pictures import find_spots, in_colour
-from fpsboost.evaluation.report import _cells, _view_frames, choose_frames, command, write_report
+from fpsboost.evaluation.report import _view_frames, choose_frames, command, write_report
+from fpsboost.evaluation.report_tables import _cells
 from fpsboost.evaluation.results import Compared, Comparison, FrameResult, MethodResult
 from fpsboost.method_table import methods
 
