@@ -544,6 +544,7 @@ def test_address_keeps_what_is_shown(chromium: Any, page: Page, path: Path, comp
 
 def test_blind_test_hides_names_and_counts(page: Page) -> None:
     """No name is told while it lasts, not in the address either; at the end every vote is."""
+    expect(page.locator(".place")).to_contain_text("frame")
     before = page.locator(".place").inner_text()
     page.get_by_role("button", name="Blind test").click()
     for vote in ("A, left", "B, right", "No difference"):

@@ -119,7 +119,7 @@ def test_terminal_data_and_page_say_the_same(fpsboost_, tmp_path: Path) -> None:
     assert " ".join([first, *others]) in result.out.splitlines()
     page = (tmp_path / "page" / "index.html").read_text()
     assert f'<p class="outcome">{first}</p>' in page
-    assert f'<p class="advice">{" ".join(others)}</p>' in page
+    assert f'<p class="advice">{" ".join([first, *others])}</p>' in page
     dis, blend = ([frame["scores"]["psnr"] for frame in method["frames"]] for method in figures["methods"])
     (ahead,) = figures["verdict"]["ahead"]
     assert ahead["mean"] == pytest.approx(np.mean(np.subtract(dis, blend)))
