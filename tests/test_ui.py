@@ -670,6 +670,11 @@ def test_page_says_what_is_wrong(chromium: Any, films: Path, tmp_path: Path) -> 
         expect(page.locator("#start")).to_be_disabled()
         page.locator("[name=value]").fill("30")
         page.get_by_text("12 frames, at 30 a second").wait_for()
+        assert page.locator("[name=name]").input_value() == "clip-30fps.mp4"
+        page.locator("[name=name]").fill("mine.mkv")
+        page.get_by_label("Four times").check()
+        page.get_by_text("40 frames, at 100 a second").wait_for()
+        assert page.locator("[name=name]").input_value() == "mine.mkv"
         page.locator("#at").fill("99:99")
         page.locator("#at").press("Enter")
         page.close()

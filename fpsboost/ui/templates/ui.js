@@ -128,6 +128,7 @@ async function pick(path) {
 
 function fill(clip) {
   form.reset();
+  state.isNamed = false;
   form.elements.name.value = clip.choices.name;
   byId("folder").textContent = clip.choices.folder;
   byId("input-fps").hidden = !clip.is_images;
@@ -175,6 +176,14 @@ function choices() {
   };
 }
 
+/** The name follows what the clip becomes, until the user writes another. */
+function suggestName() {
+  const { rate, value } = choices();
+  const end = { factor: `${value}x`, fps: `${value}fps`, slow: `slow-${value}x` }[rate];
+  if (state.isNamed || !/^[\d.]+$/.test(value)) return;
+  form.elements.name.value = state.choices.name.replace(/-2x(?=[./][^/]*$)/, `-${end}`);
+}
+
 function showOwn() {
   const [rate, value] = form.elements.kind.value.split(":");
   const words = { factor: "Times as many frames", fps: "Frames a second", slow: "Times as long" };
@@ -205,7 +214,9 @@ function check() {
 }
 
 form.addEventListener("input", (event) => {
+  if (event.target.name === "name") state.isNamed = true;
   showOwn();
+  suggestName();
   check();
   if (event.target.name === "method") look();
 });
