@@ -659,6 +659,7 @@ def test_page_says_what_is_wrong(chromium: Any, films: Path, tmp_path: Path) -> 
     with serving(films, tmp_path / "queue.json") as address:
         page = chromium.new_page()
         page.goto(address)
+        page.get_by_role("button", name="clip.mp4").wait_for()
         page.locator("#path").fill(str(films / "nothing.mp4"))
         page.locator("#path").press("Enter")
         page.locator("#choose .notice").get_by_text("nothing.mp4").wait_for()

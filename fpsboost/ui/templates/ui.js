@@ -74,7 +74,7 @@ function size(bytes) {
 async function open(path) {
   const found = await ask("/folder", { path });
   state.folder = found.path;
-  byId("path").value = found.path;
+  if (path || !byId("path").value) byId("path").value = found.path; // what was typed meanwhile stays
   const crumbs = found.above.map((each, place) => {
     const button = make("button", { type: "button", textContent: each.name });
     if (place === found.above.length - 1) button.setAttribute("aria-current", "page");
