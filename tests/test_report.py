@@ -673,8 +673,7 @@ def test_blind_test_hides_names_and_counts(page: Page, comparison: Comparison) -
     expect(page.locator(".place")).to_have_text(before)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize(("width", "height"), [(1200, 900), (390, 844)])
+@pytest.mark.parametrize(("width", "height", "scheme"), [(1200, 900, "light"), (390, 844, "dark")])
 def test_nothing_is_in_the_way_of_anybody(chromium: Any, several: Path, scheme: str, width: int, height: int) -> None:
     """Axe finds no violation, in a page of several clips, also in the error map and in the blind test."""
     opened = chromium.new_page(

@@ -628,8 +628,7 @@ def violations(page: Page) -> list[str]:
     return [f"{each['id']}: {[node['html'] for node in each['nodes']]}" for each in found.response["violations"]]
 
 
-@pytest.mark.parametrize(("width", "height"), [(1200, 900), (390, 844)])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height", "scheme"), [(1200, 900, "light"), (390, 844, "dark")])
 def test_from_start_to_result(chromium: Any, films: Path, tmp_path: Path, width: int, height: int, scheme: str) -> None:
     """A clip is chosen, looked at and converted, and the result plays; nothing is in the way of anybody on the way."""
     (films / "holiday").mkdir()
