@@ -702,7 +702,7 @@ def several(comparison: Comparison, makers: dict[str, Maker], tmp_path_factory: 
 
 
 def test_page_of_several_clips(chromium: Any, several: Path, comparison: Comparison) -> None:
-    """One clip is seen at a time, names are unique, the address says which, and a table has all and their mean."""
+    """One clip is seen at a time, names are unique, address and links keep to it, a table has all and their mean."""
     references = References()
     references.feed(several.read_text(encoding="utf-8"))
     assert len(references.names) == len(set(references.names))
@@ -718,6 +718,11 @@ def test_page_of_several_clips(chromium: Any, several: Path, comparison: Compari
     opened.wait_for_url(re.compile("clip=2"))
     opened.reload()
     expect(opened.locator(".clip").nth(1).locator(".place")).to_contain_text("frame")
+    opened.get_by_role("link", name="Summary").click()
+    expect(opened.locator("#summary-2")).to_be_in_viewport()
+    opened.locator("[data-clip='0']").click()
+    opened.goto(f"{several.as_uri()}#made-2")  # leads to the clip that has it
+    expect(opened.locator("#made-2")).to_be_in_viewport()
     rows = opened.locator("#clips tbody tr")
     assert rows.count() == len(NAMES)
     mean, *of_clips = (

@@ -348,6 +348,7 @@ class Address {
     this.current = place;
     this.clips.forEach((clip, index) => clip.element.classList.toggle("later", index !== place));
     for (const button of all("[data-clip]")) button.ariaPressed = String(+button.dataset.clip === place);
+    for (const link of all("[data-section]")) link.hash = link.dataset.section + (place ? `-${place + 1}` : "");
     this.clip.open();
   }
 
@@ -367,9 +368,18 @@ class Address {
     history.replaceState(null, "", `#${new URLSearchParams(values)}`);
   }
 
+  /** Show what a link leads to, which may lie in a clip that is not shown. */
+  showSection(element) {
+    const place = this.clips.findIndex((clip) => clip.element.contains(element));
+    if (place < 0 || place === this.current) return;
+    this.turnTo(place);
+    element.scrollIntoView();
+  }
+
   async read() {
     const values = new URLSearchParams(location.hash.slice(1));
-    if (!values.has("frame") || this.clip.blind?.isOn) return; // a link to a section, or nothing; or it would tell names
+    if (this.clip.blind?.isOn) return; // it would tell names
+    if (!values.has("frame")) return this.showSection(document.getElementById(location.hash.slice(1)));
     this.reads = true;
     this.turnTo(clamp((+values.get("clip") || 1) - 1, 0, this.clips.length - 1));
     const { clip } = this;
