@@ -33,9 +33,10 @@ from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.looks import colours_of, looks_of
 from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
 from fpsboost.evaluation.metrics import Scores, as_shown
-from fpsboost.evaluation.passages import choose_passages, view_passages
+from fpsboost.evaluation.passages import choose_exact, choose_passages, view_passages
+from fpsboost.evaluation.picking import pick
 from fpsboost.evaluation.pictures import find_spots, in_colour
-from fpsboost.evaluation.report import _view_frames, choose_frames, command, write_report
+from fpsboost.evaluation.report import DIFFERENT, _view_frames, choose_frames, command, write_report
 from fpsboost.evaluation.report_tables import _cells
 from fpsboost.evaluation.results import Compared, Comparison, FrameResult, MethodResult
 from fpsboost.method_table import methods
@@ -230,7 +231,7 @@ def test_frames_shown_are_those_that_were_scored(comparison: Comparison) -> None
         image = cv2.imdecode(np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
         return np.allclose(image, 255 - 60 * scored.hidden.index(number), atol=2)  # WebP is lossy
 
-    for frame in _view_frames(scored, makers, None)[0]:
+    for frame in _view_frames(scored, makers, choose_frames(scored), None)[0]:
         assert has_level(frame.view.strips[0].crops[1].uri, frame.view.number)
     played = view_passages(scored, makers, [scored.hidden[1:3]])
     hidden = [frame for frame in played.frames if frame["note"] == "hidden"]
@@ -457,6 +458,15 @@ def test_keyboard_steps_flips_and_chooses(page: Page, comparison: Comparison) ->
     assert left(page) == "nearest"
     page.locator(".wipe").fill("50")
     assert (left(page), right(page)) == ("truth", "nearest")
+    page.locator(".flip").focus()  # keys are heard on its buttons too, not on sliders, which have their own
+    page.keyboard.press("ArrowLeft")
+    at_frame(page, 0)
+    page.keyboard.press("ArrowRight")
+    at_frame(page, comparison.hidden[0])
+    page.locator(".wipe").focus()
+    page.keyboard.press("ArrowLeft")
+    assert wipe(page) == 49
+    at_frame(page, comparison.hidden[0])
     page.locator(".wipe").fill("3")
     assert not page.locator(".tag.left").is_visible()  # a sliver has no name
     stage.focus()
@@ -496,8 +506,11 @@ def test_chart_is_the_timeline(page: Page, comparison: Comparison) -> None:
     at_frame(page, comparison.hidden[1])
 
 
-def test_pixels_are_read_and_zoomed(page: Page) -> None:
+def test_pixels_are_read_and_zoomed(page: Page, comparison: Comparison) -> None:
     """At 16:1 a picture can be moved, and the values of both pictures under the pointer are told."""
+    at_frame(page, opening_of(comparison))
+    page.locator(".stage").press("Home")
+    at_frame(page, 0)
     page.locator('[data-zoom="8"]').click()
     page.locator(".stage").press("+")
     box = page.locator(".stage").bounding_box()
@@ -508,6 +521,92 @@ def test_pixels_are_read_and_zoomed(page: Page) -> None:
     page.locator(".stage").focus()
     page.keyboard.press("Shift+ArrowRight")
     expect(page.locator(".pixel span").first).not_to_have_text(before)
+    expect(page.locator(".loss")).to_have_text(re.compile(r"off by about [\d.]+ levels"))
+
+
+def opening_of(comparison: Comparison) -> int:
+    """The frame that the page opens with."""
+    return next(each.number for each in choose_frames(comparison) if DIFFERENT in each.reasons)
+
+
+def test_page_opens_with_exact_pixels(page: Page, comparison: Comparison, makers: dict[str, Maker]) -> None:
+    """There the values of pixels are the truth's and the method's, and the error map is their difference."""
+    number = opening_of(comparison)
+    at_frame(page, number)
+    expect(page.locator(".loss")).to_have_text("Exact: kept without loss.")
+    (picked,) = pick(comparison.clip, comparison.hiding, [number])
+    truth, made = (as_shown(each).astype(int)[..., ::-1] for each in (picked.hidden.truth, picked.make(makers["dis"])))
+    box = page.locator(".stage").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] * 20.5 / WIDTH, box["y"] + box["height"] * 10.5 / HEIGHT)
+    values = [" ".join(map(str, each[10, 20])) for each in (truth, made)]
+    expect(page.locator(".pixel")).to_have_text(f"column 20, row 10truth {values[0]}dis {values[1]}")
+    page.locator('[data-mode="error"]').click()
+    colours = page.evaluate("""() => {
+        const map = address.clip.player.error();
+        return [...map.getContext("2d").getImageData(0, 0, map.width, map.height).data];
+    }""")
+    none = (np.reshape(colours, (HEIGHT, WIDTH, 4))[..., :3] == [0, 0, 4]).all(axis=-1)
+    error = abs(truth - made).mean(axis=-1)
+    assert (none == (np.round(255 * error / 64) == 0)).all()
+
+
+def seen_at(page: Page, x: float, y: float) -> str:
+    """The pixel of the picture that lies where the pointer is."""
+    page.mouse.move(x, y)
+    expect(page.locator(".pixel span").first).to_contain_text("column")
+    return page.locator(".pixel span").first.inner_text()
+
+
+def test_wheel_zooms_where_the_pointer_is(page: Page) -> None:
+    """With Ctrl, and the pixel there stays; without, the page scrolls as ever. A drag moves what is enlarged."""
+    expect(page.locator(".place")).to_contain_text("frame")
+    box = page.locator(".stage").bounding_box()
+    assert box is not None
+    x, y = box["x"] + 0.3 * box["width"], box["y"] + 0.4 * box["height"]
+    pixel = seen_at(page, x, y)
+    page.keyboard.down("Control")
+    page.mouse.wheel(0, -60)
+    page.keyboard.up("Control")
+    expect(page.locator(".stage")).to_have_class(re.compile("is-zoomed"))
+    page.mouse.move(x + 1, y)
+    assert seen_at(page, x, y) == pixel
+    page.mouse.down()
+    page.mouse.move(x - 90, y)
+    page.mouse.up()
+    assert seen_at(page, x, y) != pixel
+    page.keyboard.down("Control")
+    page.mouse.wheel(0, 300)
+    page.keyboard.up("Control")
+    expect(page.locator('[data-zoom="0"]')).to_have_attribute("aria-pressed", "true")
+    page.mouse.wheel(0, 500)
+    expect(page.locator(".brand")).not_to_be_in_viewport()
+
+
+def test_two_fingers_zoom_the_picture(chromium: Any, path: Path) -> None:
+    """On a phone: what they spread grows with them, and back it fits."""
+    context = chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    phone = context.new_page()
+    phone.goto(path.as_uri())
+    expect(phone.locator(".place")).to_contain_text("frame")
+    box = phone.locator(".stage").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    session = context.new_cdp_session(phone)
+
+    def touch(kind: str, *across: float) -> None:
+        points = [{"x": x + each, "y": y, "id": index} for index, each in enumerate(across)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    for begin, end, is_zoomed in ((20, 80, True), (80, 10, False)):
+        touch("touchStart", -begin)
+        touch("touchStart", -begin, begin)
+        touch("touchMove", -(begin + end) / 2, (begin + end) / 2)
+        touch("touchMove", -end, end)
+        touch("touchEnd")
+        pattern = re.compile("is-zoomed") if is_zoomed else re.compile("^stage ?$")
+        expect(phone.locator(".stage")).to_have_class(pattern)
+    context.close()
 
 
 def test_closer_look_leads_to_its_frame(page: Page) -> None:
@@ -521,6 +620,7 @@ def test_closer_look_leads_to_its_frame(page: Page) -> None:
 
 def test_address_keeps_what_is_shown(chromium: Any, page: Page, path: Path, comparison: Comparison) -> None:
     """An address that is copied shows the same; one that is wrong does no harm."""
+    length = page.evaluate("history.length")
     page.locator(".stage").focus()
     page.keyboard.press("End")
     page.keyboard.press("ArrowLeft")
@@ -529,6 +629,7 @@ def test_address_keeps_what_is_shown(chromium: Any, page: Page, path: Path, comp
     page.locator('[data-zoom="2"]').click()
     page.locator('[data-shows="psnr"]').click()
     page.wait_for_url(re.compile("metric=psnr"))
+    assert page.evaluate("history.length") == length  # back leads to where one was before the page
     copied, place = page.url, page.locator(".place").inner_text()
     other = chromium.new_page(viewport={"width": 1200, "height": 900})
     other.goto(copied)
@@ -542,7 +643,7 @@ def test_address_keeps_what_is_shown(chromium: Any, page: Page, path: Path, comp
     other.close()
 
 
-def test_blind_test_hides_names_and_counts(page: Page) -> None:
+def test_blind_test_hides_names_and_counts(page: Page, comparison: Comparison) -> None:
     """No name is told while it lasts, not in the address either; at the end every vote is."""
     expect(page.locator(".place")).to_contain_text("frame")
     before = page.locator(".place").inner_text()
@@ -561,9 +662,13 @@ def test_blind_test_hides_names_and_counts(page: Page) -> None:
     expect(page.locator(".count")).to_have_text("3 votes")
     page.get_by_role("button", name="End and reveal").click()
     tally = page.locator(".tally").inner_text()
-    assert tally.startswith("3 rounds, 1 without a difference")
+    assert tally.startswith(f"{Path(comparison.clip).name}: 3 votes, 1 without a difference")
+    page.evaluate("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    page.get_by_role("button", name="Copy the result").click()
+    expect(page.get_by_role("button", name="Copied")).to_be_visible()
+    assert page.evaluate("copied") == tally
     assert sum(int(won) for won in re.findall(r"preferred in (\d+) of", tally)) == 2
-    assert {name for name in NAMES if name in tally} == set(re.findall(r"^(\S+):", tally, re.MULTILINE))
+    assert {name for name in NAMES if name in tally} == set(re.findall(r"^(\S+): preferred", tally, re.MULTILINE))
     assert (left(page), right(page)) == ("truth", NAMES[0])
     expect(page.locator(".place")).to_have_text(before)
 
@@ -597,7 +702,7 @@ def several(comparison: Comparison, makers: dict[str, Maker], tmp_path_factory: 
 
 
 def test_page_of_several_clips(chromium: Any, several: Path, comparison: Comparison) -> None:
-    """One clip is seen at a time, names are unique, the address says which, and a table has all and their mean."""
+    """One clip is seen at a time, names are unique, address and links keep to it, a table has all and their mean."""
     references = References()
     references.feed(several.read_text(encoding="utf-8"))
     assert len(references.names) == len(set(references.names))
@@ -613,6 +718,11 @@ def test_page_of_several_clips(chromium: Any, several: Path, comparison: Compari
     opened.wait_for_url(re.compile("clip=2"))
     opened.reload()
     expect(opened.locator(".clip").nth(1).locator(".place")).to_contain_text("frame")
+    opened.get_by_role("link", name="Summary").click()
+    expect(opened.locator("#summary-2")).to_be_in_viewport()
+    opened.locator("[data-clip='0']").click()
+    opened.goto(f"{several.as_uri()}#made-2")  # leads to the clip that has it
+    expect(opened.locator("#made-2")).to_be_in_viewport()
     rows = opened.locator("#clips tbody tr")
     assert rows.count() == len(NAMES)
     mean, *of_clips = (
@@ -691,6 +801,22 @@ def test_played_frames_are_those_of_the_clip(comparison: Comparison, makers: dic
     assert (played.width, played.height, played.fps) == (WIDTH, HEIGHT, 24.0)
 
 
+def test_some_frames_are_kept_without_loss(comparison: Comparison, makers: dict[str, Maker]) -> None:
+    """Those asked for, exactly; the others say what they lost. As many as their pixels allow, none that is reduced."""
+    first, second = comparison.hidden[:2]
+    played = view_passages(comparison, makers, [[first, second]], exact=[second])
+    frames = {frame["number"]: frame for frame in played.frames}
+    assert frames[second]["loss"] == 0 < frames[first]["loss"]
+    uri = played.uris[frames[second]["images"][0]]
+    decoded = cv2.imdecode(np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
+    (picked,) = pick(comparison.clip, comparison.hiding, [second])
+    assert np.array_equal(decoded, as_shown(picked.hidden.truth))
+    pixels = HEIGHT * WIDTH * (1 + len(NAMES))
+    assert choose_exact(comparison, [second, first], 2 * pixels - 1) == [second]
+    wide = replace(comparison, kind="1920x1080, 3 channels, 8-bit")
+    assert choose_exact(wide, [first], 10**9) == []
+
+
 def test_sorting_starts_with_the_best(page: Page) -> None:
     """The first click on a heading, whatever is better there, more or less; the second turns it round."""
     column = {"SSIM": 4, "MAE": 5}
@@ -708,13 +834,13 @@ def test_sorting_starts_with_the_best(page: Page) -> None:
 
 
 def test_a_phone_may_zoom_and_sees_every_label(chromium: Any, path: Path) -> None:
-    """360 pixels wide: nothing is wider, no label is cut off, and two fingers zoom wherever they are."""
+    """360 pixels wide: nothing is wider, no label is cut off, and two fingers zoom the page, or the picture."""
     phone = chromium.new_page(viewport={"width": 360, "height": 740})
     phone.goto(path.as_uri())
     assert phone.evaluate("document.documentElement.scrollWidth") == 360
     words = phone.locator("meta[name=viewport]").get_attribute("content")
     assert not re.search("user-scalable|maximum-scale", words)
-    actions = "[...document.querySelectorAll('*')].map(each => getComputedStyle(each).touchAction)"
+    actions = "[...document.querySelectorAll(':not(.stage)')].map(each => getComputedStyle(each).touchAction)"
     assert set(phone.evaluate(actions)) <= {"auto", "manipulation", "pan-y pinch-zoom"}
     texts = """[...document.querySelectorAll('.chart.narrow svg text')].filter(each => each.getClientRects().length)
         .map(each => [each.textContent, each.getBoundingClientRect().left, each.getBoundingClientRect().right])"""

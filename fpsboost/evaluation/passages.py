@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from statistics import median
@@ -11,18 +11,21 @@ from typing import Any
 from fpsboost.evaluation.hiding import Interval
 from fpsboost.evaluation.making import Maker
 from fpsboost.evaluation.metrics import as_shown
-from fpsboost.evaluation.pictures import WIDEST, encode, not_too_wide
+from fpsboost.evaluation.pictures import LOSSLESS, WIDEST, encode, find_loss, not_too_wide
 from fpsboost.evaluation.results import Comparison
 from fpsboost.frame import Image
 
 MAX_PIXELS = 24_000_000
 """Number of pixels in all pictures that a page plays; those of large frames are reduced before."""
 
+MAX_EXACT_PIXELS = 5_000_000
+"""Number of pixels in all pictures that are kept without loss; each takes about seven times the room of another."""
+
 MIN_HIDDEN = 6
 """Number of hidden frames that are played in any case."""
 
 QUALITY = 72
-"""Of WebP; frames that are played are seen for a moment."""
+"""Of WebP; most frames are seen for a moment only."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,9 @@ class Played:
     uris : list of str
         Encoded pictures.
     frames : list of dict
-        Of each frame its ``number``, ``passage``, ``note``, and the places of its ``images`` in `uris`: the truth and
-        every method's, or one if the frame was shown to the methods.
+        Of each frame its ``number``, ``passage``, ``note``, the places of its ``images`` in `uris` (the truth and every
+        method's, or one if the frame was shown to the methods), and ``loss``, the mean absolute error that compression
+        leaves in its first picture, levels of 255; 0 if its pictures are exact.
     """
 
     width: int
@@ -89,12 +93,27 @@ def _largest(values: Sequence[float], length: int, taken: Sequence[int]) -> int:
     return max(free or begins, key=lambda begin: sum(values[begin : begin + length]))
 
 
+def _size_of(comparison: Comparison) -> tuple[int, int]:
+    width, height = comparison.kind.partition(",")[0].split("x")
+    return int(width), int(height)
+
+
 def count_for(comparison: Comparison, max_pixels: int) -> int:
     """Return how many hidden frames can be played within a number of pixels."""
-    width, height = (int(each) for each in comparison.kind.partition(",")[0].split("x"))
+    width, height = _size_of(comparison)
     scale = min(1.0, WIDEST / width)
     pictures = len(comparison.methods) + 1 + 1 / comparison.hiding.skip
     return max(MIN_HIDDEN, int(max_pixels / (pictures * width * height * scale**2)))
+
+
+def choose_exact(comparison: Comparison, numbers: Sequence[int], max_pixels: int) -> list[int]:
+    """Return as many of some hidden frames, the first ones, as can be kept without loss within a number of pixels.
+
+    None of frames that are wider than a page can use, as these are reduced.
+    """
+    width, height = _size_of(comparison)
+    pixels = (len(comparison.methods) + 1) * width * height
+    return [] if width > WIDEST else list(numbers)[: max_pixels // pixels]
 
 
 def view_passages(
@@ -102,6 +121,7 @@ def view_passages(
     makers: Mapping[str, Maker],
     passages: Sequence[Sequence[int]],
     input_fps: Fraction | None = None,
+    exact: Collection[int] = (),
 ) -> Played:
     """Make the frames of passages once more and encode them.
 
@@ -113,17 +133,26 @@ def view_passages(
         See `choose_passages`.
     input_fps : Fraction, optional
         As in the comparison.
+    exact : collection of int
+        Numbers of the hidden frames that are kept without loss; see `choose_exact`.
     """
     wanted = {number: place for place, passage in enumerate(passages) for number in passage}
     entries: dict[tuple[int, int], dict[str, Any]] = {}
     uris: list[str] = []
 
     def add(number: int, passage: int, image: Image, note: str) -> None:
-        entry = entries.setdefault(
-            (passage, number), {"number": number, "passage": passage, "note": note, "images": []}
-        )
-        entry["images"].append(len(uris))
-        uris.append(encode(not_too_wide(as_shown(image)), QUALITY))
+        picture = not_too_wide(as_shown(image))
+        quality = LOSSLESS if number in exact else QUALITY
+        if (passage, number) not in entries:
+            entries[passage, number] = {
+                "number": number,
+                "passage": passage,
+                "note": note,
+                "images": [],
+                "loss": round(find_loss(picture, quality), 1),
+            }
+        entries[passage, number]["images"].append(len(uris))
+        uris.append(encode(picture, quality))
 
     def intervals() -> Iterator[Interval]:
         return comparison.hiding.intervals(comparison.clip, input_fps)

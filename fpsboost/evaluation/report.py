@@ -23,7 +23,14 @@ from fpsboost.evaluation.further_metrics import Figure, figures_of, metrics
 from fpsboost.evaluation.looks import looks_of
 from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
 from fpsboost.evaluation.page_templates import templates_of
-from fpsboost.evaluation.passages import MAX_PIXELS, choose_passages, count_for, view_passages
+from fpsboost.evaluation.passages import (
+    MAX_EXACT_PIXELS,
+    MAX_PIXELS,
+    choose_exact,
+    choose_passages,
+    count_for,
+    view_passages,
+)
 from fpsboost.evaluation.picking import make_some, pick
 from fpsboost.evaluation.pictures import MAX_DRAWN_ERROR, FrameView, MotionView, view_frame, view_motion
 from fpsboost.evaluation.report_tables import COLUMNS, area_rows, further_rows, mean_rows, overall_rows
@@ -106,11 +113,10 @@ def make_page(clips: Sequence[Compared], *, input_fps: Fraction | None = None, d
     environment = templates_of("fpsboost.evaluation")
     environment.filters["breakable"] = breakable
     comparisons = [each.comparison for each in clips]
-    max_pixels = MAX_PIXELS // len(clips)
     written = (date or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M")
     bodies = [
         environment.get_template("clip.html.j2").render(
-            _clip_values(each, f"-{number}" if number > 1 else "", max_pixels, input_fps), date=written
+            _clip_values(each, f"-{number}" if number > 1 else "", len(clips), input_fps), date=written
         )
         for number, each in enumerate(clips, 1)
     ]
@@ -131,11 +137,15 @@ def _name_of(comparison: Comparison) -> str:
     return Path(comparison.clip).name or comparison.clip
 
 
-def _clip_values(each: Compared, at: str, max_pixels: int, input_fps: Fraction | None) -> dict[str, Any]:
-    """Return what the sections about one clip are made of; `at` tells their names from those of other clips."""
+def _clip_values(each: Compared, at: str, clips: int, input_fps: Fraction | None) -> dict[str, Any]:
+    """Return what the sections about one of so many clips are made of; `at` tells their names from those of others."""
     comparison, makers = each
-    shown, motion = _view_frames(comparison, makers, input_fps)
-    passages = choose_passages(comparison, count_for(comparison, max_pixels), [one.view.number for one in shown])
+    chosen = choose_frames(comparison)
+    opening = next((one for one in chosen if DIFFERENT in one.reasons), chosen[0]).number
+    shown, motion = _view_frames(comparison, makers, chosen, input_fps)
+    count = count_for(comparison, MAX_PIXELS // clips)
+    passages = choose_passages(comparison, count, [one.number for one in chosen])
+    exact = choose_exact(comparison, [*dict.fromkeys([opening, chosen[0].number])], MAX_EXACT_PIXELS // clips)
     return {
         "at": at,
         "comparison": comparison,
@@ -158,7 +168,9 @@ def _clip_values(each: Compared, at: str, max_pixels: int, input_fps: Fraction |
         "tabled": len(comparison.hidden) <= TABLED_FRAMES,
         "shown": shown,
         "motion": motion,
-        "played": view_passages(comparison, makers, passages, input_fps),
+        "opening": opening,
+        "exact": exact,
+        "played": view_passages(comparison, makers, passages, input_fps, exact),
         "plays_all": len(passages) == 1 and len(passages[0]) == len(comparison.hidden),
         "command": command(comparison, input_fps),
         "is_float": comparison.kind.endswith("float"),
@@ -168,11 +180,10 @@ def _clip_values(each: Compared, at: str, max_pixels: int, input_fps: Fraction |
 
 
 def _view_frames(
-    comparison: Comparison, makers: Mapping[str, Maker], input_fps: Fraction | None
+    comparison: Comparison, makers: Mapping[str, Maker], chosen: Sequence[Chosen], input_fps: Fraction | None
 ) -> tuple[list[ShownFrame], MotionView | None]:
     """Yield the chosen frames, each made again when its turn comes, so that few are in memory; motion at the first."""
     names = [method.name for method in comparison.methods]
-    chosen = choose_frames(comparison)
     clip = comparison.clip, comparison.hiding, [each.number for each in chosen]
     far = {name: make_some(*clip, makers[name], input_fps) for name in names if makers[name].looks_far}
     shown: list[ShownFrame] = []

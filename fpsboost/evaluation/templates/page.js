@@ -194,7 +194,7 @@ class Clip {
 
   open() {
     if (this.player) return;
-    const { names, fps, uris, frames } = JSON.parse(this.element.querySelector(".played").textContent);
+    const { names, fps, uris, frames, opening } = JSON.parse(this.element.querySelector(".played").textContent);
     const played = frames.map((frame) => ({ ...frame, images: frame.images.map((image) => uris[image]) }));
     const screen = this.element.querySelector(".player");
     this.player = new Player(screen, { names, fps, frames: played });
@@ -206,17 +206,7 @@ class Clip {
       for (const reader of this.readers) reader.follow(this.player.frames[this.player.place].number);
     });
     this.blind = new BlindTest(this.element.querySelector(".blind"), this.player);
-    this.goTo(this.worst());
-  }
-
-  /** The frame that differs most between the methods, which is worth seeing first. */
-  worst() {
-    const { frames, methods, cuts, doubtful } = this.values;
-    const spread = frames.map((frame, place) => {
-      const errors = methods.map((method) => method.mae[place]);
-      return cuts.includes(frame) || doubtful.includes(frame) ? -1 : Math.max(...errors) - Math.min(...errors);
-    });
-    return frames[spread.indexOf(Math.max(...spread))];
+    this.goTo(opening);
   }
 
   /** Show a frame, or the nearest one that can be played. */
@@ -242,7 +232,12 @@ class BlindTest {
   constructor(element, player) {
     Object.assign(this, { element, player });
     this.named = player.nameOf;
-    const clicks = { ".begins": () => this.begin(), ".ends": () => this.end(), ".truth-too": () => this.showTruth(!this.seesTruth) };
+    const clicks = {
+      ".begins": () => this.begin(),
+      ".ends": () => this.end(),
+      ".truth-too": () => this.showTruth(!this.seesTruth),
+      ".copies": (event) => copyText(this.find(".tally"), event.currentTarget),
+    };
     for (const [selector, action] of Object.entries(clicks)) this.find(selector).addEventListener("click", action);
     for (const button of all("[data-vote]", element)) button.addEventListener("click", () => this.vote(button.dataset.vote));
     this.find(".begins").hidden = player.names.length < 3;
@@ -258,7 +253,7 @@ class BlindTest {
 
   begin() {
     this.rounds = [];
-    this.find(".tally").replaceChildren();
+    this.tell([]);
     this.before = { sides: { ...this.player.sides }, place: this.player.place };
     this.player.setMode("wipe");
     this.player.find(".pixel").replaceChildren(); // it may have names
@@ -287,7 +282,7 @@ class BlindTest {
     player.sides = { left: this.pair[0], right: this.pair[1] };
     player.wipe.value = 50;
     this.showTruth(false);
-    this.find(".count").textContent = this.rounds.length === 1 ? "1 vote" : `${this.rounds.length} votes`;
+    this.find(".count").textContent = counted(this.rounds.length, "vote");
     player.stepTo(player.frames.findIndex((frame) => frame.passage === passage)).then(() => {
       if (this.isOn && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
     });
@@ -299,6 +294,12 @@ class BlindTest {
     this.find(".truth-too").ariaPressed = String(on);
     this.player.sides = on ? { left: 0, right: 0 } : { left: this.pair[0], right: this.pair[1] };
     this.player.restyle();
+  }
+
+  /** Show lines of text as the result. */
+  tell(lines) {
+    this.find(".tally").replaceChildren(...lines.map((line) => Object.assign(document.createElement("div"), { textContent: line })));
+    Object.assign(this.find(".copies"), { hidden: !lines.length, textContent: "Copy the result" });
   }
 
   vote(side) {
@@ -319,12 +320,12 @@ class BlindTest {
     rows.sort((one, other) => other.won / (other.met || 1) - one.won / (one.met || 1));
     const undecided = this.rounds.filter((round) => round.preferred === null).length;
     const lines = rows.filter((row) => row.met).map((row) => `${row.name}: preferred in ${row.won} of ${row.met}`);
-    const text = [`${this.rounds.length} rounds${undecided ? `, ${undecided} without a difference` : ""}`, ...lines];
-    this.find(".tally").replaceChildren(
-      ...text.map((line) => Object.assign(document.createElement("p"), { textContent: line })),
-    );
+    const clip = this.element.closest(".clip").dataset.name;
+    this.tell([`${clip}: ${counted(this.rounds.length, "vote")}${undecided ? `, ${undecided} without a difference` : ""}`, ...lines]);
   }
 }
+
+const counted = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 
 // ---------------------------------------------------------------- the address
 
@@ -347,6 +348,7 @@ class Address {
     this.current = place;
     this.clips.forEach((clip, index) => clip.element.classList.toggle("later", index !== place));
     for (const button of all("[data-clip]")) button.ariaPressed = String(+button.dataset.clip === place);
+    for (const link of all("[data-section]")) link.hash = link.dataset.section + (place ? `-${place + 1}` : "");
     this.clip.open();
   }
 
@@ -366,9 +368,18 @@ class Address {
     history.replaceState(null, "", `#${new URLSearchParams(values)}`);
   }
 
+  /** Show what a link leads to, which may lie in a clip that is not shown. */
+  showSection(element) {
+    const place = this.clips.findIndex((clip) => clip.element.contains(element));
+    if (place < 0 || place === this.current) return;
+    this.turnTo(place);
+    element.scrollIntoView();
+  }
+
   async read() {
     const values = new URLSearchParams(location.hash.slice(1));
-    if (!values.has("frame")) return; // a link to a section, or nothing
+    if (this.clip.blind?.isOn) return; // it would tell names
+    if (!values.has("frame")) return this.showSection(document.getElementById(location.hash.slice(1)));
     this.reads = true;
     this.turnTo(clamp((+values.get("clip") || 1) - 1, 0, this.clips.length - 1));
     const { clip } = this;

@@ -10,8 +10,8 @@
      });
 
    `number` is what the frame is called, `passage` tells frames that are played in one go from others. `images` has a data
-   URI for each view, or one for all of them; `exact: true` says that their pixels are the frame's own. Optional elements
-   of the macro may be missing. Methods to call: show(place), play(), pause(), choose(side, view), zoomTo(zoom, centre),
+   URI for each view, or one for all of them; `loss` is the mean error of their compression in levels, 0 if there is none,
+   missing if nobody knows. Optional elements of the macro may be missing. Methods to call: show(place), play(), pause(), choose(side, view), zoomTo(zoom, centre),
    setMode(mode), restyle() after `nameOf` was replaced. The element gets an event "shown" after each frame that was
    drawn, and "changed" after anything else that the user chose; both bubble. */
 
@@ -46,6 +46,7 @@ class Player {
     this.centre = { x: this.width / 2, y: this.height / 2 };
     this.speed = 1;
     this.range = 64; // levels at the bright end of the error's colours
+    this.fingers = new Map(); // where pointers are that touch the stage
     this.images = [];
     this.read = new Map();
     this.decoding = new Map();
@@ -81,12 +82,12 @@ class Player {
     this.wipe = this.find(".wipe");
     this.wipe.addEventListener("input", () => this.restyle());
     this.find(".range")?.addEventListener("change", (event) => this.setRange(+event.target.value));
-    this.stage.addEventListener("keydown", (event) => this.press(event));
+    this.element.addEventListener("keydown", (event) => this.press(event));
     this.stage.addEventListener("pointerdown", (event) => this.grab(event));
     this.stage.addEventListener("pointermove", (event) => this.move(event));
-    this.stage.addEventListener("pointerup", () => (this.held = null));
-    this.stage.addEventListener("pointercancel", () => (this.held = null));
-    this.stage.addEventListener("dblclick", (event) => this.zoomIn(event));
+    for (const name of ["pointerup", "pointercancel"]) this.stage.addEventListener(name, (event) => this.letGo(event));
+    this.stage.addEventListener("dblclick", (event) => this.zoomTo(this.larger() ?? 0, this.pixelAt(event)));
+    this.stage.addEventListener("wheel", (event) => this.turn(event), { passive: false });
     new ResizeObserver(() => this.fit()).observe(this.stage);
   }
 
@@ -122,7 +123,15 @@ class Player {
     const text = `frame ${this.frames[place].number}`;
     this.seek.setAttribute("aria-valuetext", text);
     this.find(".place").textContent = text + (this.frames[place].note ? `, ${this.frames[place].note}` : "");
+    this.tellLoss(this.frames[place].loss);
     this.tell("shown");
+  }
+
+  /** How far the pixels of the page can be trusted. */
+  tellLoss(loss) {
+    const output = this.find(".loss");
+    if (!output || loss === undefined) return;
+    output.textContent = loss ? `Compressed: each picture is off by about ${loss} levels.` : "Exact: kept without loss.";
   }
 
   stepTo(place) {
@@ -216,16 +225,32 @@ class Player {
     this.tell("changed");
   }
 
-  zoomIn(event) {
-    const at = this.pixelAt(event);
-    const next = ZOOMS.find((zoom) => zoom > this.scale());
-    this.zoomTo(next ?? 0, at);
+  /** Zoom so that a pixel of the picture comes to lie where the pointer is; what would be smaller than the stage fits it. */
+  zoomAround(scale, pixel, { clientX, clientY }) {
+    const bounds = this.stage.getBoundingClientRect();
+    const kept = Math.min(scale, ZOOMS.at(-1));
+    const x = pixel.x - (clientX - bounds.left - bounds.width / 2) / kept;
+    const y = pixel.y - (clientY - bounds.top - bounds.height / 2) / kept;
+    this.zoomTo(kept <= this.fitting() ? 0 : Math.round(100 * kept) / 100, { x, y });
+  }
+
+  /** The next zooms that enlarge and reduce what is seen. */
+  larger() {
+    return ZOOMS.find((zoom) => zoom > this.scale());
+  }
+
+  smaller() {
+    return ZOOMS.findLast((zoom) => zoom < this.scale() && zoom > this.fitting()) ?? 0;
   }
 
   // -------------------------------------------------------------- drawing
 
+  fitting() {
+    return this.stage.clientWidth / this.width;
+  }
+
   scale() {
-    return this.zoom || this.stage.clientWidth / this.width;
+    return this.zoom || this.fitting();
   }
 
   /** Left and top of the whole picture on the stage, and its size there. */
@@ -331,7 +356,9 @@ class Player {
 
   /** A drag moves the edge; in a picture that is larger than the stage it moves the picture, unless it begins at the edge. */
   grab(event) {
-    if (!event.isPrimary || event.button) return; // two fingers zoom the page
+    if (event.button) return;
+    this.fingers.set(event.pointerId, event);
+    if (this.fingers.size > 1) return this.pinch();
     const bounds = this.stage.getBoundingClientRect();
     const edge = bounds.left + (bounds.width * this.wipe.value) / 100;
     const atEdge = this.mode === "wipe" && (!this.zoom || Math.abs(event.clientX - edge) < 20);
@@ -340,13 +367,44 @@ class Player {
     this.move(event);
   }
 
+  letGo(event) {
+    this.fingers.delete(event.pointerId);
+    this.held = null;
+  }
+
+  /** What two fingers have between them when they begin. */
+  pinch() {
+    const { middle, distance } = this.span();
+    this.held = "fingers";
+    this.pinched = { pixel: this.pixelAt(middle), ratio: this.scale() / distance };
+  }
+
+  span() {
+    const [one, other] = this.fingers.values();
+    const middle = { clientX: (one.clientX + other.clientX) / 2, clientY: (one.clientY + other.clientY) / 2 };
+    return { middle, distance: Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY) || 1 };
+  }
+
+  /** The wheel scrolls the page; with the control key, which the pinch of a touch pad brings along, it zooms the picture. */
+  turn(event) {
+    if (!event.ctrlKey && !event.metaKey) return;
+    event.preventDefault();
+    this.zoomAround(this.scale() * 2 ** (between(-event.deltaY, -100, 100) / 100), this.pixelAt(event), event);
+  }
+
   move(event) {
+    const before = this.fingers.get(event.pointerId);
+    if (before) this.fingers.set(event.pointerId, event);
+    if (this.held === "fingers") {
+      const { middle, distance } = this.span();
+      return this.zoomAround(this.pinched.ratio * distance, this.pinched.pixel, middle);
+    }
     const bounds = this.stage.getBoundingClientRect();
     if (this.held === "edge") {
       this.wipe.value = between((100 * (event.clientX - bounds.left)) / bounds.width, 0, 100);
       this.restyle();
     } else if (this.held === "picture") {
-      this.pan(-event.movementX / this.scale(), -event.movementY / this.scale());
+      this.pan((before.clientX - event.clientX) / this.scale(), (before.clientY - event.clientY) / this.scale());
     }
     this.readPixel(this.pixelAt(event));
   }
@@ -363,7 +421,7 @@ class Player {
     if (!output || !this.images.length) return;
     const [x, y] = [Math.floor(at.x), Math.floor(at.y)];
     if (x < 0 || y < 0 || x >= this.width || y >= this.height) return;
-    const about = this.frames[this.place].exact ? "" : "about ";
+    const about = this.frames[this.place].loss === 0 ? "" : "about ";
     const parts = ["left", "right"].map((side) => {
       const { data, width, height } = this.pixels(this.picture(side));
       const begin = 4 * (Math.floor((y * height) / this.height) * width + Math.floor((x * width) / this.width));
@@ -380,7 +438,8 @@ class Player {
   }
 
   press(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target !== this.stage) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select")) return;
+    if (event.key === " " && event.target.closest("button")) return; // presses it
     const digit = /^(?:Digit|Numpad)(\d)$/.exec(event.code);
     const pans = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     const actions = {
@@ -391,8 +450,8 @@ class Player {
       " ": () => (this.timer ? this.pause() : this.play()),
       f: () => this.flip(),
       e: () => this.setMode(this.mode === "error" ? "wipe" : "error"),
-      "+": () => this.zoomTo(ZOOMS.find((zoom) => zoom > this.zoom) ?? this.zoom),
-      "-": () => this.zoomTo(ZOOMS.findLast((zoom) => zoom < this.zoom) ?? 0),
+      "+": () => this.zoomTo(this.larger() ?? this.zoom),
+      "-": () => this.zoomTo(this.smaller()),
     };
     let action = actions[event.key];
     if (digit) action = () => this.choose(event.shiftKey ? "left" : "right", +digit[1]);

@@ -20,14 +20,5 @@ for (const button of document.querySelectorAll("[data-place]")) {
     screen_.scrollIntoView({ block: "center" });
   });
 }
-document.getElementById("copy").addEventListener("click", async (event) => {
-  const button = event.currentTarget;
-  const command = document.getElementById("command");
-  try {
-    await navigator.clipboard.writeText(command.textContent);
-    button.textContent = "Copied";
-  } catch (error) {
-    getSelection().selectAllChildren(command); // a page from a file may not write to the clipboard
-  }
-});
+document.getElementById("copy").addEventListener("click", (event) => copyText(document.getElementById("command"), event.currentTarget));
 if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
