@@ -39,6 +39,7 @@ from fpsboost.evaluation.pictures import find_spots, in_colour
 from fpsboost.evaluation.report import DIFFERENT, _view_frames, choose_frames, command, write_report
 from fpsboost.evaluation.report_tables import _cells
 from fpsboost.evaluation.results import Compared, Comparison, FrameResult, MethodResult
+from fpsboost.evaluation.several import judge_all
 from fpsboost.method_table import methods
 
 NAMES = ("dis", "blend", "nearest")
@@ -732,6 +733,35 @@ def test_page_of_several_clips(chromium: Any, several: Path, comparison: Compari
     opened.close()
 
 
+@pytest.mark.parametrize(
+    ("leads", "outcome"),
+    [
+        (
+            [1.0, 0.8, 1.2],
+            "a does best in the mean of 3 clips: 30.00 dB, 1.00 ± 0.12 dB more than b; it is best on all of",
+        ),
+        (
+            [1.0, -1.0, 0.3],
+            "a and b are level in the mean of 3 clips: a reaches 30.00 dB, and no lead is more than two",
+        ),
+        (
+            [1, 1, 1, 1, 1, -0.2],
+            "a does best in the mean of 6 clips: 30.00 dB, 0.80 ± 0.20 dB more than b; it is best on 5",
+        ),
+    ],
+)
+def test_a_lead_on_several_clips_is_more_than_chance(comparison: Comparison, leads: list[float], outcome: str) -> None:
+    """Two methods are level within two standard errors of their differences, clip by clip."""
+    clips = []
+    for lead in leads:
+        methods = [
+            MethodResult(name, "", [FrameResult(1, Scores(1.0, psnr, 0.9, 1.0), 0.1, 0.1, {}, {})])
+            for name, psnr in (("a", 30.0), ("b", 30.0 - lead))
+        ]
+        clips.append(replace(comparison, methods=methods, hidden=[1], cuts=[], doubtful=[]))
+    assert judge_all(clips).startswith(outcome)
+
+
 def test_command_compares_several_clips(comparison: Comparison, fpsboost_: Command, tmp_path: Path) -> None:
     """Tables of each, a table of the means, one page, one JSON and one CSV that name the clips."""
     shutil.copytree(comparison.clip, tmp_path / "second")
@@ -742,7 +772,9 @@ def test_command_compares_several_clips(comparison: Comparison, fpsboost_: Comma
     result = fpsboost_("compare", "first", "second", *arguments)
     assert result.code == 0, result.err
     assert "2 clips" in result.out
-    assert re.search(r"blend does best in the mean of 2 clips: [\d.]+ dB, [\d.]+ dB more than nearest", result.out)
+    assert re.search(
+        r"blend does best in the mean of 2 clips: [\d.]+ dB, [\d.]+ ± [\d.]+ dB more than nearest", result.out
+    )
     data = json.loads((tmp_path / "x.json").read_text())
     assert [each["clip"] for each in data["clips"]] == ["first", "second"]
     of_clips = data["mean"]["blend"]["psnr_of_clips"]

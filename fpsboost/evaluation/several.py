@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fpsboost.evaluation.results import Comparison
-
-MAX_LEVEL = 0.005
-"""Methods are said to be level if their means differ by no more, dB: that is what two digits show."""
+from fpsboost.evaluation.verdict import MAX_STANDARD_ERRORS
 
 
 class MeanOverClips(NamedTuple):
@@ -31,26 +30,30 @@ def means_over_clips(comparisons: Sequence[Comparison]) -> list[MeanOverClips]:
 
 
 def judge_all(comparisons: Sequence[Comparison]) -> str:
-    """Say in a sentence which method does best on several clips.
+    """Say in a sentence which method does best on several clips, by more than chance or not.
 
     Returns
     -------
     str
-        ``nlm does best in the mean of 3 clips: 33.10 dB, 0.64 dB more than dis; it is best on 2 of them.``
+        ``nlm does best in the mean of 3 clips: 33.10 dB, 0.64 ± 0.12 dB more than dis; it is best on all of them.``
     """
     best, *others = sorted(means_over_clips(comparisons), key=lambda each: -each.mean)
     of_all = f"in the mean of {len(comparisons)} clips"
     if not others:
         return f"{best.method} reaches {best.mean:.2f} dB {of_all}."
-    highest = [max(each.of_clips[place] for each in (best, *others)) for place in range(len(comparisons))]
-    wins = sum(mine >= top - MAX_LEVEL for mine, top in zip(best.of_clips, highest, strict=True))
-    ahead = best.mean - others[0].mean
-    on = "all" if wins == len(comparisons) else "none" if wins == 0 else str(wins)
-    if ahead <= MAX_LEVEL:
-        return f"{best.method} and {others[0].method} are level {of_all}: {best.mean:.2f} dB."
+    differences = np.subtract(best.of_clips, others[0].of_clips)
+    mean, error = float(differences.mean()), float(differences.std(ddof=1)) / math.sqrt(len(differences))
+    lead = f"{mean:.2f} ± {error:.2f} dB"
+    if mean <= MAX_STANDARD_ERRORS * error:
+        return (
+            f"{best.method} and {others[0].method} are level {of_all}: {best.method} reaches {best.mean:.2f} dB, and "
+            f"no lead is more than two standard errors ({lead} ahead of {others[0].method})."
+        )
+    wins = int((np.argmax([each.of_clips for each in (best, *others)], axis=0) == 0).sum())
+    on = "all" if wins == len(comparisons) else str(wins)
     return (
-        f"{best.method} does best {of_all}: {best.mean:.2f} dB, {ahead:.2f} dB more than {others[0].method}; it is "
-        f"best on {on} of them."
+        f"{best.method} does best {of_all}: {best.mean:.2f} dB, {lead} more than {others[0].method}; it is best on "
+        f"{on} of them."
     )
 
 
