@@ -360,9 +360,9 @@ def test_next_probe_stops_the_last(desk: Desk, films: Path, monkeypatch: pytest.
     """A clip that takes long to read is dropped when another one is picked."""
     real, begun = jobs.start_process, Event()
 
-    def start(words: list[str]) -> subprocess.Popen[str]:
+    def start(words: list[str], stdout: int) -> subprocess.Popen[str]:
         if begun.is_set():
-            return real(words)
+            return real(words, stdout)
         waits = [sys.executable, "-c", "import signal; signal.pause()"]
         process = subprocess.Popen(waits, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8")
         begun.set()

@@ -20,6 +20,7 @@ from rich.table import Column, Table
 
 from fpsboost.cli import messages
 from fpsboost.cli.contestants import choose, name_others, split_methods
+from fpsboost.cli.flags import words_of
 from fpsboost.cli.messages import sentence, shown
 from fpsboost.cli.options import ContestOptions, CutOptions, HidingOptions, ResultOptions
 from fpsboost.cli.signature import GROUPS, PathName, with_flags
@@ -70,88 +71,78 @@ def compare(
     more
         Further ones.
     """
-    console = Console(highlight=False, quiet=results.quiet)
-    inputs, hiding = [input, *more], hiding_of(frames, decoding)
-    name_others(contest.frames_of, contest.peer)
-    if contest.depth is not None and contest.vectors is None:
-        raise OptionError("--depth goes with --vectors; give both.")
-    check_several(inputs, contest)
-    with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
-        compared = compare_each(inputs, hiding, contest, at_cuts, results, Path(scratch), console)
-        write_results(compared, results, console, None if decoding.input_fps is None else Fraction(decoding.input_fps))
-    if results.fail_under is not None:
-        check_is_reached([each.comparison for each in compared], results.fail_under)
-
-
-def compare_each(
-    inputs: Sequence[str],
-    hiding: Hiding,
-    contest: ContestOptions,
-    at_cuts: CutOptions,
-    results: ResultOptions,
-    scratch: Path,
-    console: Console,
-) -> list[Compared]:
-    """Compare the methods on one clip after the other, and print what comes out."""
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
     from fpsboost.evaluation.further_metrics import choose_metrics  # noqa: PLC0415
     from fpsboost.evaluation.results import Compared  # noqa: PLC0415
-    from fpsboost.evaluation.several import judge_all  # noqa: PLC0415
-    from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
-    vectors = contest.vector_folder
-    vectors = vectors and match_vectors(inputs[0], vectors)
+    console = Console(highlight=False, quiet=results.quiet)
+    inputs, hiding = [input, *more], hiding_of(frames, decoding)
     others = name_others(contest.frames_of, contest.peer)
-    ours, skipped = choose(contest.methods, vectors)
+    if contest.depth is not None and contest.vectors is None:
+        raise OptionError("--depth goes with --vectors; give both.")
+    check_several(inputs, contest)
+    folder = contest.vector_folder
+    folder = folder and match_vectors(input, folder)
+    ours, skipped = choose(contest.methods, folder)
     ours = with_cuts(ours, at_cuts)
     if results.fail_under is not None:
         check_limit(results.fail_under, contest.methods, list(ours), skipped)
     chosen = choose_metrics(results.metrics)
     for path, option in ((results.report, "--report"), (results.json, "--json"), (results.csv, "--csv")):
         check_new(path, option)
-    rate = None if hiding.decoding.input_fps is None else Fraction(hiding.decoding.input_fps)
-    for input in inputs[1:]:  # the first one says so soon enough
-        next(hiding.intervals(input, rate))
+    rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
+    for each in more:  # the first one says so soon enough
+        next(hiding.intervals(each, rate))
     compared = []
-    for place, input in enumerate(inputs):
-        own = scratch / str(place)
-        own.mkdir()
-        with Progressing(quiet=results.quiet) as progress:
-            makers = ours | dict(others.makers(partial(hiding.intervals, input, rate), own, progress.begun))
-            comparison = run(
-                input,
-                makers,
-                hiding,
-                progress,
-                skipped=skipped,
-                input_fps=rate,
-                rendered=words_of(contest.rendered),
-                others=others.words(),
-                vectors=vectors,
-                cuts=at_cuts.applied_to(find_method("nlm")).cuts,
-                cut_options=words_of(at_cuts.given),
-                metrics=chosen,
-            )
-        for each in tables(comparison):
-            console.print(each)
-        for line in remarks(comparison, makers):
-            console.print(sentence(line))
-        console.print(sentence(judge(comparison).text), style="bold", soft_wrap=True)
-        compared.append(Compared(comparison, makers))
-    if len(compared) > 1:
-        console.print(table_of_means([each.comparison for each in compared]))
-        console.print(sentence(judge_all([each.comparison for each in compared])), style="bold", soft_wrap=True)
-    return compared
+    with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
+        for each in inputs:
+            with Progressing(quiet=results.quiet) as progress:
+                intervals = partial(hiding.intervals, each, rate)
+                makers = ours | dict(others.makers(intervals, Path(scratch), progress.begun))
+                comparison = run(
+                    each,
+                    makers,
+                    hiding,
+                    progress,
+                    skipped=skipped,
+                    input_fps=rate,
+                    rendered=words_of(contest.rendered),
+                    others=others.words(),
+                    vectors=folder,
+                    cuts=at_cuts.applied_to(find_method("nlm")).cuts,
+                    cut_options=words_of(at_cuts.given),
+                    metrics=chosen,
+                )
+            print_comparison(comparison, makers, console)
+            compared.append(Compared(comparison, makers))
+        write_results(compared, results, console, rate)
+    if results.fail_under is not None:
+        check_is_reached([each.comparison for each in compared], results.fail_under)
+
+
+def print_comparison(comparison: Comparison, makers: Mapping[str, Maker], console: Console) -> None:
+    """Print the tables, the remarks and the verdict."""
+    from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
+
+    for each in tables(comparison):
+        console.print(each)
+    for line in remarks(comparison, makers):
+        console.print(sentence(line))
+    console.print(sentence(judge(comparison).text), style="bold", soft_wrap=True)
 
 
 def write_results(
     compared: Sequence[Compared], results: ResultOptions, console: Console, input_fps: Fraction | None
 ) -> None:
-    """Write the files and the page that are asked for."""
+    """Print what several clips come to, and write the files and the page that are asked for."""
     from fpsboost.evaluation.exporting import write_csv, write_json  # noqa: PLC0415
+    from fpsboost.evaluation.several import judge_all  # noqa: PLC0415
 
     comparisons = [each.comparison for each in compared]
+    if len(comparisons) > 1:
+        console.print(table_of_means(comparisons))
+        console.print(sentence(judge_all(comparisons)), style="bold", soft_wrap=True)
     if results.json is not None:
         write_json(Path(results.json), comparisons)
     if results.csv is not None:
@@ -174,14 +165,6 @@ def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
     twice = next((input for input in inputs if inputs.count(input) > 1), None)
     if twice is not None:
         raise OptionError(f"{twice} is named twice; name it once.")
-
-
-def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
-    """Return the given options as words of the command line; True stands for an option without a value."""
-    given = {option: value for option, value in options.items() if value is not None and value is not False}
-    return tuple(
-        word for option, value in given.items() for word in ((option,) if value is True else (option, str(value)))
-    )
 
 
 def with_cuts(makers: Mapping[str, Maker], at_cuts: CutOptions) -> dict[str, Maker]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, get_type_hints
 
@@ -52,3 +52,27 @@ def flags_of(cls: type) -> Iterator[Flag]:
             yield Flag(field.name, kinds[field.name], field.default, field.metadata["option"])
         elif is_dataclass(field.default):
             yield from flags_of(type(field.default))
+
+
+def words_of(options: Mapping[str, object]) -> tuple[str, ...]:
+    """Return the given options as words of the command line; True stands for an option without a value."""
+    given = {option: value for option, value in options.items() if value is not None and value is not False}
+    return tuple(
+        word for option, value in given.items() for word in ((option,) if value is True else (option, str(value)))
+    )
+
+
+def words_of_options(*options: Any) -> list[str]:
+    """Return what differs from the defaults in objects of options, as words of the command line."""
+    return [word for each in options for word in words_of(dict(_given(each)))]
+
+
+def _given(options: Any) -> Iterator[tuple[str, object]]:
+    """Yield the options that differ from their defaults, by their flags, with values as they are written."""
+    names = {flag.field: flag.name for flag in flags_of(type(options))}
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if is_dataclass(field.default):
+            yield from _given(value)
+        elif field.name in names and value != field.default:
+            yield names[field.name], value.as_option() if hasattr(value, "as_option") else value

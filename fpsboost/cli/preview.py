@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 from rich.console import Console
 
 from fpsboost.cli.batch import plan_outputs
-from fpsboost.cli.compare import words_of
 from fpsboost.cli.contestants import choose, split_methods
-from fpsboost.cli.flags import flags_of
+from fpsboost.cli.flags import words_of, words_of_options
 from fpsboost.cli.messages import sentence, shown
 from fpsboost.cli.options import CutOptions, PreviewOptions, in_flags
 from fpsboost.cli.signature import GROUPS, PathName, with_flags
@@ -76,8 +74,9 @@ def preview(
         found.remarks = [in_flags(remark) for remark in found.remarks]
         status.update("writing the page")
         words = ["fpsboost", input, output, *_method_words(options)]
-        given = [word for each in (decoding, rate, cuts) for word in words_of(dict(given_flags(each)))]
-        write_page(place, found, shlex.join([*words, *given]), overwrite=options.overwrite)
+        write_page(
+            place, found, shlex.join([*words, *words_of_options(decoding, rate, cuts)]), overwrite=options.overwrite
+        )
         if options.side_by_side is not None:
             write_video(options.side_by_side, found, overwrite=options.overwrite)
     for remark in found.remarks:
@@ -126,14 +125,3 @@ def _method_words(options: PreviewOptions) -> list[str]:
         chosen = {}
     kept = {"--duplicates": options.duplicates if options.duplicates == "keep" else None}
     return list(words_of({**chosen, **kept, "--match-grain": options.match_grain}))
-
-
-def given_flags(options: Any) -> Iterator[tuple[str, object]]:
-    """Yield the options that differ from their defaults, by their flags, with values as they are written."""
-    names = {flag.field: flag.name for flag in flags_of(type(options))}
-    for field in fields(options):
-        value = getattr(options, field.name)
-        if is_dataclass(field.default):
-            yield from given_flags(value)
-        elif field.name in names and value != field.default:
-            yield names[field.name], value.as_option() if hasattr(value, "as_option") else value

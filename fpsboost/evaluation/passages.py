@@ -11,7 +11,7 @@ from typing import Any
 from fpsboost.evaluation.hiding import Interval
 from fpsboost.evaluation.making import Maker
 from fpsboost.evaluation.metrics import as_shown
-from fpsboost.evaluation.pictures import LOSSLESS, WIDEST, encode, find_loss, not_too_wide
+from fpsboost.evaluation.pictures import LOSSLESS, WIDEST, as_webp, data_uri, find_loss, not_too_wide
 from fpsboost.evaluation.results import Comparison
 from fpsboost.frame import Image
 
@@ -141,18 +141,18 @@ def view_passages(
     uris: list[str] = []
 
     def add(number: int, passage: int, image: Image, note: str) -> None:
-        picture = not_too_wide(as_shown(image))
-        quality = LOSSLESS if number in exact else QUALITY
+        shown = not_too_wide(as_shown(image))
+        picture = as_webp(shown, LOSSLESS if number in exact else QUALITY)
         if (passage, number) not in entries:
             entries[passage, number] = {
                 "number": number,
                 "passage": passage,
                 "note": note,
                 "images": [],
-                "loss": round(find_loss(picture, quality), 1),
+                "loss": round(find_loss(shown, picture), 1),
             }
         entries[passage, number]["images"].append(len(uris))
-        uris.append(encode(picture, quality))
+        uris.append(data_uri(picture, "webp"))
 
     def intervals() -> Iterator[Interval]:
         return comparison.hiding.intervals(comparison.clip, input_fps)

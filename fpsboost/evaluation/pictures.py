@@ -268,20 +268,24 @@ def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
 
 def encode(image: NDArray[Any], quality: int = QUALITY) -> str:
     """Encode an image as text that a page can hold."""
-    return "data:image/webp;base64," + base64.b64encode(_as_webp(image, quality).tobytes()).decode()
+    return data_uri(as_webp(image, quality), "webp")
 
 
-def find_loss(image: NDArray[Any], quality: int) -> float:
-    """Return the mean absolute error that encoding leaves, levels of 255."""
-    if quality == LOSSLESS:
-        return 0.0
-    decoded = cv2.imdecode(_as_webp(image, quality), cv2.IMREAD_COLOR)
+def data_uri(picture: bytes, kind: str) -> str:
+    """Return an encoded picture as text that a page can hold; `kind` is ``webp``, ``jpeg``..."""
+    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
+
+
+def as_webp(image: NDArray[Any], quality: int) -> bytes:
+    """Encode an image."""
+    return cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()
+
+
+def find_loss(image: NDArray[Any], picture: bytes) -> float:
+    """Return the mean absolute error that encoding has left in a picture of an image, levels of 255."""
+    decoded = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
     assert decoded is not None
     return float(cv2.absdiff(decoded, image).mean())
-
-
-def _as_webp(image: NDArray[Any], quality: int) -> NDArray[np.uint8]:
-    return cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1]
 
 
 def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:

@@ -125,9 +125,8 @@ def make_page(clips: Sequence[Compared], *, input_fps: Fraction | None = None, d
         name=_name_of(one) if one else f"{len(clips)} clips",
         names=[_name_of(each) for each in comparisons],
         outcome=judge(one).sentences[0] if one else judge_all(comparisons),
-        has_times=[time_plot(each) is not None for each in comparisons],
+        has_times=has_times(comparisons[0]),
         means=mean_rows(comparisons),
-        clip_columns=[(_name_of(each), "dB", True) for each in comparisons],
         bodies=[Markup(each) for each in bodies],
         looks=looks_of([method.name for method in comparisons[0].methods]),
     )
@@ -262,9 +261,14 @@ def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
     ]
 
 
+def has_times(comparison: Comparison) -> bool:
+    """Return whether it is known of any method how long it took."""
+    return any(math.isfinite(comparison.mean_seconds(method)[0]) for method in comparison.methods)
+
+
 def time_plot(comparison: Comparison, at: str = "") -> Plot | None:
     """Draw the time that every frame took; None where nobody knows it."""
-    if not any(math.isfinite(comparison.mean_seconds(method)[0]) for method in comparison.methods):
+    if not has_times(comparison):
         return None
     charts = _frame_charts(comparison, "seconds", "Time, seconds a frame", at, may_be_logarithmic=True)
     return Plot("seconds", "Time", "s", charts)

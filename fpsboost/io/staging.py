@@ -19,7 +19,7 @@ from io import BufferedRandom
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from fpsboost.errors import InputError, InUseError, OptionError, OutputError
+from fpsboost.errors import InputError, InUseError, OptionError, OutputError, explained
 
 if sys.platform == "win32":
     import msvcrt
@@ -34,6 +34,8 @@ IDENTIFYING_BYTES = 1 << 16
 """Bytes at the beginning and at the end of a file that identify it together with its size."""
 SHORT_NAME_LENGTH = 50
 """Number of characters to which a longer name is cut."""
+IN_EXISTING_FOLDER = "fpsboost"
+"""Name of the staging folder of images that go into a folder that was there."""
 
 
 @dataclass(frozen=True)
@@ -313,6 +315,23 @@ class StagingDirectory:
             raise OutputError(
                 f"{self._name} was begun {wording}; say the same as then, or leave `resume` out to start anew."
             )
+
+
+def discard_unfinished(output: str) -> None:
+    """Remove what a stopped run has left of a video or a folder of images.
+
+    Raises
+    ------
+    OutputError
+        Another run writes there, or it cannot be removed.
+    """
+    path = Path(output)
+    for place in (hidden_place(path.parent, path.name), hidden_place(path, IN_EXISTING_FOLDER)):
+        if (place / MANIFEST).is_file():
+            with explained(OutputError, "remove", place, "check the permissions"):
+                staging = StagingDirectory(place, "output", output, None)
+                staging.open()
+                staging.close(keep=False)
 
 
 def complete_already(name: str) -> str:

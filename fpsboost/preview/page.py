@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.page_templates import templates_of
-from fpsboost.evaluation.pictures import as_heat, encode
+from fpsboost.evaluation.pictures import as_heat, data_uri, encode
 from fpsboost.evaluation.writing import appearing
 from fpsboost.io.prefetch import available_cores
 from fpsboost.preview.trial import Estimate, Preview
@@ -94,7 +93,7 @@ def _least_certain(shown: Preview) -> list[LeastCertain]:
         time = format_time(passage.start + least.time)
         doubt = None if confidence is None else encode(as_heat(1 - confidence))
         mean = None if confidence is None else float(confidence.mean())
-        picture = _uri(trial.after.pictures[least.number])
+        picture = data_uri(trial.after.pictures[least.number], "jpeg")
         place = sum(_count(shown, each.before.end) for each in shown.found.shown[:number])
         place += round(least.time * shown.stretch * shown.rate)
         found.append(LeastCertain(method, time, number, place, picture, doubt, mean))
@@ -123,11 +122,12 @@ def _played(shown: Preview) -> dict[str, Any]:
                 }
             )
     names = ["before", *shown.trials] if len(shown.trials) > 1 else ["before", "after"]
-    return {"names": names, "fps": float(shown.rate), "uris": [_uri(each) for each in uris], "frames": frames}
-
-
-def _uri(picture: bytes) -> str:
-    return "data:image/jpeg;base64," + base64.b64encode(picture).decode()
+    return {
+        "names": names,
+        "fps": float(shown.rate),
+        "uris": [data_uri(each, "jpeg") for each in uris],
+        "frames": frames,
+    }
 
 
 def estimate_sentence(estimate: Estimate) -> str:

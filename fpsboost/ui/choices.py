@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from fpsboost.cli.batch import plan_outputs
-from fpsboost.cli.compare import words_of
+from fpsboost.cli.flags import words_of_options
 from fpsboost.cli.options import MethodOptions, TuningOptions, in_flags
-from fpsboost.cli.preview import given_flags
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -86,8 +85,7 @@ class Choices:
     def words(self, job: ConversionJob) -> list[str]:
         """Return the job as words of the command line."""
         given = [job.rate, MethodOptions(self.method), job.decoding, job.encoding, RunOptions(overwrite=self.overwrite)]
-        options = [word for each in given for word in words_of(dict(given_flags(each)))]
-        return ["fpsboost", job.input, job.output or "", *options]
+        return ["fpsboost", job.input, job.output or "", *words_of_options(*given)]
 
     def check(self, job: ConversionJob) -> dict[str, Any]:
         """Return what the conversion would give, as plain data, without doing it."""

@@ -53,7 +53,7 @@ class Prober:
         """Return what `fpsboost probe` says, as plain data."""
         with self._lock:
             self.close()
-            self._process = process = start_process(["probe", path, "--json"])
+            self._process = process = start_process(["probe", path, "--json"], subprocess.PIPE)
         text, said = process.communicate()
         if process.returncode != 0:
             raise InputError(said.strip().removeprefix("fpsboost: ") or f"{path} was not read to its end.")

@@ -13,7 +13,7 @@ from threading import Condition, Thread
 from typing import Any, Literal
 
 from fpsboost.errors import OptionError, OutputError, explained
-from fpsboost.io.staging import MANIFEST, StagingDirectory, hidden_place, write_safely
+from fpsboost.io.staging import discard_unfinished, write_safely
 from fpsboost.io.target import Target
 
 State = Literal["waiting", "running", "stopping", "paused", "done", "failed"]
@@ -184,27 +184,16 @@ class Queue:
                 self._save()
 
 
-def start_process(words: list[str]) -> subprocess.Popen[str]:
+def start_process(words: list[str], stdout: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
     """Start the command line as a process of its own, whose messages are read."""
     return subprocess.Popen(
         [sys.executable, "-m", "fpsboost", *words],
         stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE if "probe" in words[:1] else subprocess.DEVNULL,
+        stdout=stdout,
         stderr=subprocess.PIPE,
         encoding="utf-8",
         errors="replace",
     )
-
-
-def discard_unfinished(output: str) -> None:
-    """Remove what a stopped run has left of an output."""
-    path = Path(output)
-    for place in (hidden_place(path.parent, path.name), hidden_place(path, "fpsboost")):
-        if (place / MANIFEST).is_file():
-            with explained(OutputError, "remove", place, "check the permissions"):
-                staging = StagingDirectory(place, "output", output, None)
-                staging.open()
-                staging.close(keep=False)
 
 
 def _read(path: Path) -> list[Job]:

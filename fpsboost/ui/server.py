@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import secrets
 import shlex
 from collections.abc import Callable
@@ -23,6 +22,7 @@ from fpsboost.cli.app import explain
 from fpsboost.cli.options import in_flags
 from fpsboost.errors import FpsboostError, InputError, OptionError, notes_of
 from fpsboost.evaluation.page_templates import templates_of
+from fpsboost.evaluation.pictures import data_uri
 from fpsboost.timing.position import format_time
 from fpsboost.ui.choices import Choices
 from fpsboost.ui.clip import Prober, header
@@ -74,9 +74,8 @@ class Desk:
         job = choices.job(self.files)
         with self._looking:  # one at a time, so that it takes no more memory than a conversion
             found = look_between(job, Fraction(time).limit_denominator(10**9))
-        pictures = (base64.b64encode(each).decode() for each in (found.blended, found.made))
         return {
-            "images": [f"data:image/jpeg;base64,{each}" for each in pictures],
+            "images": [data_uri(each, "jpeg") for each in (found.blended, found.made)],
             "between": f"between {format_time(found.begin)} and {format_time(found.end)}",
             "is_cut": found.is_cut,
         }

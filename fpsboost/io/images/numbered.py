@@ -40,7 +40,7 @@ from fpsboost.io.images.passes import ALL, BEAUTY, Passes
 from fpsboost.io.images.sequence import FileSequence, NumberedImages, Numbering
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output
-from fpsboost.io.staging import StagingDirectory, hidden_place, move_all, sync, write_safely
+from fpsboost.io.staging import IN_EXISTING_FOLDER, StagingDirectory, hidden_place, move_all, sync, write_safely
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.video.decode_options import View
 from fpsboost.layered import LayeredImage
@@ -348,7 +348,7 @@ class ImageSink:
             if output.in_place or not (self._is_new or self._is_folder):
                 called = self._numbering.pattern
             else:
-                called = folder.name if self._is_new else "fpsboost"
+                called = folder.name if self._is_new else IN_EXISTING_FOLDER
             place = hidden_place(folder.parent if self._is_new else folder, called)
             self._unfinished = StagingDirectory(place, "output", path, output.job)
             self._replaced = place / "replaced"
