@@ -74,6 +74,17 @@ def save_images() -> SaveImages:
     return save
 
 
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """A browser; tests that need one are skipped where there is none."""
+    from browser import BROWSER, launched  # noqa: PLC0415 (tests without a browser need no Playwright)
+
+    if BROWSER is None:
+        pytest.skip("there is no Chromium on the PATH")
+    with launched() as browser:
+        yield browser
+
+
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-import shutil
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -15,10 +14,10 @@ import av
 import cv2
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
+from browser import violations
 from conftest import Command, SaveImages, Snapshot
 from numpy.typing import NDArray
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page
 from video_truth import scene
 
 from fpsboost.conversion import convert
@@ -33,7 +32,6 @@ from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position
 from fpsboost.timing.rate import OutputRate
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 RATE, HEIGHT, WIDTH = 12, 48, 64
 BLEND = {"blend": methods["blend"]}
 
@@ -313,19 +311,15 @@ def test_page_loads_nothing(page: Path) -> None:
 
 
 @pytest.fixture
-def browser_page(page: Path) -> Iterator[Page]:
-    if BROWSER is None:
-        pytest.skip("there is no Chromium on the PATH")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
-        opened = browser.new_page(viewport={"width": 390, "height": 844}, reduced_motion="reduce")
-        errors: list[str] = []
-        opened.on("pageerror", lambda error: errors.append(str(error)))
-        opened.on("console", lambda message: errors.append(message.text))
-        opened.goto(page.as_uri())
-        yield opened
-        assert errors == []
-        browser.close()
+def browser_page(chromium: Any, page: Path) -> Iterator[Page]:
+    opened = chromium.new_page(viewport={"width": 390, "height": 844}, reduced_motion="reduce")
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.on("console", lambda message: errors.append(message.text))
+    opened.goto(page.as_uri())
+    yield opened
+    assert errors == []
+    opened.close()
 
 
 def test_page_plays_steps_and_jumps(browser_page: Page) -> None:
@@ -348,8 +342,7 @@ def test_page_plays_steps_and_jumps(browser_page: Page) -> None:
     assert browser_page.locator("#command").inner_text() == "fpsboost 'in & out.mp4' out.mp4"
     for scheme in ("light", "dark"):
         browser_page.emulate_media(color_scheme=scheme)
-        found = Axe().run(browser_page).response["violations"]
-        assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
+        assert violations(browser_page) == []
 
 
 def test_watcher_sees_frames_as_they_are_written(short: Path, tmp_path: Path) -> None:

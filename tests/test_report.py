@@ -20,10 +20,10 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
+from browser import violations
 from conftest import Command
 from numpy.typing import NDArray
-from playwright.sync_api import Page, Request, expect, sync_playwright
+from playwright.sync_api import Page, Request, expect
 from video_truth import scene
 
 from fpsboost.errors import OutputError
@@ -44,8 +44,6 @@ from fpsboost.method_table import methods
 
 NAMES = ("dis", "blend", "nearest")
 HEIGHT, WIDTH, FRAMES = 48, 64, 7
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-QUIET = ("--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run")
 
 
 class Silence:
@@ -365,16 +363,6 @@ def test_help_draws_nothing(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- in a browser
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    if BROWSER is None:
-        pytest.skip("there is no Chromium on the PATH")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu", *QUIET])
-        yield browser
-        browser.close()
-
-
 @pytest.fixture
 def page(chromium: Any, path: Path) -> Iterator[Page]:
     """The page, opened; nothing is asked of a network, and no error is reported, as long as it is."""
@@ -685,8 +673,7 @@ def test_nothing_is_in_the_way_of_anybody(chromium: Any, several: Path, scheme: 
     for button in (None, "Error map", "Blind test"):
         if button is not None:
             opened.get_by_role("button", name=button).click()
-        found = Axe().run(opened).response["violations"]
-        assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
+        assert violations(opened) == []
     assert opened.evaluate("document.documentElement.scrollWidth") == width
     opened.close()
 

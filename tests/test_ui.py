@@ -22,9 +22,9 @@ import cv2
 import numpy as np
 import pytest
 import uvicorn
-from axe_playwright_python.sync_playwright import Axe
+from browser import violations
 from conftest import Command
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Page, expect
 from starlette.testclient import TestClient
 from video_truth import scene, write_clip
 
@@ -37,7 +37,6 @@ from fpsboost.ui.guard import MAX_BODY
 from fpsboost.ui.jobs import MAX_JOBS, Queue
 from fpsboost.ui.server import Desk, make_app
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 TOKEN, PORT = "the-token-of-this-run", 8517
 ADDRESS = f"http://127.0.0.1:{PORT}"
 HEADERS = {"x-fpsboost-token": TOKEN, "origin": ADDRESS}
@@ -600,16 +599,6 @@ def serving(films: Path, state: Path) -> Iterator[str]:
             thread.join()
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    if BROWSER is None:
-        pytest.skip("there is no Chromium on the PATH")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
-        yield browser
-        browser.close()
-
-
 @contextmanager
 def opened(chromium: Any, address: str, **options: Any) -> Iterator[Page]:
     """The page, which must not complain while the block lasts."""
@@ -621,11 +610,6 @@ def opened(chromium: Any, address: str, **options: Any) -> Iterator[Page]:
     yield page
     page.close()
     assert complaints == []
-
-
-def violations(page: Page) -> list[str]:
-    found = Axe().run(page)
-    return [f"{each['id']}: {[node['html'] for node in each['nodes']]}" for each in found.response["violations"]]
 
 
 @pytest.mark.parametrize(("width", "height", "scheme"), [(1200, 900, "light"), (390, 844, "dark")])
