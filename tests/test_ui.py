@@ -355,6 +355,14 @@ def test_probe_says_what_the_command_says(client: TestClient, films: Path) -> No
     assert found["streams"][0].startswith("video: h264")
 
 
+def test_length_that_no_header_says_is_known_after_probing(client: TestClient, films: Path) -> None:
+    """Of Matroska and cut-off files, the page learns only by reading how far its slider reaches."""
+    write_clip(films / "clip.mkv")
+    assert client.post("/pick", json={"path": str(films / "clip.mkv")}).json()["last"] is None
+    found = client.post("/probe", json={"path": str(films / "clip.mkv")}).json()
+    assert found["last"] == pytest.approx(client.post("/pick", json={"path": str(films / "clip.mp4")}).json()["last"])
+
+
 def test_next_probe_stops_the_last(desk: Desk, films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A clip that takes long to read is dropped when another one is picked."""
     real, begun = jobs.start_process, Event()
@@ -662,6 +670,21 @@ def test_page_says_what_is_wrong(chromium: Any, films: Path, tmp_path: Path) -> 
         page.locator("#at").fill("99:99")
         page.locator("#at").press("Enter")
         page.close()
+
+
+def test_place_is_typed_until_the_length_is_known(chromium: Any, films: Path, tmp_path: Path) -> None:
+    """Without a length there is no slider, a place that is typed is shown, and reading brings the slider."""
+    write_clip(films / "clip.mkv")
+    with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
+        page.get_by_role("button", name="clip.mkv").click()
+        page.get_by_text("In the middle between 0:00.000").wait_for()
+        assert not page.locator("#time").is_visible()
+        page.locator("#at").fill("0:00.2")
+        page.locator("#at").press("Enter")
+        page.get_by_text("In the middle between 0:00.200").wait_for()
+        page.get_by_role("button", name="Read it to its end").click()
+        page.locator("#time").wait_for()
+        assert float(page.locator("#time").get_attribute("max") or 0) == pytest.approx(0.36)
 
 
 @pytest.mark.usefixtures("waiting_process")

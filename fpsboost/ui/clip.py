@@ -27,7 +27,8 @@ def header(path: str) -> dict[str, Any]:
     with open_source(path, requirements=TargetRequirements(layers=True)) as source:
         info, is_images = source.info, source.stream_info.images is not None
         remarks = list(source.remarks)
-    count, duration = info.frame_count, info.duration
+    count = info.frame_count
+    duration = info.duration or (count / info.rate if count else None)
     says = [f"{info.width}x{info.height}", *([f"{count:,} frames"] if count else [])]
     if not is_images:
         says += [f"{float(info.rate):.6g} frames a second", *([format_time(duration)] if duration else [])]
@@ -35,7 +36,7 @@ def header(path: str) -> dict[str, Any]:
         "name": Path(path).name,
         "says": ", ".join(says),
         "is_images": is_images,
-        "last": max(0.0, float((duration or (count or 0) / info.rate) - 1 / info.rate)),
+        "last": None if duration is None else max(0.0, float(duration - 1 / info.rate)),
         "is_quick": count is not None and count * info.width * info.height <= QUICK_PIXELS,
         "remarks": remarks,
         "choices": asdict(first_choices(path)),
@@ -65,6 +66,7 @@ class Prober:
                 for each in found.streams
             ],
             "remarks": [*found.remarks, *found.conversion.remarks],
+            "last": max(0.0, found.duration - 1 / found.rate),
         }
 
     def close(self) -> None:

@@ -118,8 +118,8 @@ async function pick(path) {
   fill(clip);
   for (const id of ["clip", "how", "look"]) byId(id).hidden = false;
   byId("picture").replaceChildren();
-  byId("time").max = clip.last;
-  goTo(clip.last / 2);
+  setLast(clip.last);
+  goTo((clip.last ?? 0) / 2);
   byId("read").hidden = clip.is_quick;
   if (clip.is_quick) probe();
   byId("clip-title").scrollIntoView({ block: "nearest" });
@@ -147,6 +147,7 @@ async function probe() {
         make("div", {}, make("dt", {}, name), make("dd", {}, value)),
       );
       found.streams.forEach((each, place) => rows.push(make("div", {}, make("dt", {}, `stream ${place}`), make("dd", {}, each))));
+      setLast(found.last);
       byId("facts").replaceChildren(make("dl", {}, ...rows), ...found.remarks.map((each) => make("p", {}, each)));
     } catch (error) {
       if (state.clip === clip) throw error;
@@ -236,7 +237,15 @@ function clock(seconds) {
   return `${whole}:${(seconds - 60 * whole).toFixed(3).padStart(6, "0")}`;
 }
 
+/** Let the slider reach to the last place; if that is not known, it is hidden until the clip was read, and places are typed. */
+function setLast(last) {
+  state.last = last;
+  byId("time").parentElement.hidden = last === null;
+  byId("time").max = last ?? 0;
+}
+
 function goTo(seconds) {
+  if (state.last === null) byId("time").max = seconds;
   byId("time").value = seconds;
   byId("at").value = clock(+byId("time").value);
   look();
