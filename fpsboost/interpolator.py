@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeVar, get_args
 
@@ -20,8 +22,10 @@ from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame import FrameImage, Image, as_array, check_pair
 from fpsboost.frame_cache import FrameCache, Results
+from fpsboost.io.prefetch import available_cores
 from fpsboost.io.vectors.folder import UsesVectors, VectorFolder
 from fpsboost.io.video.planes import bgr_of
+from fpsboost.kernels.compiling import compiled_aside
 from fpsboost.layered import Layer, LayeredImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import normalised
@@ -513,6 +517,11 @@ class Interpolator:
         first, second, third = (FrameCache(noise) for _ in range(3))
         rehearsal = self.without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
+        with compiled_aside(partial(_rehearse_synthesis, rehearsal, noise)) if available_cores() > 1 else nullcontext():
+            # all but the synthesis
+            for _ in replace(rehearsal, synthesizer=Nearest()).between(pair, [0.5], before).images:
+                pass
+            _ = before.fields, pair.fields
         for _ in rehearsal.between(pair, [0.5], before).images:
             pass
 
@@ -521,6 +530,14 @@ class Interpolator:
         parts = {"estimator": self.estimator, "synthesizer": self.synthesizer}
         bare = {name: part.without_vectors() for name, part in parts.items() if isinstance(part, UsesVectors)}
         return replace(self, **bare)
+
+
+def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
+    """Synthesize an image from three equal ones that do not move."""
+    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, overlays=False, match_grain=False)
+    first, second, third = (FrameCache(image) for _ in range(3))
+    for _ in still.between(still.pair(second, third), [0.5], still.pair(first, second)).images:
+        pass
 
 
 def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:

@@ -1,14 +1,28 @@
-"""Notification that kernels are being compiled because the cache does not hold them yet."""
+"""Compilation of kernels that the cache does not hold yet: notification of it, and a second process for it."""
 
 from __future__ import annotations
 
+import gc
+import pickle
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, cast
 
 from numba.core import event
 
 COMPILE_EVENT = "numba:compile"
 """Event that numba sends when a compilation begins; loading from its cache sends none."""
+
+RUN_TASK = """
+import gc, pickle, sys
+gc.disable()
+sys.path[:] = pickle.load(sys.stdin.buffer)
+pickle.load(sys.stdin.buffer)()
+"""
+"""Program of the second process."""
 
 
 class _FirstStartListener(event.Listener):
@@ -38,3 +52,52 @@ def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
     listener = _FirstStartListener(tell)
     with event.install_listener(COMPILE_EVENT, listener):
         yield
+
+
+@contextmanager
+def compiled_aside(task: Callable[[], None]) -> Iterator[None]:
+    """Run a task in a second process while this one compiles, so that its kernels are in the cache afterwards.
+
+    numba compiles in one thread at a time. The process is started when the compilation of the first kernel begins,
+    and never if all come from the cache. If the task cannot be sent or fails, its kernels are still to be compiled.
+
+    Parameters
+    ----------
+    task : callable
+        Task that calls the kernels. It is pickled.
+    """
+    process: subprocess.Popen[bytes] | None = None
+
+    def start() -> None:
+        nonlocal process
+        gc.disable()  # compiling makes many objects and few cycles
+        with suppress(Exception):  # a part of the task that cannot be pickled may raise anything
+            process = _start(pickle.dumps(sys.path) + pickle.dumps(task))
+
+    collects = gc.isenabled()
+    try:
+        with told_of_compiling(start):
+            yield
+        if process is not None:
+            process.wait()
+    finally:
+        if collects:
+            gc.enable()
+        if process is not None:
+            process.kill()
+            process.wait()
+
+
+def _start(message: bytes) -> subprocess.Popen[bytes] | None:
+    """Start the second process; None where Python is part of another program, which cannot be started for this."""
+    if not Path(sys.executable or "").stem.startswith("python"):
+        return None
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN_TASK],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    with cast("IO[bytes]", process.stdin) as pipe:
+        pipe.write(message)
+    return process

@@ -6,9 +6,9 @@ instruction, the kernel says so itself. Every kernel runs in one thread and rele
 so that pairs of frames can be processed in parallel (see `fpsboost.io.prefetch`).
 """
 
-JIT = {"nogil": True, "error_model": "numpy", "fastmath": False}
+JIT = {"nogil": True, "error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
 
-FINITE_JIT = {"nogil": True, "error_model": "numpy", "fastmath": {"nsz", "nnan", "ninf"}}
+FINITE_JIT = {**JIT, "fastmath": {"nsz", "nnan", "ninf"}}
 """For inner loops whose values are known to be finite: minimum and maximum become single instructions.
 
 What a NaN or an infinity would become is not defined then, nor is the sign of a zero.

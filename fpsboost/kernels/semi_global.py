@@ -116,9 +116,10 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
     room = (capacity + EIGHT - 1) // EIGHT * EIGHT
     x, y, costs = np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32)
     spaces, last = PathRoom(x, y, costs, np.empty(room, np.float32)), (rows - 1) * columns
+    onward = np.int64(1)  # not a literal, for which the paths would be compiled again
     for row in range(rows):
-        add_path_costs(row * columns, 1, columns, labels, smoothness, slope, spaces, total.ravel())
-        add_path_costs(row * columns + columns - 1, -1, columns, labels, smoothness, slope, spaces, total.ravel())
+        add_path_costs(row * columns, onward, columns, labels, smoothness, slope, spaces, total.ravel())
+        add_path_costs(row * columns + columns - 1, -onward, columns, labels, smoothness, slope, spaces, total.ravel())
     for column in range(columns):
         add_path_costs(column, columns, rows, labels, smoothness, slope, spaces, total.ravel())
         add_path_costs(last + column, -columns, rows, labels, smoothness, slope, spaces, total.ravel())
