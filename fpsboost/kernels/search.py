@@ -17,6 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.kernels.box import slide_box, sum_box_across
+from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.similarity import similarity
 
@@ -76,21 +77,22 @@ def slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, width, ring, colum
         w = np.float32(similarity(a0[x], a1[x], a2[x], b0[x], b1[x], b2[x]))
         newest[x] = w
         again[x] = w
-    window = ring[slot + 1 : slot + 1 + size]
+    window, half = ring[slot + 1 : slot + 1 + size], size // 2
     for x in range(width):
-        value = np.float32(0)
-        for k in range(size):
-            value += weights[k] * window[k, x]
+        value = weights[half] * window[half, x]
+        for k in range(half):
+            value = fma(weights[k], window[k, x] + window[size - 1 - k, x], value)
         column[x] = value
 
 
 @njit(inline="always", **FINITE_JIT)
 def sum_window_across(column, weights, size, width, price, total):
     """Write the weighted sum of `size` neighbouring column sums, minus a penalty."""
+    half = size // 2
     for x in range(width):
-        value = -price
-        for k in range(size):
-            value += weights[k] * column[x + k]
+        value = fma(weights[half], column[x + half], -price)
+        for k in range(half):
+            value = fma(weights[k], column[x + k] + column[x + size - 1 - k], value)
         total[x] = value
 
 
@@ -191,24 +193,24 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
                             dx, step = (4 * four, 1) if four >= 0 else (4 * four + 3, -1)
                             if abs(dx) > search_radius:
                                 continue
-                            for which in range(4):
-                                offset = dx + step * which
-                                total = totals[which, LANES:]
-                                if abs(offset) > search_radius:
-                                    total[: whole + LANES] = -1
-                                    continue
-                                begin, number = left + shift + offset, 4 * (four - group) + which
-                                slot = row % size
-                                if box:
-                                    place0 = row * stride0 + left
-                                    place1 = (row + dy) * stride1 + begin
-                                    newest, at = (number * ring_rows + slot) * room, number * column_room
-                                    for x in range(0, padded_width, LANES):
+                            count = min(search_radius - abs(dx) + 1, 4)
+                            slot, first_number = row % size, 4 * (four - group)
+                            for which in range(count, 4):
+                                totals[which, LANES : 2 * LANES + whole] = -1
+                            if box:
+                                place0, place1 = row * stride0 + left, (row + dy) * stride1 + left + shift + dx
+                                newest, at = (first_number * ring_rows + slot) * room, first_number * column_room
+                                # one long loop instead of four: the end of each is mispredicted
+                                for x in range(0, padded_width, LANES):
+                                    for which in range(count):
                                         slide_box(
-                                            flat0, place0 + x, plane0, flat1, place1 + x, plane1, flat_rings,
-                                            newest + x, flat_columns, at + x,
+                                            flat0, place0 + x, plane0, flat1, place1 + step * which + x, plane1,
+                                            flat_rings, newest + which * (ring_rows * room) + x,
+                                            flat_columns, at + which * column_room + x,
                                         )  # fmt: skip
-                                else:
+                            else:
+                                for which in range(count):
+                                    begin, number = left + shift + dx + step * which, first_number + which
                                     # one slice per plane: a slice of all three would be strided and would not vectorise
                                     a0 = planes0[0, row, left : left + padded_width]
                                     a1 = planes0[1, row, left : left + padded_width]
@@ -222,12 +224,9 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
                                     )
                             if y < top:
                                 continue
-                            for which in range(4):
-                                offset = dx + step * which
+                            for which in range(count):
+                                offset, column = dx + step * which, columns[first_number + which]
                                 total = totals[which, LANES:]
-                                if abs(offset) > search_radius:
-                                    continue
-                                column = columns[4 * (four - group) + which]
                                 price = prices[search_radius + dy, search_radius + offset]
                                 if box:
                                     sum_box_across(column, size, whole, price, partial, total)
