@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import COLOUR_VARIABLES, Result
-from numba import njit
+from numba import config, njit
 from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 
 import fpsboost
@@ -188,6 +188,30 @@ def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, number, mo
     )
     assert (result.returncode, result.stdout, result.stderr) == (130, b"", b"Stopped; nothing was written.\n")
     assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+def test_it_can_be_stopped_while_llvm_calls_back(clip, tmp_path):
+    """LLVM swallows exceptions, and numba would then miss the compiled kernel."""
+    code = f"""if True:
+        import os, sys
+        from numba.core.codegen import JITCodeLibrary
+        keep = JITCodeLibrary._object_compiled_hook
+        def keep_and_stop(module, code):
+            os.kill(os.getpid(), {int(signal.SIGINT)})
+            keep(module, code)
+        JITCodeLibrary._object_compiled_hook = keep_and_stop
+        sys.argv = ["fpsboost", "in.mp4", "out.mp4"]
+        from fpsboost.__main__ import main
+        main()
+    """
+    kept = environment() | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=kept, capture_output=True, timeout=100, check=False
+    )
+    assert (result.returncode, result.stdout) == (130, b"")
+    assert result.stderr.splitlines()[-1] == b"Stopped; nothing was written."
+    assert b"Traceback" not in result.stderr
 
 
 def test_both_ways_to_start_begin_where_they_can_be_stopped():

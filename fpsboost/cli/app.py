@@ -6,6 +6,8 @@ import signal
 import sys
 from dataclasses import replace
 from itertools import pairwise
+from threading import Timer
+from traceback import walk_stack
 from types import FrameType
 from typing import Annotated
 
@@ -24,6 +26,12 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__
+
+CALLED_BACK = "llvmlite.binding.executionengine"
+"""Module whose functions LLVM calls while it writes machine code."""
+
+AGAIN_AFTER = 0.05
+"""Time after which a request to stop is repeated, seconds."""
 
 EXAMPLES = """
 [bold]Examples[/]
@@ -187,8 +195,15 @@ app.command(
 
 
 def stop(number: int, frame: FrameType | None) -> None:
-    """Treat a request to terminate like Ctrl-C, so that no incomplete output remains."""
-    raise KeyboardInterrupt
+    """Treat a request to terminate like Ctrl-C, so that no incomplete output remains.
+
+    LLVM calls back from machine code, which swallows an exception: the request is then repeated a moment later.
+    """
+    modules = {caller.f_globals.get("__name__") for caller, _ in walk_stack(frame)}
+    if CALLED_BACK in modules:
+        Timer(AGAIN_AFTER, signal.raise_signal, [number]).start()
+    else:
+        raise KeyboardInterrupt
 
 
 def main() -> None:
