@@ -157,23 +157,13 @@ def exhaustive(console: Console, options: Options) -> Figures:
     height, width, radius, patch_radius = 360, 640, 16, 5
     pair = [colour_components(frame) for frame in textured_pair(height, width)]
     evaluations = height * width * (2 * radius + 1) ** 2
-    table = Table(
-        *(
-            "window",
-            "fused, ns",
-            "fused, CPU ns",
-            "two pairs at once, ns",
-            "passes, ns",
-            "passes, CPU ns",
-            "ratio",
-        ),
-        title="Exhaustive search",
-    )
+    columns = "window", "fused, ns", "fused, CPU ns", "two pairs at once, ns", "passes, ns", "passes, CPU ns", "ratio"
+    table = Table(*columns, title="Exhaustive search")
     figures: Figures = {}
     for window in ("box", "gaussian"):
         arguments: tuple[Any, ...] = (*pair, radius, patch_radius, window, 0.25)
-        search_fused(*arguments)
         search = partial(search_fused, *arguments)
+        search()
         fused, both, passes = [], [], []
         for _ in range(5):
             passes.append(timed(partial(search_by_passes, *arguments)))

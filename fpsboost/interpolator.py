@@ -518,12 +518,8 @@ class Interpolator:
         rehearsal = self.without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
         with compiled_aside(partial(_rehearse_synthesis, rehearsal, noise)) if available_cores() > 1 else nullcontext():
-            # all but the synthesis
-            for _ in replace(rehearsal, synthesizer=Nearest()).between(pair, [0.5], before).images:
-                pass
-            _ = before.fields, pair.fields
-        for _ in rehearsal.between(pair, [0.5], before).images:
-            pass
+            _rehearse(replace(rehearsal, synthesizer=Nearest()), before, pair)  # all but the synthesis
+        _rehearse(rehearsal, before, pair)
 
     def without_vectors(self) -> Interpolator:
         """Return an interpolator with the same kernels that needs no rendered motion."""
@@ -532,12 +528,17 @@ class Interpolator:
         return replace(self, **bare)
 
 
+def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
+    """Make an image between the frames of a pair."""
+    for _ in interpolator.between(pair, [0.5], before).images:
+        pass
+
+
 def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
-    """Synthesize an image from three equal ones that do not move."""
+    """Make an image between equal ones without estimating motion."""
     still = replace(interpolator, estimator=ZeroMotion(), cuts=None, overlays=False, match_grain=False)
     first, second, third = (FrameCache(image) for _ in range(3))
-    for _ in still.between(still.pair(second, third), [0.5], still.pair(first, second)).images:
-        pass
+    _rehearse(still, still.pair(first, second), still.pair(second, third))
 
 
 def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, Item | None]]:

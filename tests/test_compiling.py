@@ -14,7 +14,6 @@ from numba.core import event
 
 from fpsboost import methods
 from fpsboost.interpolator import _rehearse_synthesis
-from fpsboost.kernels import compiling
 from fpsboost.kernels.compiling import COMPILE_EVENT, compiled_aside, told_of_compiling
 
 
@@ -27,19 +26,14 @@ def compile_something() -> None:
 @pytest.fixture
 def started(monkeypatch):
     """The processes that are started."""
-    processes = []
+    processes, popen = [], subprocess.Popen
 
     def start(*arguments, **options):
-        processes.append(subprocess.Popen(*arguments, **options))
+        processes.append(popen(*arguments, **options))
         return processes[-1]
 
-    monkeypatch.setattr(compiling, "subprocess", subprocess_with(start))
+    monkeypatch.setattr(subprocess, "Popen", start)
     return processes
-
-
-def subprocess_with(popen):
-    """The module with another `Popen`."""
-    return type("Module", (), {"Popen": staticmethod(popen), "PIPE": subprocess.PIPE, "DEVNULL": subprocess.DEVNULL})
 
 
 def test_the_task_has_run_at_the_end(tmp_path):

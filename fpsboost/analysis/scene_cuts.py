@@ -14,7 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.colour import Components, contrast_components, small_copy
-from fpsboost.motion.field import MotionField, forward_backward_error
+from fpsboost.motion.field import MotionField, forward_backward_error, point_places
 from fpsboost.motion.full_search import search_fused
 
 CERTAIN_CUT_FRACTION = 0.3
@@ -217,7 +217,7 @@ def _measure_consistency(thumbnail: Components, there: MotionField, back: Motion
         dx, dy = np.moveaxis(field.flow[end_y, end_x].astype(np.intp), -1, 0)
         end_y, end_x = end_y + dy, end_x + dx
     looks_the_same = np.ones((height, width), np.float32)
-    elsewhere = forward_backward_error(there.flow, np.arange(height), np.arange(width), back) >= CONSISTENCY_TOLERANCE
+    elsewhere = forward_backward_error(there.flow, *point_places((height, width), 1), back) >= CONSISTENCY_TOLERANCE
     padded = cv2.copyMakeBorder(thumbnail, *(PATCH_RADIUS,) * 4, cv2.BORDER_REPLICATE)
     patches = sliding_window_view(padded, (2 * PATCH_RADIUS + 1,) * 2, axis=(0, 1))
     samples = patches[..., ::PATCH_RADIUS, ::PATCH_RADIUS]  # centre, corners and edges suffice to tell patches apart

@@ -6,9 +6,6 @@ import signal
 import sys
 from dataclasses import replace
 from itertools import pairwise
-from threading import Timer
-from traceback import walk_stack
-from types import FrameType
 from typing import Annotated
 
 from cyclopts import App, CycloptsError, Group, Parameter
@@ -20,18 +17,13 @@ from fpsboost.cli.progress import JsonReporter, Reporter, print_object
 from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
+from fpsboost.interruption import interrupt
 from fpsboost.io.part import part_folder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.version import __version__
-
-CALLED_BACK = "llvmlite.binding.executionengine"
-"""Module whose functions LLVM calls while it writes machine code."""
-
-AGAIN_AFTER = 0.05
-"""Time after which a request to stop is repeated, seconds."""
 
 EXAMPLES = """
 [bold]Examples[/]
@@ -194,23 +186,11 @@ app.command(
 )
 
 
-def stop(number: int, frame: FrameType | None) -> None:
-    """Treat a request to terminate like Ctrl-C, so that no incomplete output remains.
-
-    LLVM calls back from machine code, which swallows an exception: the request is then repeated a moment later.
-    """
-    modules = {caller.f_globals.get("__name__") for caller, _ in walk_stack(frame)}
-    if CALLED_BACK in modules:
-        Timer(AGAIN_AFTER, signal.raise_signal, [number]).start()
-    else:
-        raise KeyboardInterrupt
-
-
 def main() -> None:
     """Run the command line and exit; called by `fpsboost.__main__`."""
-    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGTERM, interrupt)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # which nohup and a shell's & set
-        signal.signal(signal.SIGINT, stop)
+        signal.signal(signal.SIGINT, interrupt)
     with LibraryTexts() as texts:
         run_command(texts)
 

@@ -11,12 +11,13 @@ from multiprocessing import connection, get_context, parent_process
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from threading import Thread
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Any, Self
 
 from fpsboost.cluster.conversion import convert_in_parts
 from fpsboost.cluster.scheduler import Done, Failed, Progress, Report
 from fpsboost.cluster.worker import PartTask, WorkerObserver, make_part, picklable
+from fpsboost.interruption import interrupt
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.part import Part
 from fpsboost.io.prefetch import available_cores
@@ -195,7 +196,7 @@ class ProcessExecutor:
 def _work(tasks: Connection) -> None:
     """Make the parts that arrive until there are no more; called in a process of its own."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
-    signal.signal(signal.SIGTERM, _stop)
+    signal.signal(signal.SIGTERM, interrupt)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
     Thread(target=_follow_parent, daemon=True).start()
@@ -213,10 +214,6 @@ def _work(tasks: Connection) -> None:
 
 def _nothing() -> None:
     """Do nothing: a signal stops the part."""
-
-
-def _stop(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 def _follow_parent() -> None:

@@ -2,8 +2,9 @@
 
 The compiler may not change a finite number: sums are not reassociated, so that results do not depend on how a loop is
 vectorised, and nothing is contracted (see `fpsboost.kernels.fma`). Where a sum is taken in parts, or by one
-instruction, the kernel says so itself. Every kernel runs in one thread and releases Python's global interpreter lock,
-so that pairs of frames can be processed in parallel (see `fpsboost.io.prefetch`).
+instruction, the kernel says so itself. No entry points for C are compiled, as nothing calls them. Every kernel runs in
+one thread and releases Python's global interpreter lock, so that pairs of frames can be processed in parallel (see
+`fpsboost.io.prefetch`).
 """
 
 JIT = {"nogil": True, "error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
