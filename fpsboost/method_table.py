@@ -51,7 +51,10 @@ plain_interpolator = partial(Interpolator, curved=False, compensate_illumination
 methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(), MultiHypothesis()),
-        "nlm-fast": Interpolator(CoarseToFine(finest_level=1), MultiHypothesis(step=16, sufficient_similarity=0.95)),
+        "nlm-fast": Interpolator(
+            CoarseToFine(coarsest_side=40, labels=6, finest_level=1),
+            MultiHypothesis(step=16, node_spacing=20, support_radius=32, sufficient_similarity=0.95),
+        ),
         "nlm-exhaustive": plain_interpolator(ExhaustiveSearch(), Reproject()),
         "nlm-brute-force": plain_interpolator(ExhaustiveSearch(), Reproject(search="brute-force")),
         "nlm-passes": plain_interpolator(ExhaustiveSearch(implementation="passes"), Reproject()),

@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import JIT
 
-NODE_SPACING = 16
-"""Distance between nodes, pixels; each node lies at the centre of a cell of this size."""
-
 SUMS_PER_CANDIDATE = 10
 """Number of sums per candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and the
 gradients of dx and dy along x, then along y."""
@@ -55,6 +52,8 @@ class CollectedVotes(NamedTuple):
     """Votes of each candidate, (rows, columns, capacity) float32."""
     sums: NDArray[Any]
     """Sums over the votes of each candidate, (rows, columns, capacity, SUMS_PER_CANDIDATE) float32."""
+    spacing: int
+    """Distance between nodes, pixels; each node lies at the centre of a cell of this size."""
 
 
 class Candidates(NamedTuple):
@@ -67,6 +66,8 @@ class Candidates(NamedTuple):
     weights: NDArray[Any]
     """Weight of each candidate, (rows, columns, room) float32: at least 0, with a sum of 1; 0 beyond the listed
     candidates."""
+    spacing: int
+    """Distance between nodes, pixels."""
 
 
 @njit(cache=True, **JIT)
@@ -93,10 +94,10 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
         Updated in place.
     """
     vectors, gradients, accelerations, trust = points
-    count, votes, sums = collected
+    count, votes, sums, spacing = collected
     rows, columns, capacity = votes.shape
-    one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1 / NODE_SPACING)
-    middle = np.float32(NODE_SPACING / 2)
+    one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1) / np.float32(spacing)
+    middle = half * np.float32(spacing)
     curve = t * (one - t) * half
     for i in range(vectors.shape[0]):
         y = np.float32(min(i * step + step // 2, height - 1)) + half  # relative to the frame corner
@@ -110,12 +111,12 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
             left = max(math.ceil((landing_x - middle - support) * per_cell), 0)
             right = min(math.floor((landing_x - middle + support) * per_cell), columns - 1)
             for row in range(top, bottom + 1):
-                down = one - abs(landing_y - middle - np.float32(row * NODE_SPACING)) / support
+                down = one - abs(landing_y - middle - np.float32(row * spacing)) / support
                 for column in range(left, right + 1):
-                    across = one - abs(landing_x - middle - np.float32(column * NODE_SPACING)) / support
+                    across = one - abs(landing_x - middle - np.float32(column * spacing)) / support
                     # extrapolate zoom and rotation to the node
-                    apart_x = middle + np.float32(column * NODE_SPACING) - landing_x
-                    apart_y = middle + np.float32(row * NODE_SPACING) - landing_y
+                    apart_x = middle + np.float32(column * spacing) - landing_x
+                    apart_y = middle + np.float32(row * spacing) - landing_y
                     dx = vectors[i, j, 0] + apart_x * gradients[i, j, 0, 0] + apart_y * gradients[i, j, 1, 0]
                     dy = vectors[i, j, 1] + apart_x * gradients[i, j, 0, 1] + apart_y * gradients[i, j, 1, 1]
                     dx, dy = sign * dx, sign * dy
@@ -168,8 +169,8 @@ def list_candidates(collected, zero_motion_prior, acceleration_tolerance, min_sh
     candidates : Candidates out
         Their number is limited to `room`.
     """
-    count, votes, sums = collected
-    listed_count, motions, weights = candidates
+    count, votes, sums, _ = collected
+    listed_count, motions, weights, _ = candidates
     rows, columns, capacity = votes.shape
     room, waiting = weights.shape[2], np.empty(capacity, np.float32)
     for row, column in np.ndindex(rows, columns):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fpsboost.kernels.candidates import NODE_SPACING
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.multi_hypothesis import (
     MIN_WEIGHT_SUM,
@@ -91,10 +90,11 @@ def find_dominant_motion(samples0, samples1, t, candidates, weighting, weights, 
         np.empty(SQUARES_PER_WINDOW, np.float32),
         np.empty(SQUARES_PER_WINDOW, np.float32),
     )
+    spacing, before = candidates.spacing, (WINDOW - candidates.spacing) // 2
     for row in range(rows):
-        top = row * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
+        top = row * spacing - before
         for column in range(columns):
-            left = column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
+            left = column * spacing - before
             sums.weights[:] = MIN_WEIGHT_SUM
             sums.similarities[:] = 0
             sums.most_similar[:] = 0

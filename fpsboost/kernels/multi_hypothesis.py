@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION
+from fpsboost.kernels.candidates import VALUES_PER_MOTION
 from fpsboost.kernels.fma import fma
 from fpsboost.kernels.jit import FINITE_JIT, LANES
 from fpsboost.kernels.lanes import EIGHT, filter_eight, filter_sixteen
@@ -25,6 +25,7 @@ from fpsboost.kernels.spline import MARGIN, spline_weights
 from fpsboost.kernels.tiles import Index
 from fpsboost.kernels.window_rows import (
     END_WEIGHT,
+    PIXELS_PER_ROW,
     SQUARES_PER_ROW,
     add_row,
     blend_rows,
@@ -214,7 +215,7 @@ class Work(NamedTuple):
     """(VALUES_PER_MOTION,) float32."""
 
 
-WINDOW = 2 * NODE_SPACING
+WINDOW = PIXELS_PER_ROW
 """Side of a window, pixels."""
 
 AREA = WINDOW * WINDOW
@@ -858,35 +859,42 @@ def blend_hypotheses(frame0, frame1, subsampling, t, candidates, weighting, valu
         np.empty(SQUARES_PER_WINDOW, np.float32),
         np.empty(SQUARES_PER_WINDOW, np.float32),
     )
+    spacing, before = candidates.spacing, (WINDOW - candidates.spacing) // 2
     for row in range(rows):
-        top = row * NODE_SPACING - (WINDOW - NODE_SPACING) // 2
+        top = row * spacing - before
         for column in range(columns):
-            window = Window(top, column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2, height, width)
+            window = Window(top, column * spacing - before, height, width)
             count = candidates.listed[row, column]
             motions, priors = candidates.motions[row, column, :count], candidates.weights[row, column, :count]
             sum_candidates(full, further, window, t, motions, priors, weighting, work, sums)
             weigh_window(weighting.window_shape, sums.weights, work.weight)
             add_node(full, window, work.weight, sums, work.upsampled, work.values)
             add_node(further, window, work.weight, sums, work.upsampled, work.values)
-        # the windows of the next row of nodes overlap the lower half
-        first, last = max(-top, 0), NODE_SPACING if row < rows - 1 else min(height - top, WINDOW)
+        # the windows of the next row of nodes overlap the rows below
+        first, last = max(-top, 0), spacing if row < rows - 1 else min(height - top, WINDOW)
         if has_confidence:
             finish_confidence(full.band[channels], full.band[channels + 1], first, last, top, blended.confidence)
-        finish_layer(full, first, last, top, pixels // 2, value_range, blended.image)
+        finish_layer(full, first, last, top, spacing, value_range, blended.image)
         if further_planes:
-            finish_layer(further, first, last, top, pixels // 2, value_range, blended.further)
+            finish_layer(further, first, last, top, spacing, value_range, blended.further)
 
 
-def window_shape() -> np.ndarray:
-    """Return the weight of each square of a window: from 0 at its border to 1 at its centre.
+def window_shape(spacing: int) -> np.ndarray:
+    """Return the weight of each square of a window: from 0 at its border to 1 where no other window overlaps it.
 
     The weight is smooth at both ends, and the weights of the windows that overlap at a square add up to 1.
+
+    Parameters
+    ----------
+    spacing : int
+        Distance between nodes, pixels.
 
     Returns
     -------
     (SQUARES_PER_WINDOW,) float32
     """
-    way = 1 - np.abs(np.arange(SQUARES_PER_ROW) + 0.5 - SQUARES_PER_ROW / 2) / (SQUARES_PER_ROW / 2)
+    from_border = SQUARES_PER_ROW / 2 - np.abs(np.arange(SQUARES_PER_ROW) + 0.5 - SQUARES_PER_ROW / 2)
+    way = np.minimum(from_border * 2 / (WINDOW - spacing), 1)
     smooth = way * way * (3 - 2 * way)
     return np.outer(smooth, smooth).ravel().astype(np.float32)
 

@@ -19,7 +19,6 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image, Pixels, as_array, has_alpha, value_range
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.candidates import (
-    NODE_SPACING,
     SUMS_PER_CANDIDATE,
     VALUES_PER_MOTION,
     Candidates,
@@ -89,6 +88,9 @@ class MultiHypothesis:
     ----------
     step : int
         Distance along x and y between the pixels of each frame whose motion is a candidate, pixels.
+    node_spacing : int
+        Distance between nodes, 16, 20 or 24 pixels: the farther apart, the faster, as the windows of 32 pixels around
+        them overlap less.
     support_radius : float
         Maximum distance between a node and the landing position of a motion that votes for it, pixels; the weight
         decreases with distance.
@@ -112,6 +114,7 @@ class MultiHypothesis:
     """
 
     step: int = 8
+    node_spacing: int = 16
     support_radius: float = 24
     merge_distance: float = 0.5
     max_candidates: int = 12
@@ -125,9 +128,11 @@ class MultiHypothesis:
     def __post_init__(self) -> None:
         if self.step < 1:
             raise OptionError(f"step must be at least 1 pixel, not {self.step}.")
-        if not self.support_radius >= NODE_SPACING:
+        if self.node_spacing not in {16, 20, 24, 28}:
+            raise OptionError(f"node_spacing must be 16, 20, 24 or 28 pixels, not {self.node_spacing}.")
+        if not self.support_radius >= self.node_spacing:
             raise OptionError(
-                f"support_radius must be at least {NODE_SPACING} pixels, or motions are lost, "
+                f"support_radius must be at least {self.node_spacing} pixels, or motions are lost, "
                 f"not {self.support_radius}."
             )
         if not self.merge_distance >= 0:
@@ -276,7 +281,7 @@ class MultiHypothesis:
             np.float32(self.sharpness),
             np.float32(self.sufficient_similarity),
             np.float32(self.min_vote_share),
-            window_shape(),
+            window_shape(self.node_spacing),
             patch_shares(),
         )
 
@@ -308,11 +313,12 @@ class MultiHypothesis:
     def _candidates(self, votes_of_both: tuple[Votes, Votes], size: tuple[int, int], t: float) -> Candidates:
         """Return the candidates around each node at time t."""
         height, width = size
-        nodes = -(-height // NODE_SPACING), -(-width // NODE_SPACING)
+        nodes = -(-height // self.node_spacing), -(-width // self.node_spacing)
         collected = CollectedVotes(
             np.zeros(nodes, np.int32),
             np.zeros((*nodes, CANDIDATE_CAPACITY), np.float32),
             np.zeros((*nodes, CANDIDATE_CAPACITY, SUMS_PER_CANDIDATE), np.float32),
+            self.node_spacing,
         )
         support, tolerance = np.float32(self.support_radius), np.float32(self.merge_distance)
         for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
@@ -324,6 +330,7 @@ class MultiHypothesis:
             np.empty(nodes, np.int32),
             np.zeros((*nodes, room, VALUES_PER_MOTION), np.float32),
             np.empty((*nodes, room), np.float32),
+            self.node_spacing,
         )
         least = np.float32(self.min_weight)
         list_candidates(collected, ZERO_MOTION_PRIOR, ACCELERATION_TOLERANCE, MIN_SHARE, least, candidates)
