@@ -163,21 +163,22 @@ class CoarseToFine:
         check_pair(image0.pixels, image1.pixels)
         levels0, levels1 = (image.cached_for_both_pairs(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
-        found, step = self._search_coarsest(levels0[-1], levels1[-1]), COARSEST_STEP
+        pairs = self._plane_pairs(levels0[-1], levels1[-1])
+        found, step = self._search_coarsest(levels0[-1], levels1[-1], pairs), COARSEST_STEP
         for level in range(len(levels0) - 2, last - 1, -1):
             spacing, step = step * 2, self.step if level == last else COARSE_STEP
-            proposals, ties = [points.flow for points in found], [_uniform_ties(points.flow) for points in found]
+            proposals: list[NDArray[Any]] = [points.flow for points in found]
+            ties: list[NDArray[Any]] | None = None
             looks = len(levels0) - 2 - level
             if 1 <= looks <= len(MIN_SIMILARITY):
-                coarser = levels0[level + 1], levels1[level + 1]
                 if looks == 1:
-                    found = [_upsample_points(points, coarser[0].pixels.shape) for points in found]
+                    found = [_upsample_points(points, pairs[0]) for points in found]
                     spacing = 2 * DENSE_STEP
                 proposals = [points.flow for points in found]
-                proposals, ties = self._search_residuals(*coarser, proposals, spacing // 2, MIN_SIMILARITY[looks - 1])
+                proposals, ties = self._search_residuals(pairs, proposals, spacing // 2, MIN_SIMILARITY[looks - 1])
+            pairs = self._plane_pairs(levels0[level], levels1[level])
             found = self._search(
-                levels0[level],
-                levels1[level],
+                pairs,
                 [points.flow * 2 for points in found],
                 [flow * 2 for flow in proposals],
                 ties,
@@ -194,22 +195,23 @@ class CoarseToFine:
         )
         return field01, field10
 
-    def _search_coarsest(self, image0: FrameCache, image1: FrameCache) -> list[Points]:
+    def _search_coarsest(
+        self, image0: FrameCache, image1: FrameCache, pairs: tuple[PlanePair, PlanePair]
+    ) -> list[Points]:
         """Search for every offset at every pixel, then let all points of a tile compare the offsets found in it."""
         components = image0.cached(contrast_components), image1.cached(contrast_components)
-        limit = self._max_offset(image0.pixels)
-        fields = search_fused(*components, limit, self.patch_radius, "box", self.v)
+        fields = search_fused(*components, self._max_offset(pairs[0]), self.patch_radius, "box", self.v)
         found = [field.flow for field in fields]
-        still, ties = [np.zeros_like(flow) for flow in found], [_uniform_ties(flow) for flow in found]
-        return self._search(image0, image1, still, found, ties, 1, COARSEST_STEP, refine_radius=0)
+        return self._search(
+            pairs, [np.zeros_like(flow) for flow in found], found, None, 1, COARSEST_STEP, refine_radius=0
+        )
 
     def _search(
         self,
-        image0: FrameCache,
-        image1: FrameCache,
+        pairs: tuple[PlanePair, PlanePair],
         expected: list[NDArray[Any]],
         proposals: list[NDArray[Any]],
-        ties: list[NDArray[Any]],
+        ties: list[NDArray[Any]] | None,
         spacing: int,
         step: int,
         refine_radius: int,
@@ -217,14 +219,11 @@ class CoarseToFine:
     ) -> list[Points]:
         """Search one level in both directions around proposals, at points `step` apart; see `search_tiles`.
 
-        `ties` is the share of the smoothness that applies to the points of each proposal.
+        `ties` is the share of the smoothness that applies to the points of each proposal; None for all of it.
         """
-        size = image0.pixels.shape[:2]
+        shape = -(-pairs[0].height // step), -(-pairs[0].width // step)
         found = []
-        shape = -(-size[0] // step), -(-size[1] // step)
-        for likely, proposed, tie, pair in zip(
-            expected, proposals, ties, self._plane_pairs(image0, image1), strict=True
-        ):
+        for direction, (pair, proposed, likely) in enumerate(zip(pairs, proposals, expected, strict=True)):
             count, similarity = np.empty(shape, np.int32), np.empty((*shape, self.labels), np.float32)
             flows = np.empty((*shape, self.labels, 2), np.float32)
             search_tiles(
@@ -232,18 +231,15 @@ class CoarseToFine:
                 Proposals(np.rint(proposed).astype(np.int32), np.rint(likely).astype(np.int32), spacing),
                 step,
                 refine_radius,
-                self._max_offset(image0.pixels),
+                self._max_offset(pair),
                 self.patch_radius,
                 row_step,
                 OffsetLists(count, similarity, flows),
             )
-            rows, columns = (
-                np.minimum((np.arange(points) * step + step // 2) // spacing, places - 1)
-                for points, places in zip(shape, tie.shape, strict=True)
-            )
-            found.append(self._choose_labels(count, similarity, flows, tie[np.ix_(rows, columns)], step))
-        unknown = [np.full_like(points.flow, UNKNOWN_MOTION) for points in found]
-        self._refine(image0, image1, [points.flow for points in found], unknown, step)
+            tie = np.ones(shape, np.float32) if ties is None else _resample_points(ties[direction], spacing, shape, step)
+            found.append(self._choose_labels(count, similarity, flows, tie, step))
+        unknown = np.full_like(found[0].flow, UNKNOWN_MOTION)
+        self._refine(pairs, [points.flow for points in found], [unknown, unknown], step)
         return found
 
     def _choose_labels(
@@ -258,38 +254,32 @@ class CoarseToFine:
         return points
 
     def _search_residuals(
-        self,
-        image0: FrameCache,
-        image1: FrameCache,
-        flows: list[NDArray[Any]],
-        step: int,
-        enough: np.float32,
+        self, pairs: tuple[PlanePair, PlanePair], flows: list[NDArray[Any]], step: int, enough: np.float32
     ) -> tuple[list[NDArray[Any]], list[NDArray[Any]]]:
         """Return the motion including that of small objects that their surroundings do not explain, and its ties."""
-        max_offset = self._max_offset(image0.pixels)
-        pairs = self._plane_pairs(image0, image1)
         known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
         for flow, pair, similarity in zip(flows, pairs, known, strict=True):
             measure_point_similarity(pair, step, SMALL_RADIUS, flow, similarity)
         looked = [flow.copy() for flow in flows]
         around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # minimum of neighbours
         for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
-            search_residuals(pair, step, max_offset, SMALL_RADIUS, here, there, enough, MIN_GAIN, flow)
-        self._refine(image0, image1, looked, flows, step)
+            search_residuals(pair, step, self._max_offset(pair), SMALL_RADIUS, here, there, enough, MIN_GAIN, flow)
+        self._refine(pairs, looked, flows, step)
         ties = []
         for flow, replaced, back in zip(flows, looked, looked[::-1], strict=True):
-            (rows, columns), distance, apart = flow.shape[:2], _uniform_ties(flow), np.float32(step)
-            places = np.arange(rows), np.arange(columns)
+            (rows, columns), apart = flow.shape[:2], np.float32(step)
+            places, distance = (np.arange(rows), np.arange(columns)), np.empty((rows, columns), np.float32)
             # in units of points: the way back is that of the point nearest to the end of a vector, not of its pixel
             measure_forward_backward_errors(replaced / apart, *places, back / apart, 1, rows, columns, distance)
-            believed = (np.abs(replaced - flow).max(axis=2) > 1) & (distance * apart <= CONSISTENCY_TOLERANCE)
+            change = np.abs(replaced - flow)
+            is_replaced = np.maximum(change[..., 0], change[..., 1]) > 1
+            believed = is_replaced & (distance * apart <= CONSISTENCY_TOLERANCE)
             ties.append(np.where(believed, WEAK_SMOOTHNESS, np.float32(1)))
         return looked, ties
 
     def _refine(
         self,
-        image0: FrameCache,
-        image1: FrameCache,
+        pairs: tuple[PlanePair, PlanePair],
         flows: list[NDArray[Any]],
         known: list[NDArray[Any]],
         step: int,
@@ -297,7 +287,7 @@ class CoarseToFine:
         """Refine the motion in both directions to a fraction of a pixel, in place."""
         squared = (level_scale(self.v) / colour_scale(self.v)) ** 2  # levels per bandwidth
         tail, damping = np.float32(WEIGHT_FALLOFF / squared), np.float32(DAMPING * squared)
-        for flow, refined, pair in zip(flows, known, self._plane_pairs(image0, image1), strict=True):
+        for flow, refined, pair in zip(flows, known, pairs, strict=True):
             refine_points(pair, step, tail, damping, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, refined, flow)
 
     def _plane_pairs(self, image0: FrameCache, image1: FrameCache) -> tuple[PlanePair, PlanePair]:
@@ -308,19 +298,22 @@ class CoarseToFine:
         layout = PADDING + self.patch_radius, *image0.pixels.shape[:2], np.uint8(truncation(self.v))
         return PlanePair(planes0, planes1, *layout), PlanePair(planes1, planes0, *layout)
 
-    def _max_offset(self, image: Pixels) -> int:
-        longer_side: int = max(image.shape[:2])
-        return math.ceil(self.max_motion_share * longer_side) + 1
+    def _max_offset(self, pair: PlanePair) -> int:
+        return math.ceil(self.max_motion_share * max(pair.height, pair.width)) + 1
 
 
-def _uniform_ties(flow: NDArray[Any]) -> NDArray[Any]:
-    """Return ties of 1 for all points: the full smoothness."""
-    return np.ones(flow.shape[:2], np.float32)
+def _resample_points(values: NDArray[Any], spacing: int, shape: tuple[int, int], step: int) -> NDArray[Any]:
+    """Return the values of places `spacing` apart at points `step` apart."""
+    y, x = (
+        np.minimum((np.arange(points) * step + step // 2) // spacing, places - 1)
+        for points, places in zip(shape, values.shape, strict=True)
+    )
+    return values.take(y, axis=0).take(x, axis=1)
 
 
-def _upsample_points(points: Points, size: tuple[int, ...]) -> Points:
+def _upsample_points(points: Points, pair: PlanePair) -> Points:
     """Return points COARSE_STEP apart as points DENSE_STEP apart."""
-    shape = -(-size[0] // DENSE_STEP), -(-size[1] // DENSE_STEP)
+    shape = -(-pair.height // DENSE_STEP), -(-pair.width // DENSE_STEP)
     return Points(*(spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in points))
 
 
