@@ -29,9 +29,13 @@ class Results:
     def __init__(self) -> None:
         self._lock = Lock()
         self._futures: dict[Hashable, Future[Any]] = {}
+        self._known: dict[Hashable, Any] = {}  # results that can be had without a lock
 
     def cached(self, key: Hashable, compute: Callable[[], Result]) -> Result:
         """Return the result of `compute`, computed when the key is first asked for."""
+        known: Result = self._known.get(key, self)
+        if known is not self:
+            return known
         with self._lock:
             future = self._futures.get(key)
             is_first = future is None
@@ -44,15 +48,17 @@ class Results:
                 self.clear(key)
                 future.set_exception(error)
         result: Result = future.result()
+        with self._lock:
+            if self._futures.get(key) is future:  # not discarded meanwhile
+                self._known[key] = result
         return result
 
     def clear(self, *keys: Hashable) -> None:
         """Discard these results, or all; they are computed again when asked for again."""
         with self._lock:
-            if not keys:
-                self._futures.clear()
-            for key in keys:
+            for key in keys or list(self._futures):
                 self._futures.pop(key, None)
+                self._known.pop(key, None)
 
     def __contains__(self, key: Hashable) -> bool:
         with self._lock:

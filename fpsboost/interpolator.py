@@ -639,6 +639,9 @@ def _with_overlay(
     made: Iterator[Made], times: Sequence[float], pair: Pair, before: Pair, after: Pair
 ) -> Iterator[Made]:
     overlay = find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
+    if overlay is None:
+        yield from made
+        return
     for (image, confidence), t in zip(made, times, strict=True):
         assert not isinstance(image, LayeredImage), "the layers of an overlay are not known"
         keep_overlay(image, pair.image0.pixels, pair.image1.pixels, t, overlay)

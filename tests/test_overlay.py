@@ -59,9 +59,10 @@ def kept_and_moved(at, t=0.5):
 
 
 def found(at):
-    """The overlay of the first interval."""
+    """The overlay of the first interval, all False if there is none."""
     before, pair, after = three_pairs(at)
-    return find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
+    overlay = find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
+    return np.zeros(pair.image0.pixels.shape[:2], bool) if overlay is None else overlay
 
 
 def off_by(image, truth):

@@ -41,7 +41,7 @@ DILATION_RADIUS = 3
 
 def find_overlay(
     image0: FrameCache, image1: FrameCache, before: FrameCache, after: FrameCache, field01: MotionField
-) -> NDArray[Any]:
+) -> NDArray[Any] | None:
     """Find the pixels of a pair that are static in front of moving surroundings.
 
     Parameters
@@ -55,26 +55,24 @@ def find_overlay(
 
     Returns
     -------
-    (H, W) bool
+    (H, W) bool, or None if there are none
     """
     grays = [image.cached(gray) for image in (image0, image1, before, after)]
     motion, _ = field01.at_points(BLOCK_SIZE)
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), MEDIAN_SIZE) for axis in (0, 1)])
     marks = np.empty_like(grays[0])
-    mark_overlay(Frames(*grays), surroundings, BLOCK_SIZE, MIN_MOTION, STATIC_THRESHOLD, CHANGE_THRESHOLD, marks)
-    found: NDArray[Any] = marks == STANDS_OUT
-    if not found.any():  # nearly always
-        return found
+    thresholds = MIN_MOTION, STATIC_THRESHOLD, CHANGE_THRESHOLD
+    if not mark_overlay(Frames(*grays), surroundings, BLOCK_SIZE, *thresholds, marks):
+        return None  # nearly always
+    found = marks == STANDS_OUT
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= MIN_NEIGHBOURS)
     near = cv2.dilate(together.astype(np.uint8), np.ones((2 * DILATION_RADIUS + 1, 2 * DILATION_RADIUS + 1), np.uint8))
     overlay: NDArray[Any] = (near > 0) & (marks > 0)
-    return overlay
+    return overlay if overlay.any() else None
 
 
 def keep_overlay(image: Pixels, image0: Pixels, image1: Pixels, t: float, overlay: NDArray[Any]) -> None:
     """Blend the overlay's pixels into an in-between frame, in place; chroma where half of its pixels belong to it."""
-    if not overlay.any():
-        return
     if isinstance(image, YCbCrImage) and isinstance(image0, YCbCrImage) and isinstance(image1, YCbCrImage):
         rows, columns = image.planes[1].shape
         share = cv2.resize(overlay.astype(np.uint8) * 255, (columns, rows), interpolation=cv2.INTER_AREA)

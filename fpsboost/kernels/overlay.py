@@ -31,6 +31,42 @@ def apart(one, other):
     return np.uint8(max(one, other) - min(one, other))
 
 
+@njit(inline="always", **JIT)
+def is_still(vector, shortest):
+    """Return whether a motion is so short that its block counts as static."""
+    return max(abs(vector[0]), abs(vector[1])) < shortest
+
+
+@njit(inline="always", **JIT)
+def find_smallest_change(frames, y, left, right, dx, dy, smallest):
+    """Write how much some pixels of row y would change at least if they had moved along, from `left` to `right`.
+
+    One of the frames would show the pixel's colour on one side or the other. It is 0 where that is outside.
+    """
+    image0, image1, before, after = frames
+    height, width = image0.shape
+    smallest[left:right] = 255
+    here = Index(y)
+    for sign in (-1, 1):
+        there, moved = y + sign * dy, sign * dx
+        first, last = min(max(-moved, left), right), max(min(width - moved, right), left)
+        if there < 0 or there >= height or first >= last:
+            smallest[left:right] = 0
+            break
+        smallest[left:first] = 0
+        smallest[last:right] = 0
+        begin, source, size = Index(first), Index(first + moved), Index(last - first)
+        for i in range(size):
+            colour = image0[here, begin + i]
+            smallest[begin + i] = min(
+                smallest[begin + i],
+                apart(image0[Index(there), source + i], colour),
+                apart(image1[Index(there), source + i], colour),
+                apart(before[Index(there), source + i], colour),
+                apart(after[Index(there), source + i], colour),
+            )
+
+
 @njit(cache=True, **JIT)
 def mark_overlay(frames, motion, spacing, shortest, same, different, marks):
     """Find the pixels that stay the same although their surroundings move.
@@ -47,45 +83,43 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, marks):
         Difference in levels up to which a pixel is the same, and above which it is different.
     marks : (H, W) uint8 out
         STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved; else 0.
+
+    Returns
+    -------
+    bool
+        Whether any pixel stands out.
     """
     image0, image1, before, after = frames
     height, width = marks.shape
+    smallest, stands_out = np.empty(width, np.uint8), False
     for y in range(height):
-        here, smallest = Index(y), np.empty(spacing, np.uint8)
-        for column in range(motion.shape[1]):
-            left, right = column * spacing, min((column + 1) * spacing, width)
-            dx, dy = motion[y // spacing, column, 0], motion[y // spacing, column, 1]
-            if max(abs(dx), abs(dy)) < shortest:
-                marks[y, left:right] = 0
+        here, row, vectors = Index(y), marks[y], motion[y // spacing]
+        for x in range(Index(width)):
+            colour = image0[here, x]
+            largest = max(
+                apart(image1[here, x], colour), apart(before[here, x], colour), apart(after[here, x], colour)
+            )
+            row[x] = np.uint8(STAYS) if largest <= same else np.uint8(0)
+        end = 0
+        while end < len(vectors):
+            # neighbouring blocks that move alike are one, because short loops are slow
+            first_block = end
+            dx, dy = int(np.rint(vectors[end, 0])), int(np.rint(vectors[end, 1]))
+            still = is_still(vectors[end], shortest)
+            while (
+                end < len(vectors)
+                and int(np.rint(vectors[end, 0])) == dx
+                and int(np.rint(vectors[end, 1])) == dy
+                and is_still(vectors[end], shortest) == still
+            ):
+                end += 1
+            left, right = first_block * spacing, min(end * spacing, width)
+            if still:
+                row[left:right] = 0
                 continue
-            begin, size = Index(left), right - left
-            # had the pixel moved along, one of the frames would show its colour on one side or the other
-            smallest[:] = 255
-            for sign in (-1, 1):
-                v, u = y + sign * int(np.rint(dy)), left + sign * int(np.rint(dx))
-                first, last = min(max(-u, 0), size), max(min(width - u, size), 0)
-                if v < 0 or v >= height or first >= last:
-                    smallest[:] = 0
-                    continue
-                smallest[:first] = 0
-                smallest[last:] = 0
-                there, moved = Index(v), Index(u + first)
-                for i in range(Index(last - first)):
-                    place = Index(first) + i
-                    colour = image0[here, begin + place]
-                    smallest[place] = min(
-                        smallest[place],
-                        apart(image0[there, moved + i], colour),
-                        apart(image1[there, moved + i], colour),
-                        apart(before[there, moved + i], colour),
-                        apart(after[there, moved + i], colour),
-                    )
-            for i in range(Index(size)):
-                colour = image0[here, begin + i]
-                largest = max(
-                    apart(image1[here, begin + i], colour),
-                    apart(before[here, begin + i], colour),
-                    apart(after[here, begin + i], colour),
-                )
-                mark = STANDS_OUT if smallest[i] > different else STAYS
-                marks[here, begin + i] = mark if largest <= same else 0
+            find_smallest_change(frames, y, left, right, dx, dy, smallest)
+            for x in range(Index(left), Index(right)):
+                if smallest[x] > different and row[x]:
+                    row[x] = np.uint8(STANDS_OUT)
+                    stands_out = True
+    return stands_out
