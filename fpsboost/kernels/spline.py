@@ -49,48 +49,68 @@ def fill_planes(image, scale, premultiply, planes):
 
 
 @njit(cache=True, **FINITE_JIT)
-def find_coefficients(planes, unit, response, coefficients):
+def find_coefficients(planes, columns, unit, response, coefficients):
     """Compute the B-spline coefficients of planes with repeated edges.
 
     Parameters
     ----------
     planes : (C, H, W) uint8, uint16 or float32
+        With MARGIN repeated rows on either side, and as many columns or more.
+    columns : int
+        Columns between the repeated ones.
     unit : float32
         Factor on every value.
     response : (taps + 1,) float32
-        An even number of taps; see `filter_response`.
+        An even number of taps, less than MARGIN; see `filter_response`.
     coefficients : (C, H, W) float32 out
     """
-    channels, height, width = planes.shape
+    channels, height, _ = planes.shape
     taps = response.shape[0] - 1
+    # farther out, all values around are equal, and so are the coefficients
+    first, last, last_row = MARGIN - taps, MARGIN + columns + taps, height - 1 - (MARGIN - taps)
+    width = last - first
     line = np.empty(width + 2 * taps, np.float32)
     down = line[taps : taps + width]
     rows = np.empty((2 * taps + 1, width), np.float32)  # ring buffer of the latest rows, each converted once
     for c, y in np.ndindex(channels, height):
-        for fresh in range(y + taps if y else 0, y + taps + 1):
-            row, source = rows[fresh % len(rows)], planes[c, min(fresh, height - 1)]
+        if 0 < y <= MARGIN - taps or y > last_row:
+            here, before = coefficients[c, y], coefficients[c, y - 1]
+            for x in range(here.size):
+                here[x] = before[x]
+            continue
+        for fresh in range(y + taps if y > MARGIN - taps + 1 else y - taps, y + taps + 1):
+            row, source = rows[fresh % len(rows)], planes[c, min(max(fresh, 0), height - 1), first:last]
             for x in range(width):
                 row[x] = np.float32(source[x]) * unit
         here = rows[y % len(rows)]
-        for x in range(width):
-            down[x] = response[0] * here[x]
         for n in range(1, taps + 1, 2):  # two taps at once, as every pass reads and writes the whole row
             weight, farther = response[n], response[n + 1]
-            above, below = rows[max(y - n, 0) % len(rows)], rows[(y + n) % len(rows)]
-            higher, lower = rows[max(y - n - 1, 0) % len(rows)], rows[(y + n + 1) % len(rows)]
-            for x in range(width):
-                down[x] = fma(weight, above[x] + below[x], fma(farther, higher[x] + lower[x], down[x]))
+            above, below = rows[(y - n) % len(rows)], rows[(y + n) % len(rows)]
+            higher, lower = rows[(y - n - 1) % len(rows)], rows[(y + n + 1) % len(rows)]
+            if n == 1:
+                for x in range(width):
+                    down[x] = response[0] * here[x]
+                    down[x] = fma(weight, above[x] + below[x], fma(farther, higher[x] + lower[x], down[x]))
+            else:
+                for x in range(width):
+                    down[x] = fma(weight, above[x] + below[x], fma(farther, higher[x] + lower[x], down[x]))
         line[:taps] = line[taps]
         line[taps + width :] = line[taps + width - 1]
-        across = coefficients[c, y]
-        for x in range(width):
-            across[x] = response[0] * down[x]
+        whole = coefficients[c, y]
+        across = whole[first:last]
         for n in range(1, taps + 1, 2):
             weight, farther = response[n], response[n + 1]
             before, after = line[taps - n :], line[taps + n :]
             earlier, later = line[taps - n - 1 :], line[taps + n + 1 :]
-            for x in range(width):
-                across[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], across[x]))
+            if n == 1:
+                for x in range(width):
+                    across[x] = response[0] * down[x]
+                    across[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], across[x]))
+            else:
+                for x in range(width):
+                    across[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], across[x]))
+        whole[:first] = across[0]
+        whole[last:] = across[width - 1]
 
 
 def filter_response(precision: float) -> np.ndarray:

@@ -378,7 +378,7 @@ def _planar_samples(image: YCbCrImage, planes: Sequence[NDArray[Any]]) -> Sample
     beyond = padded.shape[2] - MARGIN - width
     for plane, target in zip(planes, padded, strict=True):
         cv2.copyMakeBorder(plane, MARGIN, MARGIN, MARGIN, beyond, cv2.BORDER_REPLICATE, dst=target)
-    return _with_coefficients(padded, unit, image.coding.bits)
+    return _with_coefficients(padded, width, unit, image.coding.bits)
 
 
 def _array_samples(image: Image) -> Samples:
@@ -393,12 +393,12 @@ def _array_samples(image: Image) -> Samples:
     size = channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE
     planes = aligned_empty(size, np.float32 if premultiply else image.dtype)
     fill_planes(image, scale, premultiply, planes)
-    return _with_coefficients(planes, unit, 8 if image.dtype == np.uint8 else 16)
+    return _with_coefficients(planes, width, unit, 8 if image.dtype == np.uint8 else 16)
 
 
-def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
+def _with_coefficients(planes: NDArray[Any], width: int, unit: np.float32, bits: int) -> Samples:
     coefficients = aligned_empty(planes.shape, np.float32)
-    find_coefficients(planes, unit, filter_response(2.0 ** -(bits + 3)), coefficients)
+    find_coefficients(planes, width, unit, filter_response(2.0 ** -(bits + 3)), coefficients)
     return Samples(planes, coefficients, unit)
 
 
