@@ -10,6 +10,7 @@ compensation, Orchard and Sullivan 1994, doi:10.1109/83.334974).
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -879,10 +880,12 @@ def blend_hypotheses(frame0, frame1, subsampling, t, candidates, weighting, valu
             finish_layer(further, first, last, top, spacing, value_range, blended.further)
 
 
+@cache
 def window_shape(spacing: int) -> np.ndarray:
     """Return the weight of each square of a window: from 0 at its border to 1 where no other window overlaps it.
 
     The weight is smooth at both ends, and the weights of the windows that overlap at a square add up to 1.
+    Where fewer squares overlap, it rises more slowly at first, so that the first one is no visible step.
 
     Parameters
     ----------
@@ -895,10 +898,11 @@ def window_shape(spacing: int) -> np.ndarray:
     """
     from_border = SQUARES_PER_ROW / 2 - np.abs(np.arange(SQUARES_PER_ROW) + 0.5 - SQUARES_PER_ROW / 2)
     way = np.minimum(from_border * 2 / (WINDOW - spacing), 1)
-    smooth = way * way * (3 - 2 * way)
+    smooth = way**2 * (3 - 2 * way) if spacing <= WINDOW // 2 else way**3 * (10 - 15 * way + 6 * way**2)
     return np.outer(smooth, smooth).ravel().astype(np.float32)
 
 
+@cache
 def patch_shares() -> np.ndarray:
     """Return 1 over the total weight of the squares of each patch that lie within its window.
 

@@ -7,6 +7,7 @@ taps; in return, each frame is filtered beforehand (Unser, Aldroubi, Eden 1993, 
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numba import njit
@@ -113,6 +114,7 @@ def find_coefficients(planes, columns, unit, response, coefficients):
         whole[last:] = across[width - 1]
 
 
+@cache
 def filter_response(precision: float) -> np.ndarray:
     """Return half of the symmetric impulse response that turns samples into coefficients.
 
