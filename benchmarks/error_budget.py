@@ -27,7 +27,7 @@ from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.kernels.candidates import NODE_SPACING
+from fpsboost.kernels.candidates import Candidates
 from fpsboost.method_table import methods
 from fpsboost.motion.field import MotionField, forward_backward_error
 from fpsboost.motion.nlm import CoarseToFine
@@ -225,41 +225,45 @@ def choose_by_truth(case: Case, fusing: MultiHypothesis) -> dict[str, NDArray[An
     """Return the squared error of each oracle, which chooses candidates by the hidden frame itself."""
     frame_pair, truth = case.frame_pair, case.truth
     size = truth.shape[0], truth.shape[1]
-    count, motions, weights = fusing._candidates(fusing._collect_votes(frame_pair), size, MIDDLE)
-    tried = np.take_along_axis(motions, np.argsort(-weights, axis=2, kind="stable")[..., np.newaxis], axis=2)
-    node, choice = best_of(frame_pair, truth, MIDDLE, count, motions)
+    candidates = fusing._candidates(fusing._collect_votes(frame_pair), size, MIDDLE)
+    count, motions, weights, _ = candidates
+    by_weight = np.argsort(-weights, axis=2, kind="stable")[..., np.newaxis]
+    tried = candidates._replace(
+        listed=(weights > 0).sum(axis=2, dtype=np.int32), motions=np.take_along_axis(motions, by_weight, axis=2)
+    )
+    node, choice = best_of(frame_pair, truth, MIDDLE, candidates)
     images = {
-        "tried": best_of(frame_pair, truth, MIDDLE, (weights > 0).sum(axis=2, dtype=np.int32), tried)[0],
+        "tried": best_of(frame_pair, truth, MIDDLE, tried)[0],
         "node": node,
-        "patch": best_of(frame_pair, truth, MIDDLE, count, motions, radius=PATCH)[0],
-        "node_alone": best_of(frame_pair, truth, MIDDLE, count, motions, alone=True)[0],
-        "patch_alone": best_of(frame_pair, truth, MIDDLE, count, motions, alone=True, radius=PATCH)[0],
+        "patch": best_of(frame_pair, truth, MIDDLE, candidates, radius=PATCH)[0],
+        "node_alone": best_of(frame_pair, truth, MIDDLE, candidates, alone=True)[0],
+        "patch_alone": best_of(frame_pair, truth, MIDDLE, candidates, alone=True, radius=PATCH)[0],
+        "other": best_of(frame_pair, truth, MIDDLE, with_motion_of_truth(case, candidates, choice))[0],
     }
-    through = with_motion_of_truth(case, motions, choice)
-    images["other"] = best_of(frame_pair, truth, MIDDLE, count + through.shape[2] - motions.shape[2], through)[0]
     for name, paths in (("motion", False), ("path", True)):
         moved = shifted(motions, choice, MIDDLE, paths=paths)
-        images[name] = best_of(frame_pair, truth, MIDDLE, np.full_like(count, moved.shape[2]), moved)[0]
+        all_of_them = candidates._replace(listed=np.full_like(count, moved.shape[2]), motions=moved)
+        images[name] = best_of(frame_pair, truth, MIDDLE, all_of_them)[0]
     return {name: squared_error(truth, image) for name, image in images.items()}
 
 
-def with_motion_of_truth(case: Case, motions: NDArray[Any], choice: NDArray[Any]) -> NDArray[Any]:
+def with_motion_of_truth(case: Case, candidates: Candidates, choice: NDArray[Any]) -> Candidates:
     """Add motions estimated from the hidden frame around each node, before the node's own candidates.
 
     Their accelerations and gradients are those of the node's choice, so that they differ from it in motion only.
     """
     (to_first, _), (to_second, _) = motion_of_truth(case)
     flow = to_second.flow - to_first.flow
-    rows, columns = choice.shape
+    (rows, columns), (count, motions, _, spacing) = choice.shape, candidates
     chosen = np.take_along_axis(motions, choice[..., np.newaxis, np.newaxis], axis=2)[:, :, 0]
     added = []
     for down in AROUND:
         for across in AROUND:
-            y = (np.arange(rows) * NODE_SPACING + NODE_SPACING // 2 + down).clip(0, flow.shape[0] - 1)
-            x = (np.arange(columns) * NODE_SPACING + NODE_SPACING // 2 + across).clip(0, flow.shape[1] - 1)
+            y = (np.arange(rows) * spacing + spacing // 2 + down).clip(0, flow.shape[0] - 1)
+            x = (np.arange(columns) * spacing + spacing // 2 + across).clip(0, flow.shape[1] - 1)
             added.append(np.concatenate([flow[np.ix_(y, x)], chosen[..., 2:]], axis=2))
-    together: NDArray[Any] = np.ascontiguousarray(np.concatenate([np.stack(added, axis=2), motions], axis=2))
-    return together
+    together = np.ascontiguousarray(np.concatenate([np.stack(added, axis=2), motions], axis=2))
+    return candidates._replace(listed=count + len(added), motions=together)
 
 
 def budget(case: Case, fusing: MultiHypothesis, reach: float) -> Figures:

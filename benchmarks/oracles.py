@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image
-from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION
+from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
 from fpsboost.kernels.jit import FINITE_JIT
 from fpsboost.kernels.multi_hypothesis import (
     AREA,
@@ -109,7 +109,7 @@ def add_window(best, shape, top, left, mean, weight):
 
 
 @njit(**FINITE_JIT)
-def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radius, shape, mean, weight, choice):
+def choose_candidates(samples0, samples1, truth, t, candidates, alone, radius, shape, mean, weight, choice):
     """Sum up windows of the candidates that come nearest to the truth.
 
     Parameters
@@ -117,9 +117,8 @@ def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radiu
     samples0, samples1, t
         See `sample_candidate`.
     truth : (C, height, width) float32
-    count : (rows, columns) int32
-    motions : (rows, columns, room, VALUES_PER_MOTION) float32
-        See `fpsboost.kernels.candidates`.
+    candidates : fpsboost.kernels.candidates.Candidates
+        Their weights are not read.
     alone : bool
         Whether what either frame shows may be taken unmixed.
     radius : int
@@ -137,12 +136,11 @@ def choose_candidates(samples0, samples1, truth, t, count, motions, alone, radiu
     rows, marks = np.empty((WINDOW + 3) * WINDOW, np.float32), np.empty((4, WINDOW), np.float32)
     images, best = np.empty((3, channels, AREA), np.float32), np.empty((channels, AREA), np.float32)
     error, score, least = np.empty(AREA, np.float32), np.empty(AREA, np.float32), np.empty(AREA, np.float32)
+    count, motions, _, spacing = candidates
+    before = (WINDOW - spacing) // 2
     for row in range(count.shape[0]):
         for column in range(count.shape[1]):
-            top, left = (
-                row * NODE_SPACING - (WINDOW - NODE_SPACING) // 2,
-                column * NODE_SPACING - (WINDOW - NODE_SPACING) // 2,
-            )
+            top, left = row * spacing - before, column * spacing - before
             least[:] = INFINITE
             least_of_all = INFINITE
             for k in range(count[row, column]):
@@ -170,8 +168,7 @@ def best_of(
     frame_pair: FramePair,
     truth: Image,
     t: float,
-    count: NDArray[Any],
-    motions: NDArray[Any],
+    candidates: Candidates,
     *,
     alone: bool = False,
     radius: int = -1,
@@ -184,9 +181,8 @@ def best_of(
         Between two frames of 8 bits.
     truth : (H, W, C) uint8
     t : float
-    count : (rows, columns) int32
-    motions : (rows, columns, room, VALUES_PER_MOTION) float32
-        See `fpsboost.kernels.candidates.list_candidates`.
+    candidates : Candidates
+        Their weights are not read.
     alone : bool
         Whether what either frame shows may be taken unmixed.
     radius : int
@@ -199,12 +195,14 @@ def best_of(
     """
     samples0, samples1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
     wanted = np.ascontiguousarray(truth.transpose(2, 0, 1), np.float32) / np.float32(255)
-    mean, weight, choice = np.zeros_like(wanted), np.zeros(wanted.shape[1:], np.float32), np.zeros_like(count)
-    shape = np.empty(AREA, np.float32)
-    upsample_squares(window_shape(), 1, 1, shape)
-    choose_candidates(
-        samples0, samples1, wanted, np.float32(t), count, motions, alone, radius, shape, mean, weight, choice
+    mean, weight, choice = (
+        np.zeros_like(wanted),
+        np.zeros(wanted.shape[1:], np.float32),
+        np.zeros_like(candidates.listed),
     )
+    shape = np.empty(AREA, np.float32)
+    upsample_squares(window_shape(candidates.spacing), 1, 1, shape)
+    choose_candidates(samples0, samples1, wanted, np.float32(t), candidates, alone, radius, shape, mean, weight, choice)
     mean /= weight
     return np.rint(mean.transpose(1, 2, 0).clip(0, 1) * 255).astype(np.uint8), choice
 

@@ -27,7 +27,7 @@ from fpsboost.evaluation.pictures import as_heat, draw_wheel, in_colour
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair
 from fpsboost.io.vectors.folder import VectorFolder
-from fpsboost.kernels.candidates import NODE_SPACING
+from fpsboost.kernels.multi_hypothesis import WINDOW
 from fpsboost.motion import nlm
 from fpsboost.motion.colour import colour_components, contrast_components
 from fpsboost.synthesis import FramePair
@@ -205,8 +205,9 @@ def draw_candidates() -> Path:
     frame_pair = FramePair(pair.image0, pair.image1, *pair.fields)
     ((listed, t),) = fuse._listed(frame_pair, [0.5])
     row, column, scale = 8, 15, 4
-    top, left = row * NODE_SPACING - NODE_SPACING // 2, column * NODE_SPACING - NODE_SPACING // 2
-    window, side = np.s_[top : top + 2 * NODE_SPACING, left : left + 2 * NODE_SPACING], 2 * NODE_SPACING
+    before, side = (WINDOW - listed.spacing) // 2, WINDOW
+    top, left = row * listed.spacing - before, column * listed.spacing - before
+    window = np.s_[top : top + side, left : left + side]
     rows, weights = [], []
     for k in range(int(listed.listed[row, column])):
         motion, prior = listed.motions[row, column, k], listed.weights[row, column, k]
@@ -308,7 +309,9 @@ def alone_everywhere(
     motions, weights = np.zeros_like(listed.motions), np.zeros_like(listed.weights)
     motions[..., 0, :2], weights[..., 0] = motion[:2], 1
     confidence = np.empty(frame_pair.image0.pixels.shape[:2], np.float32)
-    image = fuse._fused(frame_pair, Candidates(np.ones_like(listed.listed), motions, weights), t, confidence)
+    image = fuse._fused(
+        frame_pair, Candidates(np.ones_like(listed.listed), motions, weights, listed.spacing), t, confidence
+    )
     return np.asarray(image), confidence ** (1 / 8)
 
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from twins import collected, listed_by_votes
 
 from fpsboost.kernels.candidates import (
-    NODE_SPACING,
     SUMS_PER_CANDIDATE,
     UNKNOWN,
     VALUES_PER_MOTION,
@@ -37,9 +36,10 @@ def collect(
     accelerations=(None, None),
     trusts=None,
     gradients=None,
+    spacing=16,
 ):
     """Both frames' motion as the kernel collects it: count, votes and sums."""
-    nodes = -(-size[0] // NODE_SPACING), -(-size[1] // NODE_SPACING)
+    nodes = points(size, spacing)
     count = np.zeros(nodes, np.int32)
     votes, sums = np.zeros((*nodes, capacity), np.float32), np.zeros((*nodes, capacity, SUMS_PER_CANDIDATE), np.float32)
     for frame, (each, sign, t) in enumerate(zip(vectors, (1, -1), times, strict=False)):
@@ -58,7 +58,7 @@ def collect(
             np.float32(support),
             np.float32(tolerance),
             *size,
-            CollectedVotes(count, votes, sums),
+            CollectedVotes(count, votes, sums, spacing),
         )
     return count, votes, sums
 
@@ -88,11 +88,14 @@ def empty_lists(shape):
     st.integers(1, 9),
     st.sampled_from([4, 20, 100]),
     st.sampled_from([2, 5, 30]),
+    st.sampled_from([16, 20, 24, 28]),
     st.integers(0, 2**32),
 )
-@example(NODE_SPACING * 13, 20, 9, 20, 5, 1)
-@example(39, 7, 1, 100, 2, 1)
-def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity, seed):
+@example(16 * 13, 20, 9, 20, 5, 16, 1)
+@example(39, 7, 1, 100, 2, 16, 1)
+@example(20 * 5, 53, 9, 20, 5, 20, 1)
+@example(29, 70, 5, 20, 5, 28, 1)
+def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity, spacing, seed):
     """Both directions, also out of the frame, bent, and with too little room, give the twin's candidates in order."""
     random = np.random.default_rng(seed)
     size, shape = (height, width), points((height, width), step)
@@ -103,8 +106,9 @@ def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity
     gradients = random.choice(np.float32([0, 0, 0, 1 / 16, -1 / 32]), (2, *shape, 2, 2))
     trusts = random.choice(np.float32([0, 0.25, 1]), (2, *shape))
     tolerance = 0.5**0.5  # shares are exact, and no difference, a ratio, is on the edge of two answers
+    support = 16 if spacing == 16 else 32
     count, votes, sums = collect(
-        vectors, (0.25, 0.75), size, step, 16, tolerance, capacity, accelerations, trusts, gradients
+        vectors, (0.25, 0.75), size, step, support, tolerance, capacity, accelerations, trusts, gradients, spacing
     )
     expected = empty_lists(count.shape)
     for frame, (sign, t) in enumerate(((1, 0.25), (-1, 0.75))):
@@ -117,10 +121,11 @@ def test_candidates_equal_their_slow_twin(height, width, step, largest, capacity
             sign=sign,
             t=t,
             step=step,
-            support=16,
+            support=support,
             tolerance=tolerance,
             size=size,
             capacity=capacity,
+            spacing=spacing,
         )
     for place in np.ndindex(expected.shape):
         known = count[place]
@@ -227,7 +232,7 @@ def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01, le
     )
     numbers = np.float32(still_votes), np.float32(spread), np.float32(least_share), np.float32(least)
     listed = np.full((1, 1), -1, np.int32)
-    list_candidates(CollectedVotes(count, votes, sums), *numbers, Candidates(listed, motions, weights))
+    list_candidates(CollectedVotes(count, votes, sums, 16), *numbers, Candidates(listed, motions, weights, 16))
     return listed[0, 0], motions[0, 0], weights[0, 0]
 
 

@@ -6,12 +6,21 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from truth import noise, waves
-from twins import fading, finished, fused, heaviest, spline_coefficients, spline_window, uncompiled
+from twins import (
+    faded_window,
+    fading,
+    finished,
+    fused,
+    heaviest,
+    spline_coefficients,
+    spline_window,
+    uncompiled,
+)
 
-from fpsboost.kernels.candidates import NODE_SPACING, VALUES_PER_MOTION, Candidates
+from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
 from fpsboost.kernels.dominant_motion import find_dominant_motion
 from fpsboost.kernels.multi_hypothesis import (
     AREA,
@@ -59,7 +68,7 @@ def samples(image):
     return Samples(planes, np.array(coefficients, np.float32), np.float32(1))
 
 
-def listed(candidates):
+def listed(candidates, spacing):
     """Lists of ``[weight, dx, dy, ax, ay, *gradients]`` as the kernel's arrays, with room to spare."""
     room = 2 + max(len(each) for each in candidates.ravel())
     count = np.zeros(candidates.shape, np.int32)
@@ -69,7 +78,7 @@ def listed(candidates):
         count[place] = len(candidates[place])
         for k, (weight, *motion) in enumerate(candidates[place]):
             weights[place][k], motions[place][k] = weight, [*motion, 0, 0, 0, 0][:VALUES_PER_MOTION]
-    return Candidates(count, motions, weights)
+    return Candidates(count, motions, weights, spacing)
 
 
 def split(image):
@@ -77,7 +86,7 @@ def split(image):
     return [image[..., c].astype(float) for c in range(image.shape[2])]
 
 
-def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0, chroma=None):
+def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=0, chroma=None, spacing=16):
     """Call the kernels; the mean as an image, and the confidence; with chroma or layers of both, their mean, too."""
     image = np.full(image0.shape, np.nan, np.float32)
     confidence = np.full(image0.shape[:2], np.nan, np.float32)
@@ -93,25 +102,25 @@ def fuse(image0, image1, t, candidates, *, scale, sharpness, enough, negligible=
         if chroma is None
         else tuple(-(-a // b) for a, b in zip(image0.shape[:2], chroma[0].shape[:2], strict=True)),
         np.float32(t),
-        listed(candidates),
-        Weighting(*numbers, window_shape(), patch_shares()),
+        listed(candidates, spacing),
+        Weighting(*numbers, window_shape(spacing), patch_shares()),
         ValueRange(*bounds, False),
         Blended(image.transpose(2, 0, 1), made.transpose(2, 0, 1), confidence),
     )
     return (image, confidence) if chroma is None else (image, made, confidence)
 
 
-def nodes_of(size, candidates=()):
+def nodes_of(size, candidates=(), spacing=16):
     """The same candidates for each node of a frame."""
-    nodes = np.empty([-(-length // NODE_SPACING) for length in size[:2]], object)
+    nodes = np.empty([-(-length // spacing) for length in size[:2]], object)
     for place in np.ndindex(nodes.shape):
         nodes[place] = [list(each) for each in candidates]
     return nodes
 
 
-def random_candidates(random, size, most, largest):
+def random_candidates(random, size, most, largest, spacing=16):
     """Up to `most` motions a node, whole and not, straight and bent, some of them without any weight, and none."""
-    candidates = nodes_of(size)
+    candidates = nodes_of(size, spacing=spacing)
     for place in np.ndindex(candidates.shape):
         number = random.integers(0, most + 1) if any(place) else most
         motions, bends = random.uniform(-largest, largest, (number, 2)), random.normal(size=(number, 2)) * 4
@@ -122,37 +131,43 @@ def random_candidates(random, size, most, largest):
 
 
 @pytest.mark.parametrize(
-    ("size", "channels", "t", "largest", "most"),
+    ("size", "channels", "t", "largest", "most", "spacing"),
     [
-        ((16, 16), 3, 0.5, 3, 2),
-        ((19, 9), 1, 0.3, 6, 3),
-        ((5, 34), 4, 0.75, 60, 2),
-        ((40, 36), 1, 0.5, 3, 1),
-        ((1, 1), 3, 0.5, 4, 1),
+        ((16, 16), 3, 0.5, 3, 2, 16),
+        ((19, 9), 1, 0.3, 6, 3, 16),
+        ((5, 34), 4, 0.75, 60, 2, 16),
+        ((40, 36), 1, 0.5, 3, 1, 16),
+        ((1, 1), 3, 0.5, 4, 1, 16),
+        ((1, 1), 3, 0.5, 4, 1, 20),
+        ((45, 61), 1, 0.3, 6, 1, 20),
+        ((5, 44), 4, 0.75, 60, 2, 24),
+        ((29, 58), 3, 0.5, 3, 1, 28),
     ],
 )
-def test_fusing_equals_its_slow_twin(size, channels, t, largest, most):
+def test_fusing_equals_its_slow_twin(size, channels, t, largest, most, spacing):
     """Within the frame, across its borders and far out, along straight and bent paths, in windows that prefetch."""
     random = np.random.default_rng(channels)
     y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
     image0, image1 = (waves(x + k, y, channels, seed=2).astype(np.float32) for k in (0, 1.5))
-    candidates = random_candidates(random, size, most, largest)
-    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
+    candidates = random_candidates(random, size, most, largest, spacing)
+    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0, "spacing": spacing}
     mean, confidence = fuse(image0, image1, t, candidates, **options)
     expected_mean, expected_confidence = fused(split(image0), split(image1), t, candidates, **options)
     np.testing.assert_allclose(mean, np.dstack(expected_mean), atol=2e-4)
     np.testing.assert_allclose(confidence, expected_confidence, atol=2e-4)
 
 
-@pytest.mark.parametrize(("size", "t", "largest"), [((40, 36), 0.5, 3), ((19, 33), 0.3, 9)])
-def test_layers_are_mixed_by_the_weights_of_others(size, t, largest):
+@pytest.mark.parametrize(
+    ("size", "t", "largest", "spacing"), [((40, 36), 0.5, 3, 16), ((19, 33), 0.3, 9, 16), ((43, 33), 0.3, 3, 20)]
+)
+def test_layers_are_mixed_by_the_weights_of_others(size, t, largest, spacing):
     """Planes of full size that are sampled along have no say in the weights."""
     random = np.random.default_rng(5)
     y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
     image0, image1 = (waves(x + k, y, 1, seed=2).astype(np.float32) for k in (0, 1.5))
     layers = [(10 * waves(x - k, y, 3, seed=3)).astype(np.float32) for k in (0, 1.5)]
-    candidates = random_candidates(random, size, 2, largest)
-    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
+    candidates = random_candidates(random, size, 2, largest, spacing)
+    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0, "spacing": spacing}
     mean, mean_of_layers, _ = fuse(image0, image1, t, candidates, **options, chroma=layers)
     planes = [split(image) + split(layer) for image, layer in zip((image0, image1), layers, strict=True)]
     expected, _ = fused(*planes, t, candidates, **options, compared=1)
@@ -161,48 +176,91 @@ def test_layers_are_mixed_by_the_weights_of_others(size, t, largest):
 
 
 @pytest.mark.parametrize(
-    ("size", "channels", "t", "largest"), [((40, 36), 3, 0.5, 3), ((19, 9), 1, 0.3, 6), ((5, 34), 4, 0.75, 40)]
+    ("size", "channels", "t", "largest", "spacing"),
+    [
+        ((40, 36), 3, 0.5, 3, 16),
+        ((19, 9), 1, 0.3, 6, 16),
+        ((5, 34), 4, 0.75, 40, 16),
+        ((45, 43), 1, 0.3, 6, 20),
+        ((9, 57), 3, 0.5, 3, 28),
+    ],
 )
-def test_the_dominant_motion_equals_its_slow_twin(size, channels, t, largest):
+def test_the_dominant_motion_equals_its_slow_twin(size, channels, t, largest, spacing):
     """The largest weight of every pixel, and where the pixel lies along that motion."""
     random = np.random.default_rng(channels)
     y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
     image0, image1 = (waves(x + k, y, channels, seed=2).astype(np.float32) for k in (0, 1.5))
-    candidates = random_candidates(random, size, 2, largest)
+    candidates = random_candidates(random, size, 2, largest, spacing)
     weights, places = np.zeros(size, np.float32), np.zeros((4, *size), np.float32)
     numbers = [np.float32(each) for each in (4, 10, 2, 0)]
     find_dominant_motion(
         samples(image0),
         samples(image1),
         np.float32(t),
-        listed(candidates),
-        Weighting(*numbers, window_shape(), patch_shares()),
+        listed(candidates, spacing),
+        Weighting(*numbers, window_shape(spacing), patch_shares()),
         weights,
         places,
     )
-    expected, expected_places = heaviest(split(image0), split(image1), t, candidates, scale=4.0, sharpness=10.0)
+    expected, expected_places = heaviest(
+        split(image0), split(image1), t, candidates, scale=4.0, sharpness=10.0, spacing=spacing
+    )
     np.testing.assert_allclose(weights, expected, atol=2e-4)
     apart = np.abs(places - expected_places).max(axis=0) > 1e-3
     assert apart.mean() < 0.01  # where two weigh the same to rounding
 
 
 @pytest.mark.parametrize("down", [1, 2])
-@pytest.mark.parametrize(("size", "t", "largest"), [((40, 36), 0.5, 3), ((19, 33), 0.3, 9), ((2, 2), 0.75, 5)])
-def test_fusing_planes_of_half_the_size_equals_its_slow_twin(size, down, t, largest):
+@pytest.mark.parametrize(
+    ("size", "t", "largest", "spacing"),
+    [
+        ((40, 36), 0.5, 3, 16),
+        ((19, 33), 0.3, 9, 16),
+        ((2, 2), 0.75, 5, 16),
+        ((45, 33), 0.3, 9, 20),
+        ((2, 50), 0.75, 5, 24),
+        ((29, 59), 0.5, 3, 28),
+    ],
+)
+def test_fusing_planes_of_half_the_size_equals_its_slow_twin(size, down, t, largest, spacing):
     """Chroma has a say in the weights, and is mixed by those of luma; sizes are even and odd."""
     random = np.random.default_rng(down)
     y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
     luma = [waves(x + k, y, 1, seed=2).astype(np.float32) for k in (0, 1.5)]
     v, u = np.mgrid[0 : -(-size[0] // down), 0 : -(-size[1] // 2)].astype(float)
     chroma = [waves(2 * u + k, down * v, 2, seed=3).astype(np.float32) for k in (0, 1.5)]
-    candidates = random_candidates(random, size, 2, largest)
-    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0}
+    candidates = random_candidates(random, size, 2, largest, spacing)
+    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0, "spacing": spacing}
     mean, mean_of_chroma, confidence = fuse(*luma, t, candidates, **options, chroma=chroma)
     planes = [split(full) + split(half) for full, half in zip(luma, chroma, strict=True)]
     expected, expected_confidence = fused(*planes, t, candidates, **options)
     np.testing.assert_allclose(mean[..., 0], expected[0], atol=2e-4)
     np.testing.assert_allclose(mean_of_chroma, np.dstack(expected[1:]), atol=2e-4)
     np.testing.assert_allclose(confidence, expected_confidence, atol=2e-4)
+
+
+@settings(max_examples=10)
+@given(
+    st.integers(2, 64),
+    st.integers(2, 64),
+    st.sampled_from([16, 20, 24, 28]),
+    st.sampled_from([1, 2]),
+    st.integers(0, 2**32),
+)
+@example(60, 41, 20, 2, 1)
+def test_nodes_may_lie_farther_apart(height, width, spacing, down, seed):
+    """Frames of any size equal those of the twin, in 4:2:2 and 4:2:0, also where the last cell of nodes is cut off."""
+    random, size = np.random.default_rng(seed), (height, width)
+    luma = [random.random((*size, 1), np.float32) for _ in range(2)]
+    chroma = [random.random((-(-height // down), -(-width // 2), 2), np.float32) for _ in range(2)]
+    candidates = random_candidates(random, size, 2, 5, spacing)
+    options = {"scale": 4.0, "sharpness": 10.0, "enough": 2.0, "spacing": spacing}
+    mean, mean_of_chroma, confidence = fuse(*luma, 0.25, candidates, **options, chroma=chroma)
+    planes = [split(full) + split(half) for full, half in zip(luma, chroma, strict=True)]
+    expected, expected_confidence = fused(*planes, 0.25, candidates, **options)
+    np.testing.assert_allclose(mean[..., 0], expected[0], atol=5e-4)
+    np.testing.assert_allclose(mean_of_chroma, np.dstack(expected[1:]), atol=5e-4)
+    np.testing.assert_allclose(confidence, expected_confidence, atol=5e-4)
 
 
 @pytest.mark.parametrize("down", [1, 2])
@@ -241,13 +299,12 @@ def test_once_all_pixels_are_similar_enough_the_rest_is_left_out():
     assert np.abs(together - alone).max() > 0.01
 
 
-@pytest.mark.parametrize("size", [(16, 16), (33, 47)])
-def test_what_stands_still_is_copied(size):
+@pytest.mark.parametrize(("size", "spacing"), [((16, 16), 16), ((33, 47), 16), ((33, 47), 20), ((29, 47), 28)])
+def test_what_stands_still_is_copied(size, spacing):
     """One frame twice and no motion give that frame, however many windows overlap, and full confidence."""
     image = noise(*size, 3, np.float32)
-    mean, confidence = fuse(
-        image, image, 0.5, nodes_of(size, [(1, 0, 0, 0, 0)]), scale=5.0, sharpness=30.0, enough=0.99
-    )
+    candidates = nodes_of(size, [(1, 0, 0, 0, 0)], spacing)
+    mean, confidence = fuse(image, image, 0.5, candidates, scale=5.0, sharpness=30.0, enough=0.99, spacing=spacing)
     np.testing.assert_allclose(mean, image, atol=1e-6)
     np.testing.assert_allclose(confidence, 1, atol=1e-5)
 
@@ -440,13 +497,17 @@ def test_patches_are_summed_within_their_window():
         np.testing.assert_allclose(found[y, x], mean, rtol=1e-5)
 
 
-def test_windows_add_up_to_one():
-    """At every square, those of the four nodes around; each is what the twin says, and greater than 0."""
-    shape = window_shape().reshape(SQUARES_PER_ROW, SQUARES_PER_ROW)
-    np.testing.assert_allclose(shape[5], [fading(5) * fading(place) for place in range(SQUARES_PER_ROW)], rtol=1e-5)
-    apart = NODE_SPACING // 2
-    overlapping = sum(shape[y : y + apart, x : x + apart] for y in (0, apart) for x in (0, apart))
-    np.testing.assert_allclose(overlapping, 1, atol=1e-6)
+@pytest.mark.parametrize("spacing", [16, 20, 24, 28])
+def test_windows_add_up_to_one(spacing):
+    """At every square, those of all nodes around; each is what the twin says, and greater than 0."""
+    shape = window_shape(spacing).reshape(SQUARES_PER_ROW, SQUARES_PER_ROW)
+    np.testing.assert_allclose(shape, faded_window(spacing), rtol=1e-5)
+    apart, nodes = spacing // 2, 4
+    total = np.zeros([SQUARES_PER_ROW + (nodes - 1) * apart] * 2)
+    for row, column in np.ndindex(nodes, nodes):
+        total[row * apart :, column * apart :][:SQUARES_PER_ROW, :SQUARES_PER_ROW] += shape
+    inner = slice(SQUARES_PER_ROW - apart, -(SQUARES_PER_ROW - apart))  # where no node is missing
+    np.testing.assert_allclose(total[inner, inner], 1, atol=1e-6)
     assert shape.min() > 0
 
 

@@ -22,6 +22,7 @@ from fpsboost.synthesis.warp import Warp
 
 synthesizers: dict[str, Synthesizer] = {
     "fuse": MultiHypothesis(),
+    "fuse-apart": MultiHypothesis(step=16, node_spacing=20, support_radius=32),
     "iterative": Reproject("iterative"),
     "brute-force": Reproject("brute-force"),
     "paint": Splat(),
@@ -32,8 +33,8 @@ synthesizers: dict[str, Synthesizer] = {
 every_synthesizer = pytest.mark.parametrize("synthesizer", synthesizers.values(), ids=synthesizers.keys())
 along_motion = pytest.mark.parametrize(
     "synthesizer",
-    [synthesizers[name] for name in ("fuse", "iterative", "brute-force", "paint")],
-    ids=["fuse", "iterative", "brute-force", "paint"],
+    [synthesizers[name] for name in ("fuse", "fuse-apart", "iterative", "brute-force", "paint")],
+    ids=["fuse", "fuse-apart", "iterative", "brute-force", "paint"],
 )
 TIMES = (0.25, 0.5, 0.75)
 
@@ -131,13 +132,14 @@ def test_whole_translations_are_exact(synthesizer, shift):
         assert off <= (1 if isinstance(synthesizer, MultiHypothesis) else 0)
 
 
+@pytest.mark.parametrize("spacing", [16, 20, 24, 28])
 @pytest.mark.parametrize(
     "motion", [{"shift": (3.3, -1.7)}, {"zoom": 1.08}, {"degrees": 5}, {"zoom": 0.95, "degrees": 2, "shift": (1, 2)}]
 )
-def test_fusing_follows_any_smooth_motion(motion):
+def test_fusing_follows_any_smooth_motion(motion, spacing):
     """Along the exact motion, a smooth texture is right to a few levels of 255 (8-bit rounding and cubic sampling)."""
-    clip = affine(60, 72, **motion)
-    for t, image in zip(TIMES, made(MultiHypothesis(), clip), strict=True):
+    clip, synthesizer = affine(60, 72, **motion), MultiHypothesis(node_spacing=spacing, support_radius=32)
+    for t, image in zip(TIMES, made(synthesizer, clip), strict=True):
         error = np.abs(image.astype(float) - clip.at(t))[eroded(np.ones((60, 72), bool), 8)]
         assert error.mean() < 0.7
         assert np.percentile(error, 99) < 5
@@ -258,6 +260,7 @@ def test_confidence_is_high_but_where_nothing_fits():
     ("option", "value"),
     [
         ("step", 0),
+        *(("node_spacing", value) for value in (0, 12, 18, 22, 32)),
         ("support_radius", 15.9),
         ("merge_distance", -0.1),
         ("max_candidates", 0),
@@ -270,6 +273,14 @@ def test_options_of_fusing_out_of_range_are_refused(option, value):
     """By their name."""
     with pytest.raises(OptionError, match=option):
         MultiHypothesis(**{option: value})
+
+
+@pytest.mark.parametrize("spacing", [16, 20, 24, 28])
+def test_votes_reach_from_node_to_node(spacing):
+    """A smaller support radius than the distance between nodes is refused, by its name and with what is needed."""
+    assert MultiHypothesis(node_spacing=spacing, support_radius=spacing).node_spacing == spacing
+    with pytest.raises(OptionError, match=rf"support_radius must be at least {spacing} pixels"):
+        MultiHypothesis(node_spacing=spacing, support_radius=spacing - 0.1)
 
 
 def test_blend_mixes_in_time():

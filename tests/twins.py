@@ -307,14 +307,15 @@ def collected(
     tolerance: float,
     size: tuple[int, int],
     capacity: int,
+    spacing: int = 16,
 ) -> None:
-    """Motions for nodes in the middles of cells of 16 pixels; ``candidates[row, column]`` are lists of lists of eleven.
+    """Motions for nodes in the middles of square cells; ``candidates[row, column]`` are lists of lists of eleven.
 
-    These are votes; sums of dx and dy; of votes whose acceleration is known, votes, ax, ay and ax^2 + ay^2; and sums of
-    how dx and dy change along x, then along y. A point
-    votes at every node nearer to where it lands than `support`, along x and y, the less the farther and the less it is
-    trusted. Its vote, for its motion and what its gradients add on the way to the node, is for the first candidate
-    whose mean is near, or a new one as long as there is room.
+    Cells are `spacing` pixels wide. The eleven are votes; sums of dx and dy; of votes whose acceleration is known,
+    votes, ax, ay and ax^2 + ay^2; and sums of how dx and dy change along x, then along y. A point votes at every node
+    nearer to where it lands than `support`, along x and y, the less the farther and the less it is trusted. Its vote,
+    for its motion and what its gradients add on the way to the node, is for the first candidate whose mean is near, or
+    a new one as long as there is room.
     """
     height, width = size
     for i, j in np.ndindex(*trust.shape):
@@ -324,12 +325,13 @@ def collected(
         landing_x = x + 0.5 + t * here_x - t * (1 - t) / 2 * ax
         landing_y = y + 0.5 + t * here_y - t * (1 - t) / 2 * ay
         for row, column in np.ndindex(*candidates.shape):
-            down = max(1 - abs(landing_y - (16 * row + 8)) / support, 0)
-            across = max(1 - abs(landing_x - (16 * column + 8)) / support, 0)
+            node_x, node_y = spacing * column + spacing / 2, spacing * row + spacing / 2
+            down = max(1 - abs(landing_y - node_y) / support, 0)
+            across = max(1 - abs(landing_x - node_x) / support, 0)
             vote = float(trust[i, j]) * down * across
             if vote == 0:
                 continue
-            apart = np.array([16 * column + 8 - landing_x, 16 * row + 8 - landing_y])
+            apart = np.array([node_x - landing_x, node_y - landing_y])
             dx, dy = (float(value) for value in (here_x, here_y) + apart @ gradients[i, j])
             sure = known * vote
             more = [vote, vote * sign * dx, vote * sign * dy, sure, sure * ax, sure * ay, sure * (ax * ax + ay * ay)]
@@ -427,15 +429,15 @@ def fused(
     enough: float,
     negligible: float = 0,
     compared: int | None = None,
+    spacing: int = 16,
 ) -> tuple[list[Array], Array]:
     """The mean of each plane over all windows and candidates, weighed by patch similarity at t, and similarity ** 8.
 
-    Windows have 16 x 16 squares of 2 x 2 pixels and fade into those of their neighbours 8 squares away; patches have
-    5 x 5 squares, of which the outer ones count three quarters, and end with their window; edges repeat. The first
-    plane has all pixels, others may have half the columns, and half the rows; only the first `compared` have a say in
-    the weights. ``candidates[row, column]`` are lists of
-    ``[weight, dx, dy, ax, ay]``, tried one by one, until one weighs less than `negligible` of the least weight of a
-    square.
+    Windows have 16 x 16 squares of 2 x 2 pixels and fade into those of their neighbours, `spacing` pixels away, where
+    they overlap; patches have 5 x 5 squares, of which the outer ones count three quarters, and end with their window;
+    edges repeat. The first plane has all pixels, others may have half the columns, and half the rows; only the first
+    `compared` have a say in the weights. ``candidates[row, column]`` are lists of ``[weight, dx, dy, ax, ay]``, tried
+    one by one, until one weighs less than `negligible` of the least weight of a square.
     """
     height, width = planes0[0].shape
     beyond = 48
@@ -446,8 +448,9 @@ def fused(
     ]
     sums, all_weights = ([np.zeros(plane.shape) for plane in planes0] for _ in range(2))
     similarities = np.zeros((height, width))
+    shape, before = faded_window(spacing), (32 - spacing) // 2
     for row, column in np.ndindex(*candidates.shape):
-        corner = np.array([16.0 * column - 8, 16.0 * row - 8])
+        corner = np.array([spacing * column - before, spacing * row - before])
         totals = [np.zeros((32 // down, 32 // across)) for down, across in steps]
         weights, alike_sum, best = (np.zeros((16, 16)) for _ in range(3))
         for prior, *numbers in candidates[row, column]:
@@ -473,19 +476,26 @@ def fused(
             best = np.maximum(best, alike)
             if best.min() >= enough:
                 break
-        share = np.outer([fading(y) for y in range(16)], [fading(x) for x in range(16)]) / np.sqrt(weights)
+        share = shape / np.sqrt(weights)
         for plane, plane_weights, total, step in zip(sums, all_weights, totals, steps, strict=True):
-            at, shares = (int(corner[1]) // step[0], int(corner[0]) // step[1]), _of_samples(share, step)
+            at, shares = (corner[1] // step[0], corner[0] // step[1]), _of_samples(share, step)
             _add_within(plane, shares * total, at)
             _add_within(plane_weights, shares * _of_samples(weights, step), at)
-        at = int(corner[1]), int(corner[0])
+        at = corner[1], corner[0]
         _add_within(similarities, _of_samples(share, (1, 1)) * _of_samples(alike_sum, (1, 1)), at)
     means = [plane / plane_weights for plane, plane_weights in zip(sums, all_weights, strict=True)]
     return means, (similarities / all_weights[0]) ** 8
 
 
 def heaviest(
-    planes0: list[Array], planes1: list[Array], t: float, candidates: Array, *, scale: float, sharpness: float
+    planes0: list[Array],
+    planes1: list[Array],
+    t: float,
+    candidates: Array,
+    *,
+    scale: float,
+    sharpness: float,
+    spacing: int = 16,
 ) -> tuple[Array, Array]:
     """The largest weight at each pixel, and where it lies along that motion: x and y in frame 0, and in frame 1.
 
@@ -495,9 +505,9 @@ def heaviest(
     beyond = 48
     splines = [[spline_coefficients(plane, beyond) for plane in planes] for planes in (planes0, planes1)]
     weights, places = np.zeros((height, width)), np.zeros((4, height, width))
-    shape = np.outer([fading(y) for y in range(16)], [fading(x) for x in range(16)])
+    shape, before = faded_window(spacing), (32 - spacing) // 2
     for row, column in np.ndindex(*candidates.shape):
-        corner = np.array([16 * column - 8, 16 * row - 8])
+        corner = np.array([spacing * column - before, spacing * row - before])
         for prior, *numbers in candidates[row, column]:
             motion, acceleration = np.array(numbers[:2]), np.array(numbers[2:])
             away = t * (1 - t) / 2 * acceleration - t * motion
@@ -540,10 +550,20 @@ def _add_within(plane: Array, values: Array, corner: tuple[int, int]) -> None:
     plane[np.ix_(rows[within[0]], columns[within[1]])] += values[np.ix_(*within)]
 
 
-def fading(place: int) -> float:
-    """How much a place in a row of 16 counts: 3 s^2 - 2 s^3 of its distance s from the nearer end, in eighths."""
-    distance = min(place + 0.5, 15.5 - place) / 8
-    return 3 * distance**2 - 2 * distance**3
+def fading(place: int, spacing: int = 16) -> float:
+    """How much a square in a row of 16 counts: 3 s^2 - 2 s^3 of the share s of its way through the next window's part.
+
+    That window lies `spacing` pixels away, on the side of the nearer end; squares that only one window has count 1.
+    """
+    overlap = 16 - spacing / 2
+    share = min(min(place + 0.5, 15.5 - place) / overlap, 1)
+    return 3 * share**2 - 2 * share**3
+
+
+def faded_window(spacing: int) -> Array:
+    """How much each of the 16 x 16 squares of a window counts."""
+    row = [fading(place, spacing) for place in range(16)]
+    return np.outer(row, row)
 
 
 def _along(

@@ -89,8 +89,8 @@ class MultiHypothesis:
     step : int
         Distance along x and y between the pixels of each frame whose motion is a candidate, pixels.
     node_spacing : int
-        Distance between nodes, 16, 20 or 24 pixels: the farther apart, the faster, as the windows of 32 pixels around
-        them overlap less.
+        Distance between nodes, 16, 20, 24 or 28 pixels: the farther apart, the faster, as the windows of 32 pixels
+        around them overlap less.
     support_radius : float
         Maximum distance between a node and the landing position of a motion that votes for it, pixels; the weight
         decreases with distance.
