@@ -57,8 +57,17 @@ class Results:
         """Discard these results, or all; they are computed again when asked for again."""
         with self._lock:
             for key in keys or list(self._futures):
-                self._futures.pop(key, None)
-                self._known.pop(key, None)
+                self._discard(key)
+
+    def clear_all_but(self, *kept: Hashable) -> None:
+        """Discard all results but these."""
+        with self._lock:
+            for key in self._futures.keys() - set(kept):
+                self._discard(key)
+
+    def _discard(self, key: Hashable) -> None:
+        self._futures.pop(key, None)
+        self._known.pop(key, None)
 
     def __contains__(self, key: Hashable) -> bool:
         with self._lock:
@@ -128,6 +137,6 @@ class FrameCache:
             self._results.clear(key)
         return result
 
-    def clear(self) -> None:
-        """Discard all results; they are computed again when asked for again."""
-        self._results.clear()
+    def clear(self, *kept: Callable[..., Any]) -> None:
+        """Discard all results but those of these functions; they are computed again when asked for again."""
+        self._results.clear_all_but(*((function,) for function in kept))

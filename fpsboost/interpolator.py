@@ -28,7 +28,7 @@ from fpsboost.io.video.planes import bgr_of
 from fpsboost.kernels.compiling import compiled_aside
 from fpsboost.layered import Layer, LayeredImage
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.colour import normalised
+from fpsboost.motion.colour import gray, normalised
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.motion.zero import ZeroMotion
@@ -231,7 +231,7 @@ class Pair:
 
     def release_caches(self) -> None:
         """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
-        self.image0.clear()
+        self.image0.clear(gray)  # overlays are static in the frame before a pair, too
         self._results.clear("compensated", "grain")
 
 
