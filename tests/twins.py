@@ -551,13 +551,14 @@ def _add_within(plane: Array, values: Array, corner: tuple[int, int]) -> None:
 
 
 def fading(place: int, spacing: int = 16) -> float:
-    """How much a square in a row of 16 counts: 3 s^2 - 2 s^3 of the share s of its way through the next window's part.
+    """How much a square in a row of 16 counts: a smooth step of the share s of its way through the next window's part.
 
-    That window lies `spacing` pixels away, on the side of the nearer end; squares that only one window has count 1.
+    That window lies `spacing` pixels away, on the side of the nearer end; squares that only one window has count 1. The
+    step is 3 s^2 - 2 s^3 where windows overlap by half, and 6 s^5 - 15 s^4 + 10 s^3 where they overlap less.
     """
     overlap = 16 - spacing / 2
     share = min(min(place + 0.5, 15.5 - place) / overlap, 1)
-    return 3 * share**2 - 2 * share**3
+    return 3 * share**2 - 2 * share**3 if spacing == 16 else 6 * share**5 - 15 * share**4 + 10 * share**3
 
 
 def faded_window(spacing: int) -> Array:
