@@ -62,8 +62,10 @@ def find_overlay(
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), MEDIAN_SIZE) for axis in (0, 1)])
     marks = np.empty_like(grays[0])
     thresholds = MIN_MOTION, STATIC_THRESHOLD, CHANGE_THRESHOLD
-    if not mark_overlay(Frames(*grays), surroundings, BLOCK_SIZE, *thresholds, marks):
-        return None  # nearly always
+    any_stands_out = np.empty(1, np.bool_)
+    mark_overlay(Frames(*grays), surroundings, BLOCK_SIZE, *thresholds, marks, any_stands_out)
+    if not any_stands_out[0]:  # nearly always
+        return None
     found = marks == STANDS_OUT
     together = found & (cv2.boxFilter(found.astype(np.uint8), cv2.CV_16U, (3, 3), normalize=False) >= MIN_NEIGHBOURS)
     near = cv2.dilate(together.astype(np.uint8), np.ones((2 * DILATION_RADIUS + 1, 2 * DILATION_RADIUS + 1), np.uint8))

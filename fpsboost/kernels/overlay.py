@@ -68,7 +68,7 @@ def find_smallest_change(frames, y, left, right, dx, dy, smallest):
 
 
 @njit(cache=True, **JIT)
-def mark_overlay(frames, motion, spacing, shortest, same, different, marks):
+def mark_overlay(frames, motion, spacing, shortest, same, different, marks, any_stands_out):
     """Find the pixels that stay the same although their surroundings move.
 
     Parameters
@@ -83,15 +83,12 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, marks):
         Difference in levels up to which a pixel is the same, and above which it is different.
     marks : (H, W) uint8 out
         STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved; else 0.
-
-    Returns
-    -------
-    bool
-        Whether any pixel stands out.
+    any_stands_out : (1,) bool out
     """
     image0, image1, before, after = frames
     height, width = marks.shape
-    smallest, stands_out = np.empty(width, np.uint8), False
+    smallest = np.empty(width, np.uint8)
+    any_stands_out[0] = False
     for y in range(height):
         here, row, vectors = Index(y), marks[y], motion[y // spacing]
         for x in range(Index(width)):
@@ -121,5 +118,4 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, marks):
             for x in range(Index(left), Index(right)):
                 if smallest[x] > different and row[x]:
                     row[x] = np.uint8(STANDS_OUT)
-                    stands_out = True
-    return stands_out
+                    any_stands_out[0] = True
