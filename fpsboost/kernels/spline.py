@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.jit import FINITE_JIT, njit
 
 MARGIN = 40
 """Width of the repeated edges beyond the frame, pixels."""
