@@ -90,20 +90,30 @@ compiler = Compiler()
 
 
 class Kernel:
-    """Function that numba compiles when it is called; to numba, and to whoever asks for more, it is a dispatcher."""
+    """Function that numba compiles when it is called; to whoever asks for more, it is a dispatcher of numba's."""
 
     def __init__(self, function: AnyFunction, options: dict[str, Any]) -> None:
         update_wrapper(self, function)
         self.py_func, self._options = function, options
-        self._made: Any = None
+        self._made: dict[bool, Any] = {}
 
     @property
     def dispatcher(self) -> Any:
-        """What numba makes of the function."""
+        """What numba makes of the function to be called from Python."""
+        return self._make(wrapped=True)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """Type by which numba finds the function, asked for while it compiles one that calls it."""
+        return self._make(wrapped=False)._numba_type_
+
+    def _make(self, *, wrapped: bool) -> Any:
+        """Return the function as numba's, with or without machine code that translates arguments from Python."""
         with compiler.ready():
-            if self._made is None:
-                self._made = import_module("numba").njit(**self._options)(self.py_func)
-            return self._made
+            if wrapped not in self._made:
+                options = self._options if wrapped else self._options | {"cache": False, "no_cpython_wrapper": True}
+                self._made[wrapped] = import_module("numba").njit(**options)(self.py_func)
+            return self._made[wrapped]
 
     def __call__(self, *arguments: Any) -> Any:
         """Compile the function for these types of arguments, unless that has been done, and call it."""

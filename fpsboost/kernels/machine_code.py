@@ -201,10 +201,9 @@ class KeptKernel(Kernel):
 
     def _compile(self, digest: bytes, form: struct.Struct, arguments: Sequence[Any]) -> MachineCode:
         """Return machine code that is compiled now, and write it to a file."""
-        from numba import njit, typeof, types  # noqa: PLC0415 (a run may not need it)
+        from numba import typeof, types  # noqa: PLC0415 (a run may not need it)
 
-        options = self._options | {"cache": False, "no_cpython_wrapper": True}
-        made, signature = njit(**options)(self.py_func), tuple(map(typeof, arguments))
+        made, signature = self._make(wrapped=False), tuple(map(typeof, arguments))
         made.compile(signature)
         compiled = made.overloads[signature]
         about = compiled.fndesc
