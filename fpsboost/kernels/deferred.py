@@ -70,19 +70,22 @@ class Compiler:
         """Have the listeners called from now on, if numba has been imported."""
         if self._is_heard or "numba" not in sys.modules:
             return
+        self._is_heard = True
         from numba.core import event  # noqa: PLC0415
+
+        def tell() -> None:
+            for listener in tuple(self.listeners):
+                listener()
 
         class Forwarder(event.Listener):
             """Listener that calls all of the compiler's."""
 
-            def on_start(_, event: event.Event) -> None:  # noqa: N805 (the compiler is `self`)
-                for listener in tuple(self.listeners):
-                    listener()
+            def on_start(self, event: event.Event) -> None:
+                tell()
 
-            def on_end(_, event: event.Event) -> None:  # noqa: N805
+            def on_end(self, event: event.Event) -> None:
                 pass
 
-        self._is_heard = True
         event.register(COMPILE_EVENT, Forwarder())
 
 

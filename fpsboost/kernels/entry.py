@@ -51,7 +51,8 @@ def entry_of(name: str, kind: ir.FunctionType, format_: str) -> ir.Module:
     nothing, what = builder.alloca(POINTER), builder.bitcast(error, error_kind)
     callee = ir.Function(module, kind, name)
     builder.ret(builder.call(callee, [builder.bitcast(nothing, kind.args[0]), what, *values]))
-    add_runtime(module)
+    add_allocation(module)
+    add_reshape(module)
     return module
 
 
@@ -59,7 +60,7 @@ HEADER = 48
 """Bytes before the data of an array that a kernel allocates: six words; kernels read the first and the fourth."""
 
 
-def add_runtime(module: ir.Module) -> None:
+def add_allocation(module: ir.Module) -> None:
     """Add functions of numba's runtime that make and free arrays of numbers, which need no destructor."""
     malloc = ir.Function(module, ir.FunctionType(POINTER, [LONG]), "malloc")
     free = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER]), "free")
@@ -80,7 +81,6 @@ def add_runtime(module: ir.Module) -> None:
     builder = ir.IRBuilder(function.append_basic_block())
     builder.call(free, [function.args[0]])
     builder.ret_void()
-    add_reshape(module)
 
 
 def add_reshape(module: ir.Module) -> None:

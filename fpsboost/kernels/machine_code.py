@@ -223,7 +223,7 @@ class KeptKernel(Kernel):
         file = self._file(digest)
         if file is None:
             return
-        staged = file.with_suffix(f".{os.getpid()}")
+        staged = file.with_suffix(f".{os.urandom(8).hex()}")
         with suppress(OSError):
             try:
                 staged.write_bytes(sha256(digest + content).digest() + content)
