@@ -36,7 +36,7 @@ types, cgutils = Module("numba.core.types"), Module("numba.core.cgutils")
 
 
 class Compiler:
-    """numba, and what it is told as soon as it is there.
+    """Access to numba, which hears of overloads as soon as it is there.
 
     Attributes
     ----------
