@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image
 from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
-from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.jit import FINITE_JIT, njit
 from fpsboost.kernels.multi_hypothesis import (
     AREA,
     WINDOW,

@@ -131,7 +131,7 @@ def _kernels() -> Iterator[Finding]:
     from fpsboost.kernels.machine import cache_folder  # noqa: PLC0415
 
     folder = cache_folder()
-    files = [path for path in folder.glob("*.nb[ci]") if path.is_file()]
+    files = [path for kind in ("*.kernel", "*.nb[ci]") for path in folder.glob(kind) if path.is_file()]
     size = sum(path.stat().st_size for path in files)
     yield Finding("kernels", "compiled", f"{len(files)} files, {size / 1e6:.1f} MB")
     writable = os.access(folder, os.W_OK)

@@ -14,12 +14,13 @@ from numba.core import event
 
 from fpsboost import methods
 from fpsboost.interpolator import _rehearse_synthesis
-from fpsboost.kernels.compiling import COMPILE_EVENT, compiled_aside, told_of_compiling
+from fpsboost.kernels.compiling import compiled_aside, told_of_compiling
+from fpsboost.kernels.deferred import COMPILE_EVENT, compiler
 
 
 def compile_something() -> None:
     """Send the event of a compilation."""
-    with event.trigger_event(COMPILE_EVENT):
+    with compiler.ready(), event.trigger_event(COMPILE_EVENT):
         pass
 
 

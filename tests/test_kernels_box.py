@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from twins import uncompiled
 
 from fpsboost.kernels.box import slide_box
-from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.jit import LANES, njit
 from fpsboost.kernels.similarity import UNIT, similarity
 
 
-@njit
+@njit()
 def slide(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at):
     """Call the compiled form."""
     slide_box(planes0, place0, plane0, planes1, place1, plane1, oldest, newest, columns, at)

@@ -7,12 +7,12 @@ from fractions import Fraction
 import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numba import njit
 
 from fpsboost.kernels.fma import fma
+from fpsboost.kernels.jit import njit
 
 
-@njit
+@njit()
 def compiled(a, b, c):
     """The kernels' own."""
     return fma(a, b, c)

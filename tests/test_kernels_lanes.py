@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
 from twins import uncompiled
 
+from fpsboost.kernels.jit import njit
 from fpsboost.kernels.lanes import EIGHT, filter_eight, relax_eight
 
 
-@njit
+@njit()
 def filter_compiled(source, begin, step, weights, out, target):
     """Call the compiled form."""
     filter_eight(source, begin, step, weights[0], weights[1], weights[2], weights[3], out, target)
@@ -30,7 +30,7 @@ def test_eight_pixels_are_filtered_alike_compiled_and_not(step):
         assert not out[5 + EIGHT :].any()
 
 
-@njit
+@njit()
 def relax_compiled(x, y, here, before, costs, numbers, cheapest, at):
     """Call the compiled form."""
     relax_eight(x, y, here, before, costs, numbers[0], numbers[1], numbers[2], cheapest, at)

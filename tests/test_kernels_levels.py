@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
 from twins import level_similarity, uncompiled
 
 from fpsboost.kernels.contrast import finish_planes
+from fpsboost.kernels.jit import njit
 from fpsboost.kernels.levels import SIXTEEN, WHITE, compare_one, compare_sixteen, level_scale, truncation
 from fpsboost.motion.colour import contrast_components, contrast_planes
 
 
-@njit
+@njit()
 def compare_pairs(first, second, place0, place1, plane, most, sums, before, after):
     """Call the compiled form."""
     compare_sixteen(first, place0, second, place1, plane, most, sums, before, after)
 
 
-@njit
+@njit()
 def compare_with_one(first, second, place0, place1, plane, most, sums, before, after):
     """Call the compiled form."""
     compare_one(first, place0, second, place1, plane, most, sums, before, after)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 from twins import listed_offsets, uncompiled
 
+from fpsboost.kernels.jit import njit
 from fpsboost.kernels.lanes import EIGHT
 from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight
 
 
-@njit
+@njit()
 def insert(dx, dy, similarities, at, lists, size, capacity):
     """Call the compiled form."""
     insert_eight(dx, dy, similarities, at, lists, size, capacity)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
 
+from fpsboost.kernels.jit import njit
 from fpsboost.kernels.prefetch import prefetch
 
 
-@njit
+@njit()
 def compiled(flat, place):
     """The kernels' own."""
     prefetch(flat, place)

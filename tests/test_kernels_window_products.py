@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from twins import uncompiled
 
+from fpsboost.kernels.jit import njit
 from fpsboost.kernels.window_products import PRODUCT_COUNT, WINDOW_SIDE, window_products
 
 
-@njit
+@njit()
 def summed(first, start0, second, start1, stride, plane, tail, sums):
     """Call the compiled form."""
     window_products(first, start0, second, start1, stride, plane, tail, sums)

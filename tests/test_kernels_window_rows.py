@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
 from twins import uncompiled
 
+from fpsboost.kernels.jit import njit
 from fpsboost.kernels.lanes import filter_sixteen
 from fpsboost.kernels.window_rows import (
     PIXELS_PER_ROW,
@@ -21,37 +21,37 @@ from fpsboost.kernels.window_rows import (
 )
 
 
-@njit
+@njit()
 def filtered(source, weights, out):
     """Call the compiled form, and so below."""
     filter_sixteen(source, 3, 7, weights[0], weights[1], weights[2], weights[3], out, 5)
 
 
-@njit
+@njit()
 def summed(source, weights, out):
     """Five values 11 apart."""
     sum_five(source, 2, 11, out, 5)
 
 
-@njit
+@njit()
 def pooled(source, weights, out):
     """Two rows 40 apart."""
     pool_row(source, 1, 40, weights[0], out, 5)
 
 
-@njit
+@njit()
 def added(source, weights, out):
     """Sixteen values and their weights."""
     add_row(source, 4, source, 30, out, 5)
 
 
-@njit
+@njit()
 def blended(source, weights, out):
     """Two rows."""
     blend_rows(source, 40, 4, out, 5)
 
 
-@njit
+@njit()
 def spread(source, weights, out):
     """Two rows of sixteen squares to 32 pixels."""
     upsample_rows(source, 40, 4, out, 5)
@@ -94,13 +94,13 @@ def test_a_row_is_computed_alike_compiled_and_not(kernel):
         np.testing.assert_array_equal(out[5 + len(expected) :], before[5 + len(expected) :])
 
 
-@njit
+@njit()
 def mixed_by_eight(first, second, stride, tall, taps, t, wide, mixed, distance):
     """Call the compiled form, and so below."""
     mix_eight(first, 4, second, 9, stride, tall, taps, t, wide, mixed, distance, 2)
 
 
-@njit
+@njit()
 def mixed_by_sixteen(first, second, stride, tall, taps, t, wide, mixed, distance):
     """Twice as many columns."""
     mix_sixteen(first, 4, second, 9, stride, tall, taps, t, wide, mixed, distance, 2)

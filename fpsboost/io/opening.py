@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.images.passes import ALL, BEAUTY
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.staging import JobFingerprint, fingerprint_files, fingerprint_options
+from fpsboost.io.video.availability import pyav_version
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions, View
 from fpsboost.io.video.pipe import PipeSource
@@ -246,6 +246,6 @@ def fingerprint_job(source: DescribedSource, job: Any, *, resume: bool) -> JobFi
         return None
     with explained(InputError, "read", source.info.name, "check that it is still there"):
         place = str(Path(source.info.name).absolute())
-        versions = f"{__version__} with PyAV {version('av')}"  # another FFmpeg may encode differently
+        versions = f"{__version__} with PyAV {pyav_version()}"  # another FFmpeg may encode differently
         facts = fingerprint_options(input=place, input_files=fingerprint_files(files), job=job, fpsboost=versions)
     return JobFingerprint(facts, resume)

@@ -19,6 +19,10 @@ POLL_INTERVAL = 0.1
 """Seconds between checks whether the other thread has stopped."""
 
 
+class End:
+    """Mark in a queue that no item follows, so that nobody waits for one."""
+
+
 def nothing() -> None:
     """Do nothing."""
 
@@ -47,8 +51,8 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
     iterator
         The items, in order; raises what the iterable raised.
     """
-    queue: Queue[T] = Queue(depth)
-    stopped, finished = Event(), Event()
+    queue: Queue[T | End] = Queue(depth)
+    stopped = Event()
     errors: list[BaseException] = []
 
     def run() -> None:
@@ -58,19 +62,19 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
                     return
         except BaseException as error:
             errors.append(error)
-        finally:
-            finished.set()
+        _put(queue, End(), stopped)
 
     def received() -> Iterator[T]:
-        while True:
+        while not stopped.is_set():
             try:
-                yield queue.get(timeout=POLL_INTERVAL)
+                item = queue.get(timeout=POLL_INTERVAL)
             except Empty:
-                # the flag is set after the last put, so a queue that is empty after it stays empty
-                if finished.is_set() and queue.empty():
-                    if errors:
-                        raise errors[0] from None
-                    return
+                continue
+            if isinstance(item, End):
+                break
+            yield item
+        if errors:
+            raise errors[0]
 
     thread = Thread(target=run, name="fpsboost-ahead")
     thread.start()
@@ -84,7 +88,7 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
         thread.join()
 
 
-def _put(queue: Queue[T], item: T, stopped: Event) -> bool:
+def _put(queue: Queue[T | End], item: T | End, stopped: Event) -> bool:
     """Put an item into a queue when it has room; return whether that was before the flag was set."""
     while not stopped.is_set():
         try:
@@ -150,8 +154,8 @@ def write_behind(
         Takes one item; raises what `write` raised on an earlier one. Leaving the block waits for the remaining items,
         or drops them if the block is left by an exception.
     """
-    queue: Queue[T] = Queue(depth)
-    stopped, closed = Event(), Event()
+    queue: Queue[T | End] = Queue(depth)
+    stopped = Event()
     errors: list[BaseException] = []
 
     def run() -> None:
@@ -159,9 +163,9 @@ def write_behind(
             try:
                 item = queue.get(timeout=POLL_INTERVAL)
             except Empty:
-                if closed.is_set() and queue.empty():
-                    return
                 continue
+            if isinstance(item, End):
+                return
             try:
                 write(item)
             except BaseException as error:
@@ -181,7 +185,7 @@ def write_behind(
     thread.start()
     try:
         yield send
-        closed.set()
+        _put(queue, End(), stopped)
         thread.join()
     except BaseException:
         cancel()

@@ -9,10 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import JIT
+from fpsboost.kernels.jit import JIT, njit
 
 MAX_SUM = 2**62
 """Initial minimum, larger than any sum of absolute differences."""

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
-from numba.core import cgutils
-from numba.extending import intrinsic, overload
 
-from fpsboost.kernels.jit import FINITE_JIT, LANES
+from fpsboost.kernels.jit import FINITE_JIT, LANES, cgutils, intrinsic, njit, overload, types
 from fpsboost.kernels.lanes import address_of
 from fpsboost.kernels.similarity import COEFFICIENTS, MAX_SQUARED_DISTANCE, similarity
 

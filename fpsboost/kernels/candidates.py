@@ -11,10 +11,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import JIT
+from fpsboost.kernels.jit import JIT, njit
 
 SUMS_PER_CANDIDATE = 10
 """Number of sums per candidate: dx, dy; of votes whose acceleration is known, votes, ax, ay, ax^2 + ay^2; and the

@@ -11,10 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, cast
 
-from numba.core import event
-
-COMPILE_EVENT = "numba:compile"
-"""Event that numba sends when a compilation begins; loading from its cache sends none."""
+from fpsboost.kernels.deferred import compiler
 
 RUN_TASK = """
 import gc, pickle, sys
@@ -23,21 +20,6 @@ sys.path[:] = pickle.load(sys.stdin.buffer)
 pickle.load(sys.stdin.buffer)()
 """
 """Program of the second process."""
-
-
-class _FirstStartListener(event.Listener):
-    """Listener that calls a function at the first start event only."""
-
-    def __init__(self, tell: Callable[[], None]) -> None:
-        self._tell: Callable[[], None] | None = tell
-
-    def on_start(self, event: event.Event) -> None:
-        tell, self._tell = self._tell, None
-        if tell is not None:
-            tell()
-
-    def on_end(self, event: event.Event) -> None:
-        pass
 
 
 @contextmanager
@@ -49,9 +31,18 @@ def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
     tell : callable
         Function to call, in the thread that compiles.
     """
-    listener = _FirstStartListener(tell)
-    with event.install_listener(COMPILE_EVENT, listener):
+    waiting = [tell]
+
+    def listen() -> None:
+        if waiting:
+            waiting.pop()()
+
+    compiler.hear()
+    compiler.listeners.append(listen)
+    try:
         yield
+    finally:
+        compiler.listeners.remove(listen)
 
 
 @contextmanager

@@ -7,9 +7,8 @@ For values that must not be averaged, such as object numbers. Candidates are wei
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.jit import FINITE_JIT, njit
 from fpsboost.kernels.multi_hypothesis import (
     MIN_WEIGHT_SUM,
     SQUARES_PER_WINDOW,

@@ -7,8 +7,8 @@ different bits when it was compiled and when it was loaded from the cache.
 from __future__ import annotations
 
 import numpy as np
-from numba import types
-from numba.extending import intrinsic, overload
+
+from fpsboost.kernels.jit import intrinsic, overload, types
 
 
 def fma(a, b, c):

@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, overload
+
+from fpsboost.kernels.jit import cgutils, intrinsic, overload, types
 
 EIGHT = 8
 """Pixels per vector."""

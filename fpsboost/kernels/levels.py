@@ -8,10 +8,8 @@ whatever its order.
 from __future__ import annotations
 
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, overload
 
+from fpsboost.kernels.jit import cgutils, intrinsic, overload, types
 from fpsboost.kernels.lanes import address_of, broadcast_value
 
 SIXTEEN = 16

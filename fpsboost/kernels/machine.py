@@ -6,6 +6,8 @@ from pathlib import Path
 
 from llvmlite import binding
 
+from fpsboost.kernels.machine_code import KeptKernel, folder
+
 FEATURES = ("fma", "avx2", "avx512f", "neon")
 """Instructions that make kernels fast: fused multiply-add, and vectors of 8, 16 and 4 numbers."""
 
@@ -17,7 +19,8 @@ def processor() -> tuple[str, list[str]]:
 
 
 def cache_folder() -> Path:
-    """Return the folder of the compiled kernels; any kernel's is that of all."""
+    """Return the folder of the compiled kernels."""
     from fpsboost.kernels.block import match_blocks  # noqa: PLC0415 (raises where nothing can be kept)
 
-    return Path(match_blocks.stats.cache_path)
+    kept_in = folder()
+    return kept_in if isinstance(match_blocks, KeptKernel) and kept_in else Path(match_blocks.stats.cache_path)

@@ -14,12 +14,11 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.kernels.candidates import VALUES_PER_MOTION
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import FINITE_JIT, LANES
+from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
 from fpsboost.kernels.lanes import EIGHT, filter_eight, filter_sixteen
 from fpsboost.kernels.levels import SIXTEEN
 from fpsboost.kernels.spline import MARGIN, spline_weights

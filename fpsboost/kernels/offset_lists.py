@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, overload
 
+from fpsboost.kernels.jit import cgutils, intrinsic, overload, types
 from fpsboost.kernels.lanes import EIGHT, address_of, broadcast_value
 
 VALUES_PER_ENTRY = 3

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import JIT
+from fpsboost.kernels.jit import JIT, njit
 from fpsboost.kernels.tiles import Index
 
 STAYS, STANDS_OUT = 1, 2

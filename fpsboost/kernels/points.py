@@ -6,10 +6,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT, JIT
+from fpsboost.kernels.jit import FINITE_JIT, JIT, njit
 
 
 @njit(inline="always", **FINITE_JIT)

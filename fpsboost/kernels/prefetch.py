@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic, overload
 
+from fpsboost.kernels.jit import intrinsic, overload, types
 from fpsboost.kernels.lanes import address_of
 
 

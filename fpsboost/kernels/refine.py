@@ -8,9 +8,8 @@ window has no influence.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.jit import FINITE_JIT, njit
 from fpsboost.kernels.prefetch import prefetch
 from fpsboost.kernels.window_products import PRODUCT_COUNT, WINDOW_SIDE, window_products
 

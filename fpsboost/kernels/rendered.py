@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.jit import FINITE_JIT, njit
 from fpsboost.kernels.spline import MARGIN, spline_weights
 
 

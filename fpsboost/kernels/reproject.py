@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from fpsboost.kernels.jit import JIT
+from fpsboost.kernels.jit import JIT, njit
 
 MAX_FLOAT32 = np.float32(np.finfo(np.float32).max)
 

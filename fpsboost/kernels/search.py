@@ -13,12 +13,11 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fpsboost.kernels.box import slide_box, sum_box_across
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import FINITE_JIT, LANES
+from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
 from fpsboost.kernels.similarity import similarity
 
 STRIP_WIDTH = 640

@@ -9,10 +9,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.jit import FINITE_JIT, njit
 from fpsboost.kernels.similarity import similarity
 from fpsboost.kernels.tiles import Index
 

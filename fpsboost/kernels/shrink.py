@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from fpsboost.kernels.jit import JIT
+from fpsboost.kernels.jit import JIT, njit
 
 
 @njit(cache=True, **JIT)

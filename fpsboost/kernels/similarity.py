@@ -11,10 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.jit import FINITE_JIT, njit
 
 FRACTION_BITS = 20
 UNIT = 1 << FRACTION_BITS

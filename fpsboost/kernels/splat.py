@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from fpsboost.kernels.jit import JIT
+from fpsboost.kernels.jit import JIT, njit
 from fpsboost.kernels.reproject import nearest_inside
 
 NO_SOURCE = -1

@@ -10,10 +10,9 @@ import math
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import FINITE_JIT
+from fpsboost.kernels.jit import FINITE_JIT, njit
 
 MARGIN = 40
 """Width of the repeated edges beyond the frame, pixels."""

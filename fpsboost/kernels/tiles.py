@@ -13,10 +13,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT, LANES
+from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
 from fpsboost.kernels.lanes import EIGHT
 from fpsboost.kernels.levels import SIXTEEN, compare_sixteen
 from fpsboost.kernels.offset_lists import NOTHING, NOWHERE, VALUES_PER_ENTRY, insert_eight

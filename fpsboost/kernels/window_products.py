@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, overload
 
+from fpsboost.kernels.jit import cgutils, intrinsic, overload, types
 from fpsboost.kernels.lanes import address_of, broadcast_value
 
 WINDOW_SIDE = 8

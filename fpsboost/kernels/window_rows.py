@@ -9,10 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, overload
 
+from fpsboost.kernels.jit import cgutils, intrinsic, overload, types
 from fpsboost.kernels.lanes import address_of, broadcast_value
 
 SQUARES_PER_ROW = 16

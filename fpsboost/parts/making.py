@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from importlib.metadata import version
 from pathlib import Path
 
 import cv2
@@ -188,6 +187,8 @@ def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
 
 def program_facts() -> dict[str, str]:
     """Return the versions that must be the same for the same result."""
+    from importlib.metadata import version  # noqa: PLC0415 (it imports a dozen modules, and few runs make parts)
+
     libraries = f"PyAV {version('av')}, OpenCV {cv2.__version__}, numba {version('numba')}"
     return {"fpsboost": f"fpsboost {__version__}", "libraries": libraries}
 

@@ -9,6 +9,11 @@ import av
 from av.codec.codec import UnknownCodecError
 
 
+def pyav_version() -> str:
+    """Return the version of PyAV."""
+    return av.__version__
+
+
 def ffmpeg_version() -> str:
     """Return the version of the FFmpeg that PyAV brings."""
     return av.ffmpeg_version_info
