@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     itemsize = np.dtype(dtype).itemsize
     lanes = CACHE_LINE // itemsize
     rounded = (*shape[:-1], -(-shape[-1] // lanes) * lanes)
-    size = int(np.prod(rounded)) * itemsize
+    size = math.prod(rounded) * itemsize
     raw = np.empty(size + CACHE_LINE, np.uint8)
     start = -raw.ctypes.data % CACHE_LINE
     return raw[start : start + size].view(dtype).reshape(rounded)
