@@ -25,7 +25,9 @@ def planes_of(image, scale=1.0, premultiply=False, spare=3):
 def coefficients_of(planes, spare=3):
     """The kernel's coefficients; the planes have a few columns more than it needs."""
     coefficients = np.empty_like(planes)
-    find_coefficients(planes, planes.shape[2] - 2 * MARGIN - spare, np.float32(1), filter_response(2**-19), coefficients)
+    find_coefficients(
+        planes, planes.shape[2] - 2 * MARGIN - spare, np.float32(1), filter_response(2**-19), coefficients
+    )
     return coefficients
 
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
-import cv2
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
+from fpsboost.frame import Pixels
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.colour import Components, contrast_components, small_copy
-from fpsboost.motion.field import MotionField, forward_backward_error, point_places
+from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 
 CERTAIN_CUT_FRACTION = 0.3
@@ -198,29 +198,48 @@ class CutDetector:
 
         A frame with little content can be found in nearly any other, but not the other in it.
         """
-        thumbnails = [contrast_components(image.cached(small_copy, self.thumbnail_side)) for image in (image0, image1)]
+        thumbnail0, thumbnail1 = (
+            image.cached(_thumbnail_components, self.thumbnail_side) for image in (image0, image1)
+        )
         search_radius = math.ceil(SEARCH_RANGE * self.thumbnail_side)
         field01, field10 = search_fused(
-            thumbnails[0], thumbnails[1], search_radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY
+            thumbnail0, thumbnail1, search_radius, PATCH_RADIUS, "box", BANDWIDTH, MOTION_PENALTY
         )
         return min(
-            _measure_consistency(thumbnails[0], field01, field10), _measure_consistency(thumbnails[1], field10, field01)
+            _measure_consistency(thumbnail0, field01, field10), _measure_consistency(thumbnail1, field10, field01)
         )
+
+
+def _thumbnail_components(image: Pixels, side: int) -> Components:
+    """Return the components of an image's thumbnail."""
+    return contrast_components(small_copy(image, side))
 
 
 def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> float:
     """Return the mean over pixels of the match's similarity times that of the patch where the backward vector ends."""
     height, width = there.similarity.shape
-    y, x = np.mgrid[:height, :width]
-    end_y, end_x = y, x
-    for field in (there, back):
-        dx, dy = np.moveaxis(field.flow[end_y, end_x].astype(np.intp), -1, 0)
-        end_y, end_x = end_y + dy, end_x + dx
+    starts, flow = np.arange(height * width), there.flow.reshape(-1, 2)
+    across = flow + back.flow.reshape(-1, 2).take(starts + _as_steps(flow, width), axis=0)
     looks_the_same = np.ones((height, width), np.float32)
-    elsewhere = forward_backward_error(there.flow, *point_places((height, width), 1), back) >= CONSISTENCY_TOLERANCE
-    padded = cv2.copyMakeBorder(thumbnail, *(PATCH_RADIUS,) * 4, cv2.BORDER_REPLICATE)
-    patches = sliding_window_view(padded, (2 * PATCH_RADIUS + 1,) * 2, axis=(0, 1))
-    samples = patches[..., ::PATCH_RADIUS, ::PATCH_RADIUS]  # centre, corners and edges suffice to tell patches apart
-    apart = np.square(samples[end_y[elsewhere], end_x[elsewhere]] - samples[elsewhere]).sum(axis=1)
-    looks_the_same[elsewhere] = np.exp(-apart / (2 * STRICT_BANDWIDTH**2)).mean(axis=(1, 2))
+    elsewhere = np.flatnonzero(np.square(across).sum(axis=1) >= CONSISTENCY_TOLERANCE**2)
+    if elsewhere.size:
+        ends = elsewhere + _as_steps(across[elsewhere], width)
+        apart = np.square(_sample_patches(thumbnail, ends) - _sample_patches(thumbnail, elsewhere)).sum(axis=3)
+        looks_the_same.ravel()[elsewhere] = np.exp(-apart / (2 * STRICT_BANDWIDTH**2)).mean(axis=(1, 2))
     return float((there.similarity * looks_the_same).mean())
+
+
+def _as_steps(vectors: NDArray[Any], width: int) -> NDArray[np.intp]:
+    """Return (N, 2) vectors of whole pixels as distances in an image whose rows are `width` pixels."""
+    steps: NDArray[np.intp] = (vectors[:, 1] * np.float32(width) + vectors[:, 0]).astype(np.intp)
+    return steps
+
+
+def _sample_patches(thumbnail: Components, places: NDArray[np.intp]) -> NDArray[Any]:
+    """Return (N, 3, 3, 3) components of patches: their centres, corners and edges suffice to tell them apart."""
+    height, width = thumbnail.shape[:2]
+    y, x = np.divmod(places, width)
+    steps = np.arange(-PATCH_RADIUS, PATCH_RADIUS + 1, PATCH_RADIUS)
+    rows, columns = ((each[:, np.newaxis] + steps).clip(0, length - 1) for each, length in ((y, height), (x, width)))
+    samples: NDArray[Any] = thumbnail[rows[:, :, np.newaxis], columns[:, np.newaxis]]
+    return samples

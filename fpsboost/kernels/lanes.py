@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -142,8 +143,48 @@ def address_of(context, builder, kind, array, index, element):
     return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
 
 
+def vector_at(builder, row, index, vector):
+    """Return the address of a vector in a row."""
+    return builder.bitcast(builder.gep(row, [index]), vector.as_pointer())
+
+
 def broadcast_value(builder, value, vector):
     """Return a vector of type `vector` with the same value in all lanes."""
     integer = ir.IntType(32)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(integer, 0))
     return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(integer, vector.count), [0] * vector.count))
+
+
+class Loop:
+    """A loop that works on several vectors at a time, each at another stage."""
+
+    def __init__(self, builder: ir.IRBuilder) -> None:
+        self._builder, self._before = builder, builder.block
+        self._body, self._end = (builder.append_basic_block(name) for name in ("row", "row.end"))
+        builder.branch(self._body)
+        builder.position_at_end(self._body)
+
+    def carry(self, first: Any) -> Any:
+        """Return a value that is `first` in the first round, and then what `follow` says."""
+        self._builder.position_at_start(self._body)
+        phi = self._builder.phi(first.type)
+        phi.add_incoming(first, self._before)
+        self._builder.position_at_end(self._body)
+        return phi
+
+    def follow(self, phi: Any, value: Any) -> None:
+        """Set what a value is in the next round."""
+        phi.add_incoming(value, self._body)
+
+    def later(self, value: Any, rounds: int = 1) -> Any:
+        """Return what a value was some rounds before, zero in the first ones."""
+        for _ in range(rounds):
+            phi = self.carry(ir.Constant(value.type, None))
+            self.follow(phi, value)
+            value = phi
+        return value
+
+    def end(self, again: Any) -> None:
+        """End the loop unless `again`."""
+        self._builder.cbranch(again, self._body, self._end)
+        self._builder.position_at_end(self._end)

@@ -92,9 +92,7 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, marks, any_
         here, row, vectors = Index(y), marks[y], motion[y // spacing]
         for x in range(Index(width)):
             colour = image0[here, x]
-            largest = max(
-                apart(image1[here, x], colour), apart(before[here, x], colour), apart(after[here, x], colour)
-            )
+            largest = max(apart(image1[here, x], colour), apart(before[here, x], colour), apart(after[here, x], colour))
             row[x] = np.uint8(STAYS) if largest <= same else np.uint8(0)
         end = 0
         while end < len(vectors):

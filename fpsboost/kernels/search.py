@@ -2,8 +2,9 @@
 
 For one offset k, the similarity image ``W_k(x) = xi(A(x), B(x + k))`` serves both fields: summed over the patch, it is
 the score of k at x for A->B, and the score of -k at x + k for B->A. So every offset is computed once, row by row,
-without storing a full-size image: only a running column sum over the last 2r + 1 rows of W, a short horizontal sum, and
-two comparisons. Four neighbouring offsets are processed together and share the reads of the best scores so far.
+without storing a full-size image: only a row of sums across the patch, their sum down the last 2r + 1 rows, and two
+comparisons. Some neighbouring offsets are processed together and share the reads of the pixels and of the best scores
+so far.
 """
 
 from __future__ import annotations
@@ -15,16 +16,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.box import slide_box, sum_box_across
-from fpsboost.kernels.fma import fma
+from fpsboost.kernels.best_offsets import OUTSIDE, hide_outside, keep_best_of_four
 from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
-from fpsboost.kernels.similarity import similarity
+from fpsboost.kernels.lanes import EIGHT
+from fpsboost.kernels.patch_rows import GAP, ROWS_AT_ONCE, slide_boxes, sum_windows_across, sum_windows_down
 
 STRIP_WIDTH = 640
 """Columns per pass: wide enough for a small overhead of the patch margins, narrow enough for the caches."""
 
-QUADRUPLES_PER_PASS = 2
-"""Quadruples of offsets processed together row by row: the rows they read stay in the first-level cache."""
+OFFSETS_PER_PASS = 8
+"""Neighbouring offsets processed together row by row, a multiple of four: they are one loop, whose start and end cost
+as much as some vectors."""
 
 
 class BestOffsets(NamedTuple):
@@ -36,63 +38,10 @@ class BestOffsets(NamedTuple):
     """Rank of the best offset, int32, 0 at the start."""
 
 
-@njit(**FINITE_JIT)
-def keep_best_of_four(total0, total1, total2, total3, ranks, width, best, winners):
-    """Update `best` and `winners` where one of four totals is larger than `best`, or equal at a lower rank.
-
-    The four ranks increase.
-    """
-    rank0, rank1, rank2, rank3 = ranks
-    for x in range(width):
-        first, second, third, fourth, previous = total0[x], total1[x], total2[x], total3[x], best[x]
-        swap01, swap23 = second > first, fourth > third
-        value01, rank01 = (second, rank1) if swap01 else (first, rank0)
-        value23, rank23 = (fourth, rank3) if swap23 else (third, rank2)
-        swap = value23 > value01
-        value, rank = (value23, rank23) if swap else (value01, rank01)
-        better = (value > previous) | ((value == previous) & (rank < winners[x]))
-        best[x] = value if better else previous
-        winners[x] = rank if better else winners[x]
-
-
-@njit(inline="always", **FINITE_JIT)
-def read_quadruple(table, y, x, step):
-    """Return the table entries of four neighbouring offsets; the edge entry for those beyond it, which never win."""
-    last = table.shape[1] - 1
-    return (
-        table[y, x],
-        table[y, min(max(x + step, 0), last)],
-        table[y, min(max(x + 2 * step, 0), last)],
-        table[y, min(max(x + 3 * step, 0), last)],
-    )
-
-
-@njit(inline="always", **FINITE_JIT)
-def slide_window(a0, a1, a2, b0, b1, b2, weights, size, slot, width, ring, column):
-    """Write the weighted column sums of the last `size` rows, including the new one."""
-    # every row is stored twice, `size` rows apart, so that the window is always contiguous
-    newest, again = ring[slot], ring[slot + size]
-    for x in range(width):
-        w = np.float32(similarity(a0[x], a1[x], a2[x], b0[x], b1[x], b2[x]))
-        newest[x] = w
-        again[x] = w
-    window, half = ring[slot + 1 : slot + 1 + size], size // 2
-    for x in range(width):
-        value = weights[half] * window[half, x]
-        for k in range(half):
-            value = fma(weights[k], window[k, x] + window[size - 1 - k, x], value)
-        column[x] = value
-
-
-@njit(inline="always", **FINITE_JIT)
-def sum_window_across(column, weights, size, width, price, total):
-    """Write the weighted sum of `size` neighbouring column sums, minus a penalty."""
-    half = size // 2
-    for x in range(width):
-        value = fma(weights[half], column[x + half], -price)
-        for k in range(half):
-            value = fma(weights[k], column[x + k] + column[x + size - 1 - k], value)
-        total[x] = value
+@njit(forceinline=True, **FINITE_JIT)
+def find_candidates(offset, left, pixels, width):
+    """Return the first pixel of a strip that an offset leads into the other frame, and that after the last one."""
+    return max(0, -offset - left), min(pixels, width - offset - left)
 
 
 @lru_cache(maxsize=32)
@@ -138,125 +87,111 @@ def exhaustive_kernel(  # noqa: C901 (its kernel counts as its own)
     Returns
     -------
     callable
-        ``search(planes0, planes1, height, width, ranks, prices, found01, found10)``, with
-        M = search_radius + 4 and L = LANES:
+        ``search(planes0, planes1, height, width, ranks, prices, found01, found10)``, with L = LANES:
 
-        planes0 : (3, H + 2r, W + 2r + L or more) float32, scaled by `colour_scale`, edges repeated
-        planes1 : (3, H + 2r, W + 2r + 2M + L or more) float32, the same
-        found01 : BestOffsets, (H, W + L or more)
-        found10 : BestOffsets, (H, W + 2M + 2L or more); column M is the first of the image
+        planes0 : (3, H + 2r, W + 2r + 2L or more) float32, scaled by `colour_scale`, edges repeated
+        planes1 : (3, H + 2r, W + 2r + 4L or more) float32, the same; column L + r is the first of the image
         ranks : (2R + 1, 2R + 1) int32, from `rank_offsets`
         prices : (2R + 1, 2R + 1), the type of the similarity, from which they are subtracted; 0 for no motion
+        found01 : BestOffsets, (H, W + L or more)
+        found10 : BestOffsets, (H, W + 2L or more); column L is the first of the image
     """
     size = 2 * patch_radius + 1
-    padded_size = (size + LANES - 1) // LANES * LANES
     box = taps is None
     dtype: Any = np.int32 if box else np.float32
-    ring_rows = size if box else 2 * size
+    at_once = 1 if box else ROWS_AT_ONCE
+    slots = size + at_once - 1
+    beyond = max(2 * patch_radius, OUTSIDE)
     weights = np.array(taps or (), np.float32)
 
     @njit(cache=True, **FINITE_JIT)
     def search(planes0, planes1, height, width, ranks, prices, found01, found10):  # noqa: C901 (loops share buffers)
         (best01, winners01), (best10, winners10) = found01, found10
-        margin = size - 1
-        search_radius = len(ranks) // 2
-        shift = search_radius + 4
-        # whole lanes keep every row aligned; cleared in every pass, so no longer than necessary
-        room = (min(STRIP_WIDTH, width) + margin + 3 * LANES - 1) // LANES * LANES
-        last_four = search_radius // 4
-        rings = np.empty((4 * QUADRUPLES_PER_PASS, ring_rows, room), dtype)
-        column_room = room + padded_size + LANES
-        columns = np.empty((4 * QUADRUPLES_PER_PASS, column_room), dtype)
-        flat_rings, flat_columns = rings.reshape(rings.size), columns.reshape(columns.size)
+        margin, search_radius = size - 1, len(ranks) // 2
+        # a row of all offsets in line, behind what is overwritten before it
+        room = GAP + OFFSETS_PER_PASS * ((min(STRIP_WIDTH, width) + beyond + 2 * LANES - 1) // LANES * LANES)
+        ring, nothing = np.zeros((slots + 1) * room, dtype), GAP + slots * room
+        totals_room = room + LANES
+        totals = np.empty(at_once * totals_room, dtype)
+        ranks01, ranks10 = np.zeros(OFFSETS_PER_PASS, np.int32), np.zeros(OFFSETS_PER_PASS, np.int32)
         flat0, flat1 = planes0.reshape(planes0.size), planes1.reshape(planes1.size)
         stride0, stride1 = planes0.shape[2], planes1.shape[2]
         plane0, plane1 = planes0.shape[1] * stride0, planes1.shape[1] * stride1
-        partial = np.empty(room + padded_size, dtype)
-        # positions before the first and after the last pixel are not candidates, but are read for the quadruple
-        totals = np.full((4, room + 2 * LANES), -1, dtype)
+        flat_best01, flat_winners01 = best01.reshape(best01.size), winners01.reshape(winners01.size)
+        flat_best10, flat_winners10 = best10.reshape(best10.size), winners10.reshape(winners10.size)
+        stride01, stride10 = best01.shape[1], best10.shape[1]
+        last_group = search_radius // OFFSETS_PER_PASS
         for dy in range(-search_radius, search_radius + 1):
             top, bottom = max(0, -dy), min(height, height - dy)
-            if top >= bottom:
-                continue
             for left in range(0, width, STRIP_WIDTH):
                 pixels = min(STRIP_WIDTH, width - left)
-                whole = (pixels + LANES - 1) // LANES * LANES
-                padded_width = (pixels + margin + LANES - 1) // LANES * LANES
-                for group in range(-last_four - 1, last_four + 1, QUADRUPLES_PER_PASS):
-                    rings[:] = 0
-                    columns[:] = 0
+                for group in range(-last_group - 1, last_group + 1):
+                    # the offset nearest to zero comes first, as its rank is lowest
+                    step = 1 if group >= 0 else -1
+                    nearest = OFFSETS_PER_PASS * (group if group >= 0 else group + 1) - (group < 0)
+                    count = min(search_radius + 1 - abs(nearest), OFFSETS_PER_PASS)
+                    begin, end = find_candidates(nearest, left, pixels, width)
+                    if count <= 0 or begin >= end or top >= bottom:
+                        continue
+                    begin = begin // EIGHT * EIGHT
+                    apart = (end - begin + beyond + LANES - 1) // LANES * LANES
+                    # offsets that are missing in the last four never win
+                    totals[:] = -1
+                    for which in range(count):
+                        dx, start = nearest + step * which, GAP + which * apart
+                        totals[start : start + apart] = -prices[search_radius + dy, search_radius + dx]
+                        ranks01[which] = ranks[search_radius + dy, search_radius + dx]
+                        ranks10[which] = ranks[search_radius - dy, search_radius - dx]
                     for row in range(top, bottom + margin):
-                        y = row - margin
-                        for four in range(group, min(group + QUADRUPLES_PER_PASS, last_four + 1)):
-                            # the offset nearest to zero comes first, as its rank is lowest
-                            dx, step = (4 * four, 1) if four >= 0 else (4 * four + 3, -1)
-                            if abs(dx) > search_radius:
-                                continue
-                            count = min(search_radius - abs(dx) + 1, 4)
-                            slot, first_number = row % size, 4 * (four - group)
-                            for which in range(count, 4):
-                                totals[which, LANES : 2 * LANES + whole] = -1
-                            if box:
-                                place0, place1 = row * stride0 + left, (row + dy) * stride1 + left + shift + dx
-                                newest, at = (first_number * ring_rows + slot) * room, first_number * column_room
-                                # one long loop instead of four: the end of each is mispredicted
-                                for x in range(0, padded_width, LANES):
-                                    for which in range(count):
-                                        slide_box(
-                                            flat0, place0 + x, plane0, flat1, place1 + step * which + x, plane1,
-                                            flat_rings, newest + which * (ring_rows * room) + x,
-                                            flat_columns, at + which * column_room + x,
-                                        )  # fmt: skip
-                            else:
-                                for which in range(count):
-                                    begin, number = left + shift + dx + step * which, first_number + which
-                                    # one slice per plane: a slice of all three would be strided and would not vectorise
-                                    a0 = planes0[0, row, left : left + padded_width]
-                                    a1 = planes0[1, row, left : left + padded_width]
-                                    a2 = planes0[2, row, left : left + padded_width]
-                                    b0 = planes1[0, row + dy, begin : begin + padded_width]
-                                    b1 = planes1[1, row + dy, begin : begin + padded_width]
-                                    b2 = planes1[2, row + dy, begin : begin + padded_width]
-                                    ring, column = rings[number], columns[number]
-                                    slide_window(
-                                        a0, a1, a2, b0, b1, b2, weights, size, slot, padded_width, ring, column
-                                    )
-                            if y < top:
-                                continue
+                        y, newest = row - margin, GAP + row % slots * room
+                        place0 = row * stride0 + left + begin
+                        place1 = (row + dy) * stride1 + left + begin + LANES + nearest
+                        if box:
+                            oldest = newest if row - top >= size else nothing
+                            slide_boxes(
+                                flat0, place0, plane0, flat1, place1, plane1, step, count, apart, size,
+                                ring, oldest, newest, totals, GAP,
+                            )  # fmt: skip
+                        else:
+                            sum_windows_across(
+                                flat0, place0, plane0, flat1, place1, plane1, step, count, apart, size,
+                                weights, ring, newest,
+                            )  # fmt: skip
+                        ready = (y - top) % at_once + 1
+                        if y < top or (ready < at_once and y < bottom - 1):
+                            continue
+                        upper = y - ready + 1
+                        if not box:
                             for which in range(count):
-                                offset, column = dx + step * which, columns[first_number + which]
-                                total = totals[which, LANES:]
-                                price = prices[search_radius + dy, search_radius + offset]
-                                if box:
-                                    sum_box_across(column, size, whole, price, partial, total)
-                                else:
-                                    sum_window_across(column, weights, size, whole, price, total)
+                                price = prices[search_radius + dy, search_radius + nearest + step * which]
+                                start = GAP + which * apart
+                                sum_windows_down(
+                                    ring, start, upper % slots, room, weights, size, price,
+                                    totals, start, totals_room, apart,
+                                )  # fmt: skip
+                        for late in range(ready):
+                            for first in range(0, count, 4):
+                                dx, far = nearest + step * first, nearest + step * (first + 3)
+                                origin = late * totals_room + GAP + first * apart + margin - begin
                                 # targets outside of the other frame are not candidates
-                                first, last = max(0, -offset - left), min(pixels, width - offset - left)
-                                total[: min(first, pixels)] = -1
-                                total[max(0, last) : whole + LANES] = -1
-                            keep_best_of_four(
-                                totals[0, LANES:],
-                                totals[1, LANES:],
-                                totals[2, LANES:],
-                                totals[3, LANES:],
-                                read_quadruple(ranks, search_radius + dy, search_radius + dx, step),
-                                whole,
-                                best01[y, left:],
-                                winners01[y, left:],
-                            )
-                            # each total is shifted by its offset, so that the four refer to the same target
-                            begin = left + shift + min(dx, dx + 3 * step)
-                            shift0 = LANES - max(0, -3 * step)
-                            keep_best_of_four(
-                                totals[0, shift0:],
-                                totals[1, shift0 - step :],
-                                totals[2, shift0 - 2 * step :],
-                                totals[3, shift0 - 3 * step :],
-                                read_quadruple(ranks, search_radius - dy, search_radius - dx, -step),
-                                whole + LANES,
-                                best10[y + dy, begin:],
-                                winners10[y + dy, begin:],
-                            )
+                                for which in range(4):
+                                    start, stop = find_candidates(dx + step * which, left, pixels, width)
+                                    hide_outside(totals, origin + which * apart + start, origin + which * apart + stop)
+                                start, stop = find_candidates(dx, left, pixels, width)
+                                if start >= stop:
+                                    continue
+                                start = start // EIGHT * EIGHT
+                                keep_best_of_four(
+                                    totals, origin + start, apart, ranks01, first,
+                                    flat_best01, flat_winners01, (upper + late) * stride01 + left + start, stop - start,
+                                )  # fmt: skip
+                                # each total is shifted by its offset, so that the four refer to the same target
+                                start = max(min(dx, far), -left) // EIGHT * EIGHT
+                                stop = min(pixels + max(dx, far), width - left)
+                                place10 = (upper + late + dy) * stride10 + left + LANES + start
+                                keep_best_of_four(
+                                    totals, origin - dx + start, apart - step, ranks10, first,
+                                    flat_best10, flat_winners10, place10, stop - start,
+                                )  # fmt: skip
 
     return search

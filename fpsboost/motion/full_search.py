@@ -63,12 +63,11 @@ def search_fused(
     """
     height, width = colours0.shape[:2]
     taps = None if window == "box" else window_taps(window, patch_radius)
-    margin = search_radius + 4
     scale = colour_scale(bandwidth)
-    planes0 = padded_planes(colours0, patch_radius, 0, LANES, scale)
-    planes1 = padded_planes(colours1, patch_radius, margin, margin + LANES, scale)
+    planes0 = padded_planes(colours0, patch_radius, 0, 2 * LANES, scale)
+    planes1 = padded_planes(colours1, patch_radius, LANES, 3 * LANES, scale)
     score_type = np.int32 if taps is None else np.float32
-    widths = width + LANES, width + 2 * margin + 2 * LANES
+    widths = width + LANES, width + 2 * LANES
     best01, best10 = (aligned_empty((height, each), score_type) for each in widths)
     winners01, winners10 = (aligned_empty((height, each), np.int32) for each in widths)
     for best, winners in ((best01, winners01), (best10, winners10)):
@@ -81,10 +80,10 @@ def search_fused(
     prices = ((lengths[:, np.newaxis] + lengths) * (penalty / share)).astype(score_type)
     found01, found10 = BestOffsets(best01, winners01), BestOffsets(best10, winners10)
     search(planes0, planes1, height, width, ranks, prices, found01, found10)
-    inside = slice(margin, margin + width)
+    inside = slice(LANES, LANES + width)
     return (
-        MotionField(offsets[winners01[:, :width]], best01[:, :width].astype(np.float32) * share),
-        MotionField(offsets[winners10[:, inside]], best10[:, inside].astype(np.float32) * share),
+        MotionField(offsets.take(winners01[:, :width], axis=0), best01[:, :width].astype(np.float32) * share),
+        MotionField(offsets.take(winners10[:, inside], axis=0), best10[:, inside].astype(np.float32) * share),
     )
 
 

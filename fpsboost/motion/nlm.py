@@ -236,7 +236,9 @@ class CoarseToFine:
                 row_step,
                 OffsetLists(count, similarity, flows),
             )
-            tie = np.ones(shape, np.float32) if ties is None else _resample_points(ties[direction], spacing, shape, step)
+            tie = (
+                np.ones(shape, np.float32) if ties is None else _resample_points(ties[direction], spacing, shape, step)
+            )
             found.append(self._choose_labels(count, similarity, flows, tie, step))
         unknown = np.full_like(found[0].flow, UNKNOWN_MOTION)
         self._refine(pairs, [points.flow for points in found], [unknown, unknown], step)
