@@ -10,7 +10,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import update_wrapper
+from functools import partial, update_wrapper
 from importlib import import_module
 from typing import Any
 
@@ -131,8 +131,8 @@ class Kernel:
 class Instruction:
     """Function that stands for LLVM code within kernels, see `numba.extending.intrinsic`."""
 
-    def __init__(self, definition: AnyFunction) -> None:
-        self._definition = definition
+    def __init__(self, definition: AnyFunction, options: dict[str, Any]) -> None:
+        self._definition, self._options = definition, options
         self._type: Any = None
 
     @property
@@ -140,15 +140,16 @@ class Instruction:
         """Type by which numba finds the code, asked for while it compiles."""
         if self._type is None:
             context = import_module("numba.core.registry").cpu_target.typing_context
-            made = import_module("numba.extending").intrinsic(self._definition)
+            decorator = import_module("numba.extending").intrinsic
+            made = (decorator(**self._options) if self._options else decorator)(self._definition)
             context.refresh()
             self._type = context.resolve_value_type(made)
         return self._type
 
 
-def intrinsic(definition: AnyFunction) -> Instruction:
-    """Decorate a definition like `numba.extending.intrinsic`."""
-    return Instruction(definition)
+def intrinsic(definition: AnyFunction | None = None, **options: Any) -> Any:
+    """Decorate a definition like `numba.extending.intrinsic`, with options or without."""
+    return partial(intrinsic, **options) if definition is None else Instruction(definition, options)
 
 
 def overload(function: AnyFunction, **options: Any) -> Callable[[AnyFunction], AnyFunction]:
