@@ -282,13 +282,13 @@ def test_a_function_that_takes_something_else_has_no_entry(taken):
     pointer = ir.IntType(8).as_pointer()
     kind = ir.FunctionType(ir.IntType(32), [pointer, pointer, *taken])
     with pytest.raises(NotKeptError, match="takes"):
-        entry_of("function", kind, "q")
+        entry_of("function", kind, [int])
 
 
 def test_an_unknown_symbol_is_an_error_and_no_crash():
     """Code that calls a function that is nowhere."""
     kind = ir.FunctionType(ir.IntType(32), [ir.IntType(8).as_pointer()] * 2)
-    module = binding.parse_assembly(str(entry_of("no_such_function_anywhere", kind, "")))
+    module = binding.parse_assembly(str(entry_of("no_such_function_anywhere", kind, [])))
     code = binding.Target.from_default_triple().create_target_machine(jit=True).emit_object(module)
     with pytest.raises(NotKeptError, match=ENTRY):
         linker().link([code])

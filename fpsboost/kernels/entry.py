@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
+import numpy as np
 from llvmlite import binding, ir
 
-from fpsboost.kernels.arguments import NotKeptError
+from fpsboost.kernels.arguments import DATA, SHAPE, STRIDES, NotKeptError, fields_of
 
 ENTRY = "fpsboost_entry"
 """Name of the function."""
@@ -24,8 +25,16 @@ LLVM_TYPES: Mapping[str, ir.Type] = MappingProxyType(
 """What numba passes for a format."""
 
 
-def entry_of(name: str, kind: ir.FunctionType, format_: str) -> ir.Module:
+def entry_of(name: str, kind: ir.FunctionType, kinds: Sequence[Any]) -> ir.Module:
     """Return a module with the entry to a function, and with the part of numba's runtime that it needs.
+
+    Parameters
+    ----------
+    name : str
+    kind : llvmlite.ir.FunctionType
+        Type of the function.
+    kinds : sequence
+        Types of the arguments; see `fpsboost.kernels.arguments.flatten`.
 
     Raises
     ------
@@ -38,16 +47,17 @@ def entry_of(name: str, kind: ir.FunctionType, format_: str) -> ir.Module:
     builder = ir.IRBuilder(function.append_basic_block())
     record, error = function.args
     _, error_kind, *expected = kind.args
-    if len(expected) != len(format_):
-        raise NotKeptError(f"{name} takes {len(expected)} numbers, not {len(format_)}")
-    values = []
-    for place, (code, taken) in enumerate(zip(format_, expected, strict=True), 1):
+    values: list[ir.Value] = []
+    for each, code, begin in fields_of(kinds):
+        value = load(builder, record, begin, LLVM_TYPES[code])
+        values += [value] if code != "P" else array_values(builder, value, *each[:2])
+    if len(expected) != len(values):
+        raise NotKeptError(f"{name} takes {len(expected)} numbers, not {len(values)}")
+    for place, (value, taken) in enumerate(zip(values, expected, strict=True)):
         is_pointer = isinstance(taken, ir.PointerType)
-        if is_pointer != (code == "P") or not (is_pointer or taken == LLVM_TYPES[code]):
-            raise NotKeptError(f"{name} takes {taken} as number {place}, not {LLVM_TYPES[code]}")
-        begin = struct.calcsize(format_[:place]) - struct.calcsize(code)
-        address = builder.bitcast(builder.gep(record, [LONG(begin)]), taken.as_pointer())
-        values.append(builder.load(address, align=1))
+        if is_pointer != (value.type == POINTER) or not (is_pointer or taken == value.type):
+            raise NotKeptError(f"{name} takes {taken} as number {place + 1}, not {value.type}")
+        values[place] = builder.bitcast(value, taken)
     nothing, what = builder.alloca(POINTER), builder.bitcast(error, error_kind)
     callee = ir.Function(module, kind, name)
     builder.ret(builder.call(callee, [builder.bitcast(nothing, kind.args[0]), what, *values]))
@@ -56,7 +66,28 @@ def entry_of(name: str, kind: ir.FunctionType, format_: str) -> ir.Module:
     return module
 
 
-HEADER = 48
+def load(builder: ir.IRBuilder, address: ir.Value, place: int, kind: ir.Type) -> ir.Value:
+    """Return what is stored some bytes after an address."""
+    return builder.load(builder.bitcast(builder.gep(address, [LONG(place)]), kind.as_pointer()), align=1)
+
+
+def array_values(builder: ir.IRBuilder, array: ir.Value, dtype: np.dtype[Any], dimensions: int) -> list[ir.Value]:
+    """Return what numba passes for an array object at an address.
+
+    No object owns the memory, as far as the function can tell.
+    """
+    nobody, size = POINTER(None), LONG(1)
+    lists = []
+    for place in (SHAPE, STRIDES):
+        numbers = load(builder, array, place, POINTER)
+        lists.append([load(builder, numbers, 8 * axis, LONG) for axis in range(dimensions)])
+    for length in lists[0]:
+        size = builder.mul(size, length)
+    data = load(builder, array, DATA, POINTER)
+    return [nobody, nobody, size, LONG(dtype.itemsize), data, *lists[0], *lists[1]]
+
+
+MEMORY_HEADER = 48
 """Bytes before the data of an array that a kernel allocates: six words; kernels read the first and the fourth."""
 
 
@@ -68,10 +99,10 @@ def add_allocation(module: ir.Module) -> None:
         function = ir.Function(module, ir.FunctionType(POINTER, [LONG, ir.IntType(32)]), name)
         builder = ir.IRBuilder(function.append_basic_block())
         size, alignment = function.args[0], builder.zext(function.args[1], LONG)
-        block = builder.call(malloc, [builder.add(builder.add(size, alignment), LONG(HEADER))])
+        block = builder.call(malloc, [builder.add(builder.add(size, alignment), LONG(MEMORY_HEADER))])
         with builder.if_then(builder.icmp_unsigned("==", builder.ptrtoint(block, LONG), LONG(0))):
             builder.ret(POINTER(None))
-        after = builder.add(builder.ptrtoint(block, LONG), builder.add(alignment, LONG(HEADER - 1)))
+        after = builder.add(builder.ptrtoint(block, LONG), builder.add(alignment, LONG(MEMORY_HEADER - 1)))
         data = builder.and_(after, builder.neg(alignment))
         words = builder.bitcast(block, LONG.as_pointer())
         for place, word in enumerate((LONG(1), LONG(0), LONG(0), data, size, LONG(0))):  # the first counts references

@@ -170,7 +170,7 @@ class KeptKernel(Kernel):
                 if kinds in self._known:  # another thread has compiled it meanwhile
                     return self._known[kinds]
                 with suppress(NotKeptError):
-                    found = self._compile(digest, form, arguments)
+                    found = self._compile(digest, kinds, form, arguments)
                 self._known[kinds] = found
         return self._known.setdefault(kinds, found)
 
@@ -199,7 +199,9 @@ class KeptKernel(Kernel):
         except (OSError, NotKeptError):
             return None
 
-    def _compile(self, digest: bytes, form: struct.Struct, arguments: Sequence[Any]) -> MachineCode:
+    def _compile(
+        self, digest: bytes, kinds: tuple[Any, ...], form: struct.Struct, arguments: Sequence[Any]
+    ) -> MachineCode:
         """Return machine code that is compiled now, and write it to a file."""
         from numba import typeof, types  # noqa: PLC0415 (a run may not need it)
 
@@ -211,7 +213,7 @@ class KeptKernel(Kernel):
             raise NotKeptError(f"{about.qualname} needs objects of Python")
         kind = made.targetctx.call_conv.get_function_type(about.restype, about.argtypes)
         _, _, (code, *_) = compiled.library.serialize_using_object_code()
-        module = binding.parse_assembly(str(entry_of(about.llvm_func_name, kind, form.format)))
+        module = binding.parse_assembly(str(entry_of(about.llvm_func_name, kind, kinds)))
         machine = binding.Target.from_default_triple().create_target_machine(jit=True, codemodel="jitdefault")
         entry = machine.emit_object(module)
         found = MachineCode(form, code, entry)
