@@ -126,6 +126,10 @@ class FrameCache:
         """Return ``function(pixels, *arguments)``, computed when it is first asked for."""
         return self._results.cached((function, *arguments), lambda: function(self.pixels, *arguments))
 
+    def derived(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
+        """Return ``function(self, *arguments)`` likewise, for a function that uses other results of the image."""
+        return self._results.cached((function, *arguments), lambda: function(self, *arguments))
+
     def cached_for_both_pairs(self, function: Callable[..., Result], *arguments: Hashable) -> Result:
         """Return a result like `cached`, but discard it at the second request, which the image's other pair makes."""
         result = self.cached(function, *arguments)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
@@ -102,6 +103,7 @@ class Coding:
         """Reference code values."""
         return code_levels(self.full_range, self.bits)
 
+    @cache  # noqa: B019 (a program meets few codings)
     def to_bgr(self) -> NDArray[np.float64]:
         """Return the matrix from code values of Y, Cb, Cr to BGR in [0, 1], in the form of `bgr_to_ycc`."""
         forward = bgr_to_ycc(self.color_space, self.full_range, self.bits, 1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,14 @@ MIN_SCORE = 0.6
 
 MAX_GAIN = 8.0
 """Maximum gain; the minimum is its inverse. Gains beyond these would amplify noise into patterns."""
+
+
+class _Colours(NamedTuple):
+    """Mean and standard deviation of an image's colours, (C,) float32, and the largest value."""
+
+    mean: NDArray[Any]
+    deviation: NDArray[Any]
+    largest: float
 
 
 @dataclass(frozen=True)
@@ -74,9 +82,11 @@ def estimate_illumination(image0: FrameCache, image1: FrameCache) -> Illuminatio
     if has_alpha(image0.pixels):
         return None
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
-    white = np.float32(max(1, small0.max(), small1.max()))
-    small0, small1 = small0 / white, small1 / white
-    illumination = _match_mean_and_deviation(small0, small1)
+    colours0, colours1 = (image.derived(_measure_colours) for image in (image0, image1))
+    white = np.float32(max(1.0, colours0.largest, colours1.largest))
+    if white > 1:
+        small0, small1 = small0 / white, small1 / white
+    illumination = _match_mean_and_deviation(colours0, colours1, white)
     if np.abs(illumination.apply(small0, 1, small0.dtype) - small0).mean() < MIN_CHANGE:
         return None
     exact = _fit_along_motion(small0, small1, _search(small0, illumination.undo(small1)))
@@ -119,10 +129,16 @@ def _search(small0: Image, small1: Image) -> MotionField:
     return field01
 
 
-def _match_mean_and_deviation(small0: Image, small1: Image) -> IlluminationModel:
+def _measure_colours(image: FrameCache) -> _Colours:
+    """Measure the colours of an image's small copy."""
+    small = image.cached(small_copy, SMALL_COPY_SIDE)
+    return _Colours(small.mean(axis=(0, 1)), small.std(axis=(0, 1)), float(small.max()))
+
+
+def _match_mean_and_deviation(colours0: _Colours, colours1: _Colours, white: np.float32) -> IlluminationModel:
     """Return the model that gives both frames the same mean and standard deviation."""
     (mean0, deviation0), (mean1, deviation1) = (
-        (small.mean(axis=(0, 1)), small.std(axis=(0, 1))) for small in (small0, small1)
+        (colours.mean / white, colours.deviation / white) for colours in (colours0, colours1)
     )
     gain = ((deviation1 + 1e-3) / (deviation0 + 1e-3)).clip(1 / MAX_GAIN, MAX_GAIN)
     return IlluminationModel(gain.astype(np.float32), (mean1 - gain * mean0).astype(np.float32))

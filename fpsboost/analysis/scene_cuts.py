@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Pixels
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.colour import Components, contrast_components, small_copy
 from fpsboost.motion.field import MotionField
@@ -199,7 +198,7 @@ class CutDetector:
         A frame with little content can be found in nearly any other, but not the other in it.
         """
         thumbnail0, thumbnail1 = (
-            image.cached(_thumbnail_components, self.thumbnail_side) for image in (image0, image1)
+            image.derived(_thumbnail_components, self.thumbnail_side) for image in (image0, image1)
         )
         search_radius = math.ceil(SEARCH_RANGE * self.thumbnail_side)
         field01, field10 = search_fused(
@@ -210,9 +209,9 @@ class CutDetector:
         )
 
 
-def _thumbnail_components(image: Pixels, side: int) -> Components:
+def _thumbnail_components(image: FrameCache, side: int) -> Components:
     """Return the components of an image's thumbnail."""
-    return contrast_components(small_copy(image, side))
+    return contrast_components(image.cached(small_copy, side))
 
 
 def _measure_consistency(thumbnail: Components, there: MotionField, back: MotionField) -> float:

@@ -310,7 +310,8 @@ def _resample_points(values: NDArray[Any], spacing: int, shape: tuple[int, int],
         np.minimum((np.arange(points) * step + step // 2) // spacing, places - 1)
         for points, places in zip(shape, values.shape, strict=True)
     )
-    return values.take(y, axis=0).take(x, axis=1)
+    resampled: NDArray[Any] = values.take(y, axis=0).take(x, axis=1)
+    return resampled
 
 
 def _upsample_points(points: Points, pair: PlanePair) -> Points:
