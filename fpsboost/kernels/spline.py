@@ -48,6 +48,24 @@ def fill_planes(image, scale, premultiply, planes):
             line[MARGIN + width :] = line[MARGIN + width - 1]
 
 
+@njit(inline="always", **FINITE_JIT)
+def add_taps(n, response, here, near, far, sums):
+    """Add taps n and n + 1 on either side of a row to its sums; the first two also begin them with the row itself.
+
+    Two taps at once, as every pass reads and writes the whole row.
+    """
+    weight, farther = response[n], response[n + 1]
+    before, after = near
+    earlier, later = far
+    if n == 1:
+        for x in range(sums.size):
+            sums[x] = response[0] * here[x]
+            sums[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], sums[x]))
+    else:
+        for x in range(sums.size):
+            sums[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], sums[x]))
+
+
 @njit(cache=True, **FINITE_JIT)
 def find_coefficients(planes, columns, unit, response, coefficients):
     """Compute the B-spline coefficients of planes with repeated edges.
@@ -83,32 +101,17 @@ def find_coefficients(planes, columns, unit, response, coefficients):
             for x in range(width):
                 row[x] = np.float32(source[x]) * unit
         here = rows[y % len(rows)]
-        for n in range(1, taps + 1, 2):  # two taps at once, as every pass reads and writes the whole row
-            weight, farther = response[n], response[n + 1]
-            above, below = rows[(y - n) % len(rows)], rows[(y + n) % len(rows)]
-            higher, lower = rows[(y - n - 1) % len(rows)], rows[(y + n + 1) % len(rows)]
-            if n == 1:
-                for x in range(width):
-                    down[x] = response[0] * here[x]
-                    down[x] = fma(weight, above[x] + below[x], fma(farther, higher[x] + lower[x], down[x]))
-            else:
-                for x in range(width):
-                    down[x] = fma(weight, above[x] + below[x], fma(farther, higher[x] + lower[x], down[x]))
+        for n in range(1, taps + 1, 2):
+            near = rows[(y - n) % len(rows)], rows[(y + n) % len(rows)]
+            far = rows[(y - n - 1) % len(rows)], rows[(y + n + 1) % len(rows)]
+            add_taps(n, response, here, near, far, down)
         line[:taps] = line[taps]
         line[taps + width :] = line[taps + width - 1]
         whole = coefficients[c, y]
         across = whole[first:last]
         for n in range(1, taps + 1, 2):
-            weight, farther = response[n], response[n + 1]
-            before, after = line[taps - n :], line[taps + n :]
-            earlier, later = line[taps - n - 1 :], line[taps + n + 1 :]
-            if n == 1:
-                for x in range(width):
-                    across[x] = response[0] * down[x]
-                    across[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], across[x]))
-            else:
-                for x in range(width):
-                    across[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], across[x]))
+            near, far = (line[taps - n :], line[taps + n :]), (line[taps - n - 1 :], line[taps + n + 1 :])
+            add_taps(n, response, down, near, far, across)
         whole[:first] = across[0]
         whole[last:] = across[width - 1]
 
