@@ -11,13 +11,13 @@ from fpsboost.kernels.jit import njit
 from fpsboost.kernels.lanes import EIGHT
 
 
-@njit
+@njit()
 def keep(totals, ranks, best, winners, count):
     """Call the compiled form, and so below."""
     keep_best_of_four(totals, 5, 31, ranks, 2, best, winners, 3, count)
 
 
-@njit
+@njit()
 def hide(totals, first, last):
     """Hide all but some totals."""
     hide_outside(totals, first, last)

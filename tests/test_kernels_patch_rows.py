@@ -45,7 +45,7 @@ def sums_across(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
 def box_row(size: int):
     """A compiled call with boxes of one size."""
 
-    @njit
+    @njit()
     def call(first, second, step, ring, oldest, newest, totals):
         slide_boxes(first, 4, PLANE, second, 9, PLANE, step, COUNT, WIDTH, size, ring, oldest, newest, totals, GAP)
 
@@ -78,7 +78,7 @@ def test_a_row_comes_into_boxes_and_one_goes_out_alike_compiled_and_not(size, st
 def window_row(size: int):
     """A compiled call with windows of one size."""
 
-    @njit
+    @njit()
     def call(first, second, step, weights, ring):
         sum_windows_across(first, 4, PLANE, second, 9, PLANE, step, COUNT, WIDTH, size, weights, ring, GAP)
 
@@ -102,7 +102,7 @@ def test_similarities_are_weighted_and_summed_alike_compiled_and_not(size):
 def windows_down(size: int):
     """A compiled call with windows of one size."""
 
-    @njit
+    @njit()
     def call(ring, slot, weights, price, totals):
         sum_windows_down(ring, 2, slot, 50, weights, size, price, totals, 3, 40, 2 * LANES)
 
