@@ -35,7 +35,7 @@ DECODERS = (
 known_digests: Mapping[str, str] = MappingProxyType(
     {
         "nlm": "f39fa0fa71ea42a7",
-        "nlm-fast": "fd445a12b85cd71c",
+        "nlm-fast": "532ff5246cffd83b",
     }
 )
 """First digits of the digests of `fpsboost.parts.self_test` by method, 8-bit BGR; AVX2 and AVX-512 give the same."""

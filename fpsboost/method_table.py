@@ -52,7 +52,7 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
     {
         "nlm": Interpolator(CoarseToFine(), MultiHypothesis()),
         "nlm-fast": Interpolator(
-            CoarseToFine(coarsest_side=40, labels=6, finest_level=1),
+            CoarseToFine(patch_radius=3, coarsest_side=40, finest_level=1),
             MultiHypothesis(step=16, node_spacing=24, support_radius=32, sufficient_similarity=0.95),
         ),
         "nlm-exhaustive": plain_interpolator(ExhaustiveSearch(), Reproject()),
