@@ -129,7 +129,7 @@ def bytes_of(value: Any) -> int:
     if isinstance(value, np.ndarray):
         return value.nbytes
     if isinstance(value, FrameCache):
-        return value.pixels.nbytes
+        return bytes_of(value.pixels)
     if isinstance(value, tuple | list):
         return sum(bytes_of(each) for each in value)
     if is_dataclass(value):
