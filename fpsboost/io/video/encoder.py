@@ -23,6 +23,7 @@ from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, needs_hardwar
 from fpsboost.io.video.hdr import with_hdr
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.planes import as_picture
+from fpsboost.io.video.priority import unchanged_priority
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha
 
@@ -195,7 +196,7 @@ class VideoEncoder:
 
     def _open_encoder(self, context: av.VideoCodecContext) -> None:
         try:
-            with _quiet_encoder():
+            with unchanged_priority(), _quiet_encoder():
                 context.open()
         except av.error.FFmpegError:
             given = " ".join(f"{name}={value}" for name, value in self._encoding.encoder_options)
