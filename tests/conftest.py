@@ -20,7 +20,6 @@ from video_truth import scene
 
 from fpsboost.cli import app, progress
 from fpsboost.io.images.exr import write_exr
-from fpsboost.io.video.priority import unchanged_priority
 
 collect_ignore = ["blender_round_trip.py"]  # runs in Blender
 
@@ -90,13 +89,6 @@ def chromium() -> Iterator[Any]:
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""
     monkeypatch.setattr("fpsboost.io.prefetch.POLL_INTERVAL", 0.005)
-
-
-@pytest.fixture(autouse=True)
-def ordinary_priority() -> Iterator[None]:
-    """Undo what an encoder of a test's own has done; a browser with real-time priority would stop the machine."""
-    with unchanged_priority():
-        yield
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.io.video.pipe import chroma_locations, formats
+from fpsboost.io.video.priority import unchanged_priority
 from fpsboost.io.video.ycc import SMPTE170M, from_bgr, plane_arrays
 
 QUARTER_TURN = (0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
@@ -76,12 +77,13 @@ def write_clip(
             audio.metadata["language"] = "fra"
         lines = output.add_mux_stream("subrip") if subtitles else None
         packets = []
-        for index, pts in enumerate(times):
-            frame = av.VideoFrame.from_ndarray(picture(index, height, width), format="bgr24")
-            frame = frame.reformat(format=pixel_format)
-            frame.pts, frame.time_base, frame.duration = pts, time_base, durations[pts]
-            packets += video.encode(frame)
-        packets += video.encode(None)
+        with unchanged_priority():  # the first frame opens the encoder
+            for index, pts in enumerate(times):
+                frame = av.VideoFrame.from_ndarray(picture(index, height, width), format="bgr24")
+                frame = frame.reformat(format=pixel_format)
+                frame.pts, frame.time_base, frame.duration = pts, time_base, durations[pts]
+                packets += video.encode(frame)
+            packets += video.encode(None)
         for packet in packets:
             packet.duration = durations[packet.pts]
         if other:
