@@ -31,9 +31,9 @@ def apart(one, other):
 
 
 @njit(inline="always", **JIT)
-def is_still(vector, shortest):
-    """Return whether a motion is so short that its block counts as static."""
-    return max(abs(vector[0]), abs(vector[1])) < shortest
+def motion_of_block(vector, shortest):
+    """Return whether a motion is so short that its block counts as static, and the motion in whole pixels."""
+    return max(abs(vector[0]), abs(vector[1])) < shortest, int(np.rint(vector[0])), int(np.rint(vector[1]))
 
 
 @njit(inline="always", **JIT)
@@ -97,16 +97,10 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, marks, any_
         end = 0
         while end < len(vectors):
             # neighbouring blocks that move alike are one, because short loops are slow
-            first_block = end
-            dx, dy = int(np.rint(vectors[end, 0])), int(np.rint(vectors[end, 1]))
-            still = is_still(vectors[end], shortest)
-            while (
-                end < len(vectors)
-                and int(np.rint(vectors[end, 0])) == dx
-                and int(np.rint(vectors[end, 1])) == dy
-                and is_still(vectors[end], shortest) == still
-            ):
+            first_block, shared = end, motion_of_block(vectors[end], shortest)
+            while end < len(vectors) and motion_of_block(vectors[end], shortest) == shared:
                 end += 1
+            still, dx, dy = shared
             left, right = first_block * spacing, min(end * spacing, width)
             if still:
                 row[left:right] = 0

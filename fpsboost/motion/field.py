@@ -60,12 +60,20 @@ class MotionField:
         -------
         (rows, columns, 2), (rows, columns) float32
         """
-        y, x = (places // self.spacing for places in point_places(self.shape, spacing))
-        vectors, similarities = (each.take(y, axis=0).take(x, axis=1) for each in (self.vectors, self.similarities))
+        vectors, similarities = (
+            resample_points(each, self.shape, self.spacing, spacing) for each in (self.vectors, self.similarities)
+        )
         return vectors, similarities
 
     def _at_pixels(self, values: NDArray[Any]) -> NDArray[Any]:
         return values if self.spacing == 1 else spread_points(values, self.shape, self.spacing)
+
+
+def resample_points(values: NDArray[Any], size: tuple[int, ...], spacing: int, step: int) -> NDArray[Any]:
+    """Return the values of points `spacing` apart for those `step` apart; see `point_places`."""
+    y, x = (places // spacing for places in point_places(size, step))
+    resampled: NDArray[Any] = values.take(y, axis=0).take(x, axis=1)
+    return resampled
 
 
 def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> NDArray[Any]:

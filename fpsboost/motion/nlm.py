@@ -36,7 +36,7 @@ from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
 from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
-from fpsboost.motion.field import MotionField, spread_points
+from fpsboost.motion.field import MotionField, resample_points, spread_points
 from fpsboost.motion.full_search import search_fused
 from fpsboost.ycbcr import YCbCrImage
 
@@ -221,7 +221,8 @@ class CoarseToFine:
 
         `ties` is the share of the smoothness that applies to the points of each proposal; None for all of it.
         """
-        shape = -(-pairs[0].height // step), -(-pairs[0].width // step)
+        size = pairs[0].height, pairs[0].width
+        shape = -(-size[0] // step), -(-size[1] // step)
         found = []
         for direction, (pair, proposed, likely) in enumerate(zip(pairs, proposals, expected, strict=True)):
             count, similarity = np.empty(shape, np.int32), np.empty((*shape, self.labels), np.float32)
@@ -236,9 +237,7 @@ class CoarseToFine:
                 row_step,
                 OffsetLists(count, similarity, flows),
             )
-            tie = (
-                np.ones(shape, np.float32) if ties is None else _resample_points(ties[direction], spacing, shape, step)
-            )
+            tie = resample_points(ties[direction], size, spacing, step) if ties else np.ones(shape, np.float32)
             found.append(self._choose_labels(count, similarity, flows, tie, step))
         unknown = np.full_like(found[0].flow, UNKNOWN_MOTION)
         self._refine(pairs, [points.flow for points in found], [unknown, unknown], step)
@@ -302,16 +301,6 @@ class CoarseToFine:
 
     def _max_offset(self, pair: PlanePair) -> int:
         return math.ceil(self.max_motion_share * max(pair.height, pair.width)) + 1
-
-
-def _resample_points(values: NDArray[Any], spacing: int, shape: tuple[int, int], step: int) -> NDArray[Any]:
-    """Return the values of places `spacing` apart at points `step` apart."""
-    y, x = (
-        np.minimum((np.arange(points) * step + step // 2) // spacing, places - 1)
-        for points, places in zip(shape, values.shape, strict=True)
-    )
-    resampled: NDArray[Any] = values.take(y, axis=0).take(x, axis=1)
-    return resampled
 
 
 def _upsample_points(points: Points, pair: PlanePair) -> Points:

@@ -18,6 +18,7 @@ from fpsboost.io.output import OutputPart
 from fpsboost.io.part import Part, part_folder
 from fpsboost.io.part_folder import INDEX_NAME, part_files
 from fpsboost.io.staging import fingerprint_options, identify_files
+from fpsboost.io.video.availability import pyav_version
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.observer import Summary
 from fpsboost.parts.entry import find_entry
@@ -189,7 +190,7 @@ def program_facts() -> dict[str, str]:
     """Return the versions that must be the same for the same result."""
     from importlib.metadata import version  # noqa: PLC0415 (it imports a dozen modules, and few runs make parts)
 
-    libraries = f"PyAV {version('av')}, OpenCV {cv2.__version__}, numba {version('numba')}"
+    libraries = f"PyAV {pyav_version()}, OpenCV {cv2.__version__}, numba {version('numba')}"
     return {"fpsboost": f"fpsboost {__version__}", "libraries": libraries}
 
 
