@@ -35,8 +35,8 @@ from fpsboost.timing.schedule import Schedule, Step, rising_time
 FRAMES_PER_TASK = 4
 """Maximum number of output frames that one task makes."""
 
-READ_AHEAD = 4
-WRITE_BEHIND = 4
+READ_AHEAD = 2
+WRITE_BEHIND = 2
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
-"""One heap for all threads, in a process of its own."""
+"""Memory that is kept after it was freed, in processes of their own."""
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -10,11 +11,11 @@ import pytest
 COUNT_HEAPS = """if True:
     import ctypes, sys
     from threading import Barrier, Thread
-    from fpsboost.cli.heap import share_one_heap
+    from fpsboost.cli.heap import limit_free_memory
 
     library = ctypes.CDLL(None)
     if "shared" in sys.argv:
-        share_one_heap()
+        limit_free_memory()
     barrier = Barrier(4)
 
     def allocate():
@@ -44,3 +45,32 @@ def test_all_threads_allocate_from_one_heap():
     assert heaps() > 1
     assert heaps("shared") == 1
     assert heaps("shared", MALLOC_ARENA_MAX="8") > 1
+
+
+ALLOCATE_AGAIN = """if True:
+    import ctypes, sys
+    from fpsboost.cli.heap import limit_free_memory
+
+    library = ctypes.CDLL(None)
+    library.malloc.restype = ctypes.c_void_p
+    if "limited" in sys.argv:
+        limit_free_memory()
+    size = 2**24
+    library.free(ctypes.c_void_p(library.malloc(size)))
+    library.malloc(size)
+    library.malloc_info(0, ctypes.c_void_p.in_dll(library, "stdout"))
+    library.fflush(None)
+"""
+
+
+def bytes_outside_heaps(*arguments: str) -> int:
+    """How many bytes of blocks lie outside the heaps after a large block was freed and allocated again."""
+    command = [sys.executable, "-c", ALLOCATE_AGAIN, *arguments]
+    told = subprocess.run(command, env={}, capture_output=True, text=True, check=True).stdout
+    return sum(int(size) for size in re.findall(r'<total type="mmap" count="\d+" size="(\d+)"', told))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other C libraries decide differently")
+def test_large_blocks_stay_outside_the_heap():
+    """A block of 16 MiB leaves no hole in the heap, although one of its size was freed before."""
+    assert bytes_outside_heaps("limited") >= bytes_outside_heaps() + 2**24

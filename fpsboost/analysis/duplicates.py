@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Frame, Pixels
+from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion.colour import Components, colour_components, gray
 from fpsboost.ycbcr import YCbCrImage
@@ -72,8 +72,10 @@ class DuplicateDetector:
 
     def difference(self, image0: FrameCache, image1: FrameCache) -> float:
         """Return the mean difference of gray levels in the block where it is largest, in 8-bit levels."""
-        difference = cv2.absdiff(image0.cached(brightness), image1.cached(brightness))
-        return float(cv2.boxFilter(difference, cv2.CV_32F, (self.block, self.block)).max())
+        difference = cv2.absdiff(image0.derived(brightness), image1.derived(brightness))
+        depth = cv2.CV_32F if difference.dtype == np.float32 else cv2.CV_32S
+        sums = cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)
+        return float(sums.max()) / self.block**2
 
     def is_held(self, noise: float, before: float, after: float) -> bool:
         """Return whether frames show one held picture.
@@ -100,10 +102,11 @@ class DuplicateDetector:
         return noise <= (self.smallest_step if math.isinf(before) else min(self.noise, self.share * before))
 
 
-def brightness(image: Pixels) -> Components:
+def brightness(frame: FrameCache) -> Components:
     """Return gray levels on the 8-bit scale: integers for 8-bit images, unrounded and unclipped for others."""
+    image = frame.pixels
     if image.dtype == np.uint8:
-        return gray(image)
+        return frame.cached(gray)
     if isinstance(image, YCbCrImage):
         black, span, _, _ = image.coding.levels
         return (image.planes[0].astype(np.float32) - np.float32(black)) * np.float32(255 / span)

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from fpsboost.cli.heap import share_one_heap
+from fpsboost.cli.heap import limit_free_memory
 from fpsboost.cli.library_texts import LibraryTexts
 from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
 from fpsboost.cli.options import CutOptions, MessageOptions, MethodOptions, TuningOptions
@@ -189,7 +189,7 @@ app.command(
 
 def main() -> None:
     """Run the command line and exit; called by `fpsboost.__main__`."""
-    share_one_heap()  # before there is a second thread
+    limit_free_memory()  # before there is a second thread
     signal.signal(signal.SIGTERM, interrupt)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # which nohup and a shell's & set
         signal.signal(signal.SIGINT, interrupt)

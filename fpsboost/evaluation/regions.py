@@ -93,10 +93,10 @@ def _motion(here: FrameCache, there: FrameCache, vectors: VectorFolder | None) -
 
 def _find(truth: FrameCache, shown: Sequence[FrameCache], flows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     """Return where the blocks of the true frame are found in each of the shown ones."""
-    here = np.asarray(truth.cached(brightness), np.float32)
+    here = np.asarray(truth.derived(brightness), np.float32)
     differences = []
     for other, flow in zip(shown, flows, strict=True):
-        there = np.asarray(other.cached(brightness), np.float32)
+        there = np.asarray(other.derived(brightness), np.float32)
         moved = cv2.remap(there, *_ends(flow), cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         there_or_here = [cv2.blur(cv2.absdiff(here, each), (BLOCK, BLOCK)) for each in (moved, there)]
         there_or_here[0][~_is_inside(flow)] = np.inf
