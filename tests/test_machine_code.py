@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import Barrier
 from typing import NamedTuple
 
+import numba
 import numpy as np
 import pytest
 from llvmlite import binding, ir
@@ -20,7 +21,7 @@ from fpsboost.kernels import machine_code
 from fpsboost.kernels.arguments import SCALARS, NotKeptError
 from fpsboost.kernels.deferred import compiler
 from fpsboost.kernels.entry import ENTRY, entry_of
-from fpsboost.kernels.jit import JIT
+from fpsboost.kernels.jit import JIT, njit
 from fpsboost.kernels.machine_code import KeptKernel, linker
 
 pytestmark = pytest.mark.skipif(
@@ -53,6 +54,18 @@ def doubled(values, out):
     """Double some values."""
     for i in range(values.size):
         out[i] = 2 * values[i]
+
+
+@njit(**JIT)
+def largest(values):
+    """Return the largest of some values, by a function of numba's."""
+    return np.max(values)
+
+
+def scaled(values, out):
+    """Divide some values by the largest."""
+    for i in range(values.size):
+        out[i] = values[i] / largest(values)
 
 
 @pytest.fixture
@@ -211,6 +224,20 @@ def test_threads_compile_a_kernel_once(kept, compiled):
     with ThreadPoolExecutor(8) as pool:
         assert all(pool.map(run, range(8)))
     assert len(compiled) == 1
+
+
+def test_what_a_kernel_calls_can_be_called_elsewhere(kept):
+    """A function that was compiled for a kernel is one for numba, too, and from Python; so is what it calls."""
+    values, out = np.array([1.0, 4, 2]), np.zeros(3)
+    KeptKernel(scaled, JIT)(values, out)
+    np.testing.assert_array_equal(out, values / 4)
+
+    @numba.njit
+    def through_numba(values):
+        return largest(values) + np.max(values)
+
+    assert largest(values) == 4
+    assert through_numba(values) == 8
 
 
 def test_an_error_in_a_kernel_is_an_exception(kept):

@@ -205,14 +205,17 @@ class KeptKernel(Kernel):
         """Return machine code that is compiled now, and write it to a file."""
         from numba import typeof, types  # noqa: PLC0415 (a run may not need it)
 
+        from fpsboost.kernels.intermediate_code import intermediate  # noqa: PLC0415
+
         made, signature = self._make(wrapped=False), tuple(map(typeof, arguments))
-        made.compile(signature)
+        with intermediate(made.targetctx.codegen()):
+            made.compile(signature)
         compiled = made.overloads[signature]
         about = compiled.fndesc
         if about.restype != types.none or compiled.environment.consts or compiled.library.has_dynamic_globals:
             raise NotKeptError(f"{about.qualname} needs objects of Python")
         kind = made.targetctx.call_conv.get_function_type(about.restype, about.argtypes)
-        _, _, (code, *_) = compiled.library.serialize_using_object_code()
+        code = compiled.library.machine_code()
         module = binding.parse_assembly(str(entry_of(about.llvm_func_name, kind, kinds)))
         machine = binding.Target.from_default_triple().create_target_machine(jit=True, codemodel="jitdefault")
         entry = machine.emit_object(module)
