@@ -15,7 +15,6 @@ from fpsboost.kernels.multi_hypothesis import (
     WINDOW,
     Plane,
     fetch_window,
-    first_plane,
     locate_window,
     mix_inside,
     upsample_squares,
@@ -67,8 +66,9 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
         Room.
     images : (3, C, AREA) float32 out
     """
-    values0, coefficients0, unit, _, plane_rows, stride = first_plane(samples0.full)
-    values1, coefficients1 = first_plane(samples1.full)[:2]
+    (_, plane_rows, stride), unit = samples0.full.planes.shape, samples0.full.unit
+    values0, coefficients0 = samples0.full.planes.ravel(), samples0.full.coefficients.ravel()
+    values1, coefficients1 = samples1.full.planes.ravel(), samples1.full.coefficients.ravel()
     place = locate_window(top, left, motion, t, *size, marks)
     for c in range(images.shape[1]):
         begin = c * plane_rows * stride

@@ -536,7 +536,14 @@ def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
 
 def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
     """Make an image between equal ones without estimating motion."""
-    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, overlays=False, match_grain=False)
+    still = replace(
+        interpolator,
+        estimator=ZeroMotion(),
+        cuts=None,
+        overlays=False,
+        match_grain=False,
+        compensate_illumination=False,
+    )
     first, second, third = (FrameCache(image) for _ in range(3))
     _rehearse(still, still.pair(first, second), still.pair(second, third))
 

@@ -465,7 +465,7 @@ def test_windows_inside_are_mixed_as_they_are_fetched(motion, wide):
         room = Room(
             *(np.empty((WINDOW + 3) * WINDOW, np.float32) for _ in range(3)), np.empty(16, np.float32), everywhere
         )
-        layer = uncompiled(make_layer)(*frames, 1, 1, wide, 0, 0)
+        layer = make_layer(*frames, (WINDOW // wide, WINDOW // wide), 0, 0)
         uncompiled(sample_layer)(layer, WindowPlace(*places, t, within), motion, room)
         found.append(np.stack([layer.distance, layer.mixed[0]]))
     np.testing.assert_allclose(found[0], found[1], atol=1e-5)

@@ -6,18 +6,24 @@ For values that must not be averaged, such as object numbers. Candidates are wei
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from fpsboost.kernels.jit import FINITE_JIT, njit
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.kernels.candidates import Candidates
+from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
 from fpsboost.kernels.multi_hypothesis import (
     MIN_WEIGHT_SUM,
     SQUARES_PER_WINDOW,
     WINDOW,
-    NodeSums,
+    Samples,
+    Weighting,
     decay,
     is_rigid,
     locate_window,
     make_layer,
+    make_sums,
     make_work,
     sample_layer,
     smallest,
@@ -63,32 +69,19 @@ def keep_heavier(weight, motion, t, top, left, weights, places):
             places[3, y, x] = places[1, y, x] + dy
 
 
-@njit(cache=True, **FINITE_JIT)
-def find_dominant_motion(samples0, samples1, t, candidates, weighting, weights, places):
-    """Write where each pixel lies in both frames along the candidate with the largest weight.
+@njit(cache=True, **FINITE_JIT, **BORROWING)
+def compare_candidates(layer, t, candidates, weighting, work, sums, weights, places):
+    """Write where each pixel lies along the candidate with the largest weight; see `find_dominant_motion`.
 
     Parameters
     ----------
-    samples0, samples1 : fpsboost.kernels.multi_hypothesis.Samples
-        Planes that are compared.
-    t : float32
-    candidates : fpsboost.kernels.candidates.Candidates
-    weighting : fpsboost.kernels.multi_hypothesis.Weighting
-    weights : (height, width) float32
-        Zero at first; the largest weights.
-    places : (4, height, width) float32
-        Column and row in frame 0, and in frame 1; not written where no candidate has any weight.
+    layer : fpsboost.kernels.multi_hypothesis.Layer
+    t, candidates, weighting, weights, places
+        See `find_dominant_motion`.
+    work : fpsboost.kernels.multi_hypothesis.Work
+    sums : fpsboost.kernels.multi_hypothesis.NodeSums
     """
     (height, width), (rows, columns) = weights.shape, candidates.listed.shape
-    marks = np.empty((4, WINDOW), np.float32)
-    pixels, one = marks.shape[1], marks.shape[1] // WINDOW  # no constants; see `blend_hypotheses`
-    layer = make_layer(samples0, samples1, one, one, pixels, 1, 1)
-    work = make_work(marks)
-    sums = NodeSums(
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-    )
     spacing, before = candidates.spacing, (WINDOW - candidates.spacing) // 2
     for row in range(rows):
         top = row * spacing - before
@@ -104,7 +97,7 @@ def find_dominant_motion(samples0, samples1, t, candidates, weighting, weights, 
                     continue
                 if prior < weighting.min_vote_share * least_weight or least_similar >= weighting.sufficient_similarity:
                     break
-                place = locate_window(top, left, motion, t, height, width, marks)
+                place = locate_window(top, left, motion, t, height, width, work.room.marks)
                 sample_layer(layer, place, motion, work.room)
                 squared = work.squared
                 squared[:] = 0
@@ -117,5 +110,32 @@ def find_dominant_motion(samples0, samples1, t, candidates, weighting, weights, 
                 least_weight, least_similar = smallest(sums.weights, squared), smallest(sums.most_similar, squared)
                 for i in range(SQUARES_PER_WINDOW):  # not in place: numba loses writes to an element of an attribute
                     squared[i] = work.weight[i] * weighting.window_shape[i]
-                upsample_squares(squared, one, one, work.upsampled)
+                upsample_squares(squared, layer.across, layer.down, work.upsampled)
                 keep_heavier(work.upsampled, motion, t, top, left, weights, places)
+
+
+def find_dominant_motion(
+    samples0: Samples,
+    samples1: Samples,
+    t: np.float32,
+    candidates: Candidates,
+    weighting: Weighting,
+    weights: NDArray[Any],
+    places: NDArray[Any],
+) -> None:
+    """Write where each pixel lies in both frames along the candidate with the largest weight.
+
+    Parameters
+    ----------
+    samples0, samples1 : fpsboost.kernels.multi_hypothesis.Samples
+        Planes that are compared.
+    t : float32
+    candidates : fpsboost.kernels.candidates.Candidates
+    weighting : fpsboost.kernels.multi_hypothesis.Weighting
+    weights : (height, width) float32
+        Zero at first; the largest weights.
+    places : (4, height, width) float32
+        Column and row in frame 0, and in frame 1; not written where no candidate has any weight.
+    """
+    layer = make_layer(samples0, samples1, (1, 1), band_planes=0, width=0)
+    compare_candidates(layer, t, candidates, weighting, make_work(), make_sums(), weights, places)

@@ -23,7 +23,7 @@ else:
     from fpsboost.kernels.deferred import cgutils, intrinsic, overload, types
     from fpsboost.kernels.machine_code import njit
 
-__all__ = ["FINITE_JIT", "JIT", "LANES", "cgutils", "intrinsic", "njit", "overload", "types"]
+__all__ = ["BORROWING", "FINITE_JIT", "JIT", "LANES", "cgutils", "intrinsic", "njit", "overload", "types"]
 
 JIT = {"nogil": True, "error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
 
@@ -31,6 +31,12 @@ FINITE_JIT = {**JIT, "fastmath": {"nsz", "nnan", "ninf"}}
 """For inner loops whose values are known to be finite: minimum and maximum become single instructions.
 
 What a NaN or an infinity would become is not defined then, nor is the sign of a zero.
+"""
+
+BORROWING = {"_nrt": False}
+"""For kernels that make no arrays, nor does what they call: references to the arrays of their callers are not counted.
+
+Counting is most of the code of a kernel that passes many arrays on, before it is found to be superfluous.
 """
 
 LANES = 16

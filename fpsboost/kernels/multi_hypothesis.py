@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.candidates import VALUES_PER_MOTION
+from fpsboost.kernels.candidates import VALUES_PER_MOTION, Candidates
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import FINITE_JIT, LANES, njit
+from fpsboost.kernels.jit import BORROWING, FINITE_JIT, LANES, njit
 from fpsboost.kernels.lanes import EIGHT, filter_eight, filter_sixteen
 from fpsboost.kernels.levels import SIXTEEN
 from fpsboost.kernels.spline import MARGIN, spline_weights
@@ -298,13 +298,6 @@ def locate_window(top, left, motion, t, height, width, marks):
     x0, x1 = min(max(x0, lowest), highest_x) + margin, min(max(x1, lowest), highest_x) + margin
     y0, y1 = min(max(y0, lowest), highest_y) + margin, min(max(y1, lowest), highest_y) + margin
     return WindowPlace(y0, x0, y1, x1, t, within)
-
-
-@njit(inline="always", **FINITE_JIT)
-def first_plane(samples):
-    """Return the first plane of an image's samples."""
-    _, rows, stride = samples.planes.shape
-    return Plane(samples.planes.ravel(), samples.coefficients.ravel(), samples.unit, 0, rows, stride)
 
 
 @njit(**FINITE_JIT)
@@ -659,41 +652,6 @@ def shift_rows_up(band, rows):
 
 
 @njit(inline="always", **FINITE_JIT)
-def make_work(marks):
-    """Return the work arrays for a node."""
-    rows = np.empty((WINDOW + 3) * WINDOW, np.float32)
-    return Work(
-        Room(rows, np.empty(AREA, np.float32), np.empty(AREA, np.float32), np.empty(16, np.float32), marks),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.zeros((SQUARES_PER_ROW + 2 * PATCH_RADIUS) * SQUARES_PER_ROW, np.float32),
-        np.zeros(SQUARES_PER_ROW * PADDED, np.float32),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.empty(AREA, np.float32),
-        np.empty(AREA, np.float32),
-        np.empty(VALUES_PER_MOTION, np.float32),
-    )
-
-
-@njit(inline="always", **FINITE_JIT)
-def make_layer(samples0, samples1, across, down, wide, band_planes, width):
-    """Return the layer of a frame's planes, for windows of `wide` samples and frames of `width`."""
-    channels, tall = samples0.planes.shape[0], wide * across // down
-    return Layer(
-        first_plane(samples0),
-        first_plane(samples1),
-        across,
-        down,
-        wide,
-        tall,
-        np.empty(tall * wide, np.float32),
-        np.empty((channels, tall * wide), np.float32),
-        np.empty((channels, tall * wide), np.float32),
-        np.zeros((band_planes, tall, width), np.float32),
-    )
-
-
-@njit(inline="always", **FINITE_JIT)
 def locate_further(place, motion, down, across, scaled):
     """Return the position of a window in further planes, and write its motion in their samples.
 
@@ -826,39 +784,20 @@ def finish_layer(layer, first, last, top, rows, value_range, image):
     shift_rows_up(layer.band, rows // down)
 
 
-@njit(cache=True, **FINITE_JIT)
-def blend_hypotheses(frame0, frame1, subsampling, t, candidates, weighting, value_range, blended):
-    """Write the in-between frame, one row of nodes at a time.
+@njit(cache=True, **FINITE_JIT, **BORROWING)
+def blend_nodes(full, further, t, candidates, weighting, value_range, work, sums, blended):
+    """Write the in-between frame, one row of nodes at a time; see `blend_hypotheses`.
 
     Parameters
     ----------
-    frame0, frame1 : SampledImage
-    subsampling : (int, int)
-        Rows and columns of pixels per sample of the further planes: (1, 1) for layers, (1 or 2, 2) for chroma.
-    t : float32
-    candidates : fpsboost.kernels.candidates.Candidates
-    weighting : Weighting
-    value_range : ValueRange
-    blended : Blended
-        Written.
+    full, further : Layer
+    t, candidates, weighting, value_range, blended
+        See `blend_hypotheses`.
+    work : Work
+    sums : NodeSums
     """
     (channels, height, width), (rows, columns) = blended.image.shape, candidates.listed.shape
-    down, across = subsampling
-    marks = np.empty((4, WINDOW), np.float32)
-    # not constants, for which all kernels above would be compiled again
-    pixels, one = marks.shape[1], marks.shape[1] // WINDOW
-    has_confidence = 1 if blended.confidence.shape[1] else 0
-    full = make_layer(frame0.full, frame1.full, one, one, pixels, channels + 1 + has_confidence, width)
-    further_planes, further_width = blended.further.shape[0], blended.further.shape[2]
-    further = make_layer(
-        frame0.further, frame1.further, across, down, pixels // across, further_planes + 1, further_width
-    )
-    work = make_work(marks)
-    sums = NodeSums(
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-        np.empty(SQUARES_PER_WINDOW, np.float32),
-    )
+    has_confidence, further_planes = blended.confidence.shape[1] > 0, blended.further.shape[0]
     spacing, before = candidates.spacing, (WINDOW - candidates.spacing) // 2
     for row in range(rows):
         top = row * spacing - before
@@ -877,6 +816,84 @@ def blend_hypotheses(frame0, frame1, subsampling, t, candidates, weighting, valu
         finish_layer(full, first, last, top, spacing, value_range, blended.image)
         if further_planes:
             finish_layer(further, first, last, top, spacing, value_range, blended.further)
+
+
+def blend_hypotheses(
+    frame0: SampledImage,
+    frame1: SampledImage,
+    subsampling: tuple[int, int],
+    t: np.float32,
+    candidates: Candidates,
+    weighting: Weighting,
+    value_range: ValueRange,
+    blended: Blended,
+) -> None:
+    """Write the in-between frame.
+
+    Parameters
+    ----------
+    frame0, frame1 : SampledImage
+    subsampling : (int, int)
+        Rows and columns of pixels per sample of the further planes: (1, 1) for layers, (1 or 2, 2) for chroma.
+    t : float32
+    candidates : fpsboost.kernels.candidates.Candidates
+    weighting : Weighting
+    value_range : ValueRange
+    blended : Blended
+        Written.
+    """
+    (channels, _, width), has_confidence = blended.image.shape, blended.confidence.shape[1] > 0
+    full = make_layer(frame0.full, frame1.full, (1, 1), channels + 1 + has_confidence, width)
+    further_channels, _, further_width = blended.further.shape
+    further = make_layer(frame0.further, frame1.further, subsampling, further_channels + 1, further_width)
+    blend_nodes(full, further, t, candidates, weighting, value_range, make_work(), make_sums(), blended)
+
+
+def make_layer(
+    samples0: Samples, samples1: Samples, subsampling: tuple[int, int], band_planes: int, width: int
+) -> Layer:
+    """Return the layer of a frame's planes, of so many columns, with a band of so many planes."""
+    down, across = subsampling
+    channels, wide, tall = samples0.planes.shape[0], WINDOW // across, WINDOW // down
+    return Layer(
+        first_plane(samples0),
+        first_plane(samples1),
+        across,
+        down,
+        wide,
+        tall,
+        np.empty(tall * wide, np.float32),
+        np.empty((channels, tall * wide), np.float32),
+        np.empty((channels, tall * wide), np.float32),
+        np.zeros((band_planes, tall, width), np.float32),
+    )
+
+
+def first_plane(samples: Samples) -> Plane:
+    """Return the first plane of an image's samples."""
+    _, rows, stride = samples.planes.shape
+    return Plane(samples.planes.ravel(), samples.coefficients.ravel(), samples.unit, 0, rows, stride)
+
+
+def make_work() -> Work:
+    """Return the work arrays for a node."""
+    room = Room(*(np.empty(size, np.float32) for size in ((WINDOW + 3) * WINDOW, AREA, AREA, 16, (4, WINDOW))))
+    return Work(
+        room,
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.zeros((SQUARES_PER_ROW + 2 * PATCH_RADIUS) * SQUARES_PER_ROW, np.float32),
+        np.zeros(SQUARES_PER_ROW * PADDED, np.float32),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.empty(SQUARES_PER_WINDOW, np.float32),
+        np.empty(AREA, np.float32),
+        np.empty(AREA, np.float32),
+        np.empty(VALUES_PER_MOTION, np.float32),
+    )
+
+
+def make_sums() -> NodeSums:
+    """Return the sums over the candidates of a node."""
+    return NodeSums(*(np.empty(SQUARES_PER_WINDOW, np.float32) for _ in range(3)))
 
 
 @cache

@@ -228,16 +228,17 @@ class MultiHypothesis:
         planes1: Planes,
     ) -> Mixed:
         """Mix planes of both frames with the weights of the pictures."""
-        pictures = [image.cached(_samples).full for image in (frame_pair.image0, frame_pair.image1)]
+        picture0, picture1 = _full_samples(frame_pair)
         samples = [_array_samples(np.dstack(planes)) for planes in (planes0, planes1)]
         height, width = planes0[0].shape
         nobody_asks, numbers = np.empty((0, 0), np.float32), np.finfo(np.float32)
         mixed = []
-        for sampled in (samples, [each._replace(coefficients=each.planes) for each in samples]):
+        for sampled0, sampled1 in (samples, [each._replace(coefficients=each.planes) for each in samples]):
             _, pixels, _ = _blank(frame_pair.image0.pixels)
             made = np.empty((len(planes0), height, width), np.float32)
             blend_hypotheses(
-                *(SampledImage(picture, each) for picture, each in zip(pictures, sampled, strict=True)),
+                SampledImage(picture0, sampled0),
+                SampledImage(picture1, sampled1),
                 (1, 1),
                 np.float32(t),
                 candidates,
@@ -246,7 +247,7 @@ class MultiHypothesis:
                 Blended(pixels, made, nobody_asks),
             )
             if surfaces is not None:
-                along, _ = surfaces.motion.mix(*(each.coefficients for each in sampled))
+                along, _ = surfaces.motion.mix(sampled0.coefficients, sampled1.coefficients)
                 made += surfaces.share * (along - made)
             mixed.append(made)
         return Mixed(*mixed)
@@ -259,7 +260,7 @@ class MultiHypothesis:
         places = np.empty((4, height, width), np.float32)
         places[::2], places[1::2] = np.arange(width), np.arange(height)[:, np.newaxis]
         find_dominant_motion(
-            *(image.cached(_samples).full for image in (frame_pair.image0, frame_pair.image1)),
+            *_full_samples(frame_pair),
             np.float32(t),
             candidates,
             self._weighting(frame_pair.image0.pixels),
@@ -361,6 +362,11 @@ class MultiHypothesis:
         )
         trust = similarities / (1 + inconsistency * inconsistency)
         return Votes(vectors, motion_gradients(vectors, self.step), changes, trust)
+
+
+def _full_samples(frame_pair: FramePair) -> tuple[Samples, Samples]:
+    """Return the planes at full resolution of both frames."""
+    return frame_pair.image0.cached(_samples).full, frame_pair.image1.cached(_samples).full
 
 
 def _samples(image: Pixels) -> SampledImage:
