@@ -12,7 +12,7 @@ MIB = 2**20
 settings = (
     ("MALLOC_ARENA_MAX", -8, 1),
     ("MALLOC_MMAP_THRESHOLD_", -3, 8 * MIB),
-    ("MALLOC_TRIM_THRESHOLD_", -1, 32 * MIB),
+    ("MALLOC_TRIM_THRESHOLD_", -1, 16 * MIB),
 )
 """Environment variable, number of the option in glibc's ``malloc.h``, and value.
 
