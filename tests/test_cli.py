@@ -198,10 +198,12 @@ def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, tmp_path_f
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
 def test_it_can_be_stopped_while_llvm_calls_back(clip, tmp_path):
-    """LLVM swallows exceptions, and numba would then miss the compiled kernel."""
+    """LLVM swallows exceptions, and where numba keeps kernels, it would then miss the compiled one."""
     code = f"""if True:
         import os, sys
         from numba.core.codegen import JITCodeLibrary
+        from fpsboost.kernels import machine_code
+        machine_code.KeptKernel = machine_code.Kernel
         keep = JITCodeLibrary._object_compiled_hook
         def keep_and_stop(module, code):
             os.kill(os.getpid(), {int(signal.SIGINT)})

@@ -73,7 +73,8 @@ class DuplicateDetector:
     def difference(self, image0: FrameCache, image1: FrameCache) -> float:
         """Return the mean difference of gray levels in the block where it is largest, in 8-bit levels."""
         difference = cv2.absdiff(image0.derived(brightness), image1.derived(brightness))
-        depth = cv2.CV_32F if difference.dtype == np.float32 else cv2.CV_32S
+        whole = cv2.CV_16U if self.block**2 * 255 < 2**16 else cv2.CV_32S
+        depth = whole if difference.dtype == np.uint8 else cv2.CV_32F
         sums = cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)
         return float(sums.max()) / self.block**2
 

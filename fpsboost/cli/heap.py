@@ -11,16 +11,16 @@ MIB = 2**20
 
 settings = (
     ("MALLOC_ARENA_MAX", -8, 1),
-    ("MALLOC_MMAP_THRESHOLD_", -3, 8 * MIB),
+    ("MALLOC_MMAP_THRESHOLD_", -3, 7 * MIB),
     ("MALLOC_TRIM_THRESHOLD_", -1, 16 * MIB),
 )
 """Environment variable, number of the option in glibc's ``malloc.h``, and value.
 
 All threads share one heap, because each would keep for itself what it has freed: 60 of 790 MB with two threads at
-1920x1080. Blocks that are as large as the coefficients of a plane are outside the heap, because it would be left with
-holes of their size: 40 of 720 MB at 1920x1080, 170 MB of 2.1 GB at 3840x2160. To fix their size also fixes how much
-free memory may remain at the end of the heap, at a value that makes it shrink and grow with every frame: a twentieth
-more processor time.
+1920x1080. Blocks as large as a plane of floats of that size lie outside the heap, because it would be left with holes
+of their size: 40 of 720 MB there, 170 MB of 2.1 GB at 3840x2160. To fix their size also fixes how much free memory may
+remain at the end of the heap, at a value that makes it shrink and grow with every frame: a twentieth more processor
+time.
 """
 
 
