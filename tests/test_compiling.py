@@ -45,6 +45,21 @@ def test_the_task_has_run_at_the_end(tmp_path):
     assert (tmp_path / "done").exists()
 
 
+def test_the_process_is_started_before_numba_is_imported():
+    """Which takes as long here as there."""
+    code = """
+import sys
+import numpy as np
+from fpsboost.kernels import compiling, machine_code
+from fpsboost.kernels.shrink import shrink
+
+machine_code.folder = lambda: None
+with compiling.told_of_compiling(lambda: sys.exit("numba" in sys.modules)):
+    shrink(np.zeros((8, 8), np.uint8), np.zeros((4, 4, 1), np.float32))
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_nothing_is_started_if_nothing_is_compiled(started):
     """All kernels come from the cache."""
     with compiled_aside(partial(time.sleep, 600)):

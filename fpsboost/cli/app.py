@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import signal
 import sys
 from dataclasses import replace
@@ -190,6 +192,7 @@ app.command(
 def main() -> None:
     """Run the command line and exit; called by `fpsboost.__main__`."""
     limit_free_memory()  # before there is a second thread
+    atexit.register(gc.freeze)  # or Python looks for cycles among all objects before it ends: half a second with numba
     signal.signal(signal.SIGTERM, interrupt)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # which nohup and a shell's & set
         signal.signal(signal.SIGINT, interrupt)

@@ -14,12 +14,13 @@ from typing import IO, cast
 from fpsboost.kernels.deferred import compiler
 
 RUN_TASK = """
-import gc, pickle, sys
+import gc, os, pickle, sys
 gc.disable()
 sys.path[:] = pickle.load(sys.stdin.buffer)
 pickle.load(sys.stdin.buffer)()
+os._exit(0)
 """
-"""Program of the second process."""
+"""Program of the second process. It ends at once: to take down what compiling has built up would take a second."""
 
 
 @contextmanager
@@ -70,6 +71,8 @@ def compiled_aside(task: Callable[[], None]) -> Iterator[None]:
         with told_of_compiling(start):
             yield
         if process is not None:
+            if collects:
+                gc.collect()  # which takes as long afterwards, when nothing else is to be done meanwhile
             process.wait()
     finally:
         if collects:

@@ -66,6 +66,11 @@ class Compiler:
                 overload(function, **options)(implementation)
             yield
 
+    def tell(self) -> None:
+        """Call the listeners."""
+        for listener in tuple(self.listeners):
+            listener()
+
     def hear(self) -> None:
         """Have the listeners called from now on, if numba has been imported."""
         if self._is_heard or "numba" not in sys.modules:
@@ -73,9 +78,7 @@ class Compiler:
         self._is_heard = True
         from numba.core import event  # noqa: PLC0415
 
-        def tell() -> None:
-            for listener in tuple(self.listeners):
-                listener()
+        tell = self.tell
 
         class Forwarder(event.Listener):
             """Listener that calls all of the compiler's."""

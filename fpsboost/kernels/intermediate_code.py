@@ -1,9 +1,9 @@
 """Code of kernels between numba and machine code, where it is shared by all kernels that call a function.
 
-numba expects every function that it compiles to be called from Python. So it optimises each one as a whole and makes
-machine code of it, although most are only linked into kernels and optimised again there. This costs a sixth of the time
-that compiling takes. Here, functions are prepared for linking, and only what a kernel has become with all that it calls
-is optimised as a whole and becomes machine code.
+numba expects every function that it compiles to be called from Python. So it optimises each one by itself, then with
+all that it calls, and makes machine code of it, although most are only linked into kernels and optimised again there.
+This costs a quarter of the time that compiling takes. Here, functions are only simplified before they are linked; what
+a kernel has become with all that it calls is optimised as a whole and becomes machine code.
 
 Importing this imports numba.
 """
@@ -20,16 +20,15 @@ from numba.core.codegen import JITCodeLibrary
 class IntermediateCode(JITCodeLibrary):
     """Code of a function and of all that it calls, which is not run in this process."""
 
+    def _optimize_functions(self, module: Any) -> None:
+        """Simplify each function of a module at LLVM's first level, without which the linked code is optimised less."""
+        module.data_layout = self._codegen._data_layout
+        for function in module.functions:
+            passes, builder = self._codegen._function_pass_manager(opt=1)
+            passes.run(function, builder)
+
     def _optimize_final_module(self) -> None:
-        """Do the first of numba's two rounds: inline, simplify, and prepare loops."""
-        codegen = self._codegen
-        passes, builder = codegen._module_pass_manager(
-            loop_vectorize=codegen._loopvect,
-            slp_vectorize=False,
-            opt=codegen._opt_level,
-            cost="cheap",
-        )
-        passes.run(self._final_module, builder)
+        """Leave the linked code as it is until it is a kernel's."""
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -42,7 +41,7 @@ class IntermediateCode(JITCodeLibrary):
         return 0
 
     def machine_code(self) -> bytes:
-        """Do the second round for a kernel, and return its object file."""
+        """Optimise a kernel as a whole, and return its object file."""
         self._ensure_finalized()
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)

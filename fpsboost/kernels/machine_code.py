@@ -166,6 +166,7 @@ class KeptKernel(Kernel):
         form, digest = record_format(kinds), self._digest(kinds)
         found = self._read(digest, form)
         if found is None:
+            compiler.tell()  # before numba is imported, which takes a while
             with compiler.ready():
                 if kinds in self._known:  # another thread has compiled it meanwhile
                     return self._known[kinds]
