@@ -13,10 +13,10 @@ from fpsboost.kernels.candidates import (
     UNKNOWN,
     VALUES_PER_MOTION,
     Candidates,
-    CollectedVotes,
     Votes,
     collect_candidates,
     list_candidates,
+    no_votes,
 )
 
 
@@ -39,9 +39,7 @@ def collect(
     spacing=16,
 ):
     """Both frames' motion as the kernel collects it: count, votes and sums."""
-    nodes = points(size, spacing)
-    count = np.zeros(nodes, np.int32)
-    votes, sums = np.zeros((*nodes, capacity), np.float32), np.zeros((*nodes, capacity, SUMS_PER_CANDIDATE), np.float32)
+    room = spoiled(no_votes(points(size, spacing), capacity, spacing))
     for frame, (each, sign, t) in enumerate(zip(vectors, (1, -1), times, strict=False)):
         changes = no_acceleration(each) if accelerations[frame] is None else accelerations[frame]
         trust = np.ones(each.shape[:2], np.float32) if trusts is None else trusts[frame]
@@ -58,9 +56,21 @@ def collect(
             np.float32(support),
             np.float32(tolerance),
             *size,
-            CollectedVotes(count, votes, sums, spacing),
+            room,
         )
-    return count, votes, sums
+    listed = np.arange(capacity) < room.listed[..., None]
+    votes, sums = np.zeros(listed.shape, np.float32), np.zeros((*listed.shape, SUMS_PER_CANDIDATE), np.float32)
+    votes[listed], sums[listed] = room.votes[listed], room.sums[room.places[listed]]
+    assert sorted(room.places[listed]) == list(range(*room.found))
+    return room.listed, votes, sums
+
+
+def spoiled(room):
+    """What nothing may be read of before it is written: votes and sums that are not numbers, in no place."""
+    for values in (room.votes, room.sums):
+        values[:] = np.nan
+    room.places[:] = -(2**31)
+    return room
 
 
 def points(size, step):
@@ -221,18 +231,18 @@ def test_no_more_candidates_than_there_is_room_for():
 
 def listing(candidates, room, still_votes=0.5, spread=20.0, least_share=0.01, least=0.0):
     """One node's candidates, lists as `collected` makes them, as the kernel lists them: count, motions, weights."""
-    capacity = len(candidates) + 2
-    count = np.full((1, 1), len(candidates), np.int32)
-    votes, sums = np.zeros((1, 1, capacity), np.float32), np.zeros((1, 1, capacity, SUMS_PER_CANDIDATE), np.float32)
+    held = spoiled(no_votes((1, 1), len(candidates) + 2, 16))
+    held.listed[:] = len(candidates)
     for k, (vote, *others) in enumerate(candidates):
-        votes[0, 0, k], sums[0, 0, k] = vote, others
+        place = len(candidates) - k
+        held.votes[0, 0, k], held.places[0, 0, k], held.sums[place] = vote, place, others
     motions, weights = (
         np.full((1, 1, room, VALUES_PER_MOTION), np.nan, np.float32),
         np.full((1, 1, room), np.nan, np.float32),
     )
     numbers = np.float32(still_votes), np.float32(spread), np.float32(least_share), np.float32(least)
     listed = np.full((1, 1), -1, np.int32)
-    list_candidates(CollectedVotes(count, votes, sums, 16), *numbers, Candidates(listed, motions, weights, 16))
+    list_candidates(held, *numbers, Candidates(listed, motions, weights, 16))
     return listed[0, 0], motions[0, 0], weights[0, 0]
 
 

@@ -42,8 +42,8 @@ def packets_of_noise(encoding: Encoding) -> bytes:
     [
         (Encoding("h264"), {"threads": str(ENCODER_THREADS), "thread_type": "frame"}),
         (Encoding("libx264rgb"), {"threads": str(ENCODER_THREADS), "thread_type": "frame"}),
-        (Encoding("hevc"), {"threads": "4", "x265-params": "log-level=none:info=0:pools=16"}),
-        (Encoding("hevc", lossless=True), {"x265-params": "log-level=none:lossless=1:info=0:pools=16"}),
+        (Encoding("hevc"), {"threads": "4", "x265-params": "log-level=none:info=0:pools=8"}),
+        (Encoding("hevc", lossless=True), {"x265-params": "log-level=none:lossless=1:info=0:pools=8"}),
         (Encoding("vp9"), {"threads": str(ENCODER_THREADS)}),
         (Encoding("mjpeg"), {"threads": "1"}),
         (Encoding("ffv1"), {"threads": str(ENCODER_THREADS)}),
@@ -67,7 +67,7 @@ def test_options_of_the_user_win():
     own = Encoding("h264", encoder_options=(("threads", "2"), ("thread_type", "slice"), ("x264-params", "ref=2")))
     _, options = choose_encoder(own, "matroska", "out.mkv")
     assert (options["threads"], options["thread_type"]) == ("2", "slice")
-    assert options["x264-params"] == ":".join([*repeatable_parameters, "ref=2"])
+    assert options["x264-params"] == ":".join([*repeatable_parameters, "sync-lookahead=0", "ref=2"])
     by_parameter = Encoding("h264", preset="ultrafast", encoder_options=(("x264-params", "threads=3"),))
     assert b" threads=3 " in packets_of_noise(by_parameter)
 

@@ -580,9 +580,9 @@ def test_matroska_is_too_coarse_for_extreme_rates(tmp_path):
 @pytest.mark.parametrize(
     ("width", "given", "wanted"),
     [
-        (48, (), "none:info=0:pools=16:cutree=0 "),
-        (64, (), "none:info=0:pools=16 "),
-        (48, (("x265-params", "rd=2"),), "none:info=0:pools=16:rd=2:cutree=0 "),
+        (48, (), "none:info=0:pools=8:cutree=0 "),
+        (64, (), "none:info=0:pools=8 "),
+        (48, (("x265-params", "rd=2"),), "none:info=0:pools=8:rd=2:cutree=0 "),
     ],
 )
 def test_x265_keeps_within_its_memory(tmp_path, width, given, wanted):

@@ -48,9 +48,14 @@ class CollectedVotes(NamedTuple):
     listed: NDArray[Any]
     """Candidates of each node so far, (rows, columns) int32."""
     votes: NDArray[Any]
-    """Votes of each candidate, (rows, columns, capacity) float32."""
+    """Votes of each listed candidate, (rows, columns, capacity) float32."""
+    places: NDArray[Any]
+    """Where the sums of each listed candidate are, (rows, columns, capacity) int32."""
     sums: NDArray[Any]
-    """Sums over the votes of each candidate, (rows, columns, capacity, SUMS_PER_CANDIDATE) float32."""
+    """Sums over the votes of all candidates, in the order in which they were found, (rows * columns * capacity,
+    SUMS_PER_CANDIDATE) float32. As most nodes have few candidates, most of this is never touched."""
+    found: NDArray[Any]
+    """Number of candidates of all nodes, (1,) int64."""
     spacing: int
     """Distance between nodes, pixels; each node lies at the centre of a cell of this size."""
 
@@ -67,6 +72,14 @@ class Candidates(NamedTuple):
     candidates."""
     spacing: int
     """Distance between nodes, pixels."""
+
+
+def no_votes(nodes: tuple[int, int], capacity: int, spacing: int) -> CollectedVotes:
+    """Return room for the votes at some rows and columns of nodes, each with a number of candidates at most."""
+    shape = (*nodes, capacity)
+    votes, places = np.empty(shape, np.float32), np.empty(shape, np.int32)
+    sums = np.empty((votes.size, SUMS_PER_CANDIDATE), np.float32)
+    return CollectedVotes(np.zeros(nodes, np.int32), votes, places, sums, np.zeros(1, np.int64), spacing)
 
 
 @njit(cache=True, **JIT)
@@ -93,7 +106,7 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
         Updated in place.
     """
     vectors, gradients, accelerations, trust = points
-    count, votes, sums, spacing = collected
+    count, votes, places, sums, found, spacing = collected
     rows, columns, capacity = votes.shape
     one, half, per_cell = np.float32(1), np.float32(0.5), np.float32(1) / np.float32(spacing)
     middle = half * np.float32(spacing)
@@ -126,8 +139,8 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
                     k = 0
                     while k < listed:
                         share = votes[row, column, k]
-                        apart = abs(sums[row, column, k, 0] - dx * share)
-                        apart = max(apart, abs(sums[row, column, k, 1] - dy * share))
+                        its = sums[places[row, column, k]]
+                        apart = max(abs(its[0] - dx * share), abs(its[1] - dy * share))
                         if apart < tolerance * share:
                             break
                         k += 1
@@ -135,19 +148,24 @@ def collect_candidates(points, sign, t, step, support, tolerance, height, width,
                         continue
                     if k == listed:
                         count[row, column] += 1
+                        votes[row, column, k] = 0
+                        places[row, column, k] = found[0]
+                        sums[found[0]] = 0
+                        found[0] += 1
                     votes[row, column, k] += vote
-                    sums[row, column, k, 0] += vote * dx
-                    sums[row, column, k, 1] += vote * dy
+                    its = sums[places[row, column, k]]
+                    its[0] += vote * dx
+                    its[1] += vote * dy
                     turned = sign * vote
-                    sums[row, column, k, 6] += turned * gradients[i, j, 0, 0]
-                    sums[row, column, k, 7] += turned * gradients[i, j, 0, 1]
-                    sums[row, column, k, 8] += turned * gradients[i, j, 1, 0]
-                    sums[row, column, k, 9] += turned * gradients[i, j, 1, 1]
+                    its[6] += turned * gradients[i, j, 0, 0]
+                    its[7] += turned * gradients[i, j, 0, 1]
+                    its[8] += turned * gradients[i, j, 1, 0]
+                    its[9] += turned * gradients[i, j, 1, 1]
                     vote *= known
-                    sums[row, column, k, 2] += vote
-                    sums[row, column, k, 3] += vote * ax
-                    sums[row, column, k, 4] += vote * ay
-                    sums[row, column, k, 5] += vote * (ax * ax + ay * ay)
+                    its[2] += vote
+                    its[3] += vote * ax
+                    its[4] += vote * ay
+                    its[5] += vote * (ax * ax + ay * ay)
 
 
 @njit(cache=True, **JIT)
@@ -168,12 +186,12 @@ def list_candidates(collected, zero_motion_prior, acceleration_tolerance, min_sh
     candidates : Candidates out
         Their number is limited to `room`.
     """
-    count, votes, sums, _ = collected
+    count, votes, places, sums, _, _ = collected
     listed_count, motions, weights, _ = candidates
     rows, columns, capacity = votes.shape
     room, waiting = weights.shape[2], np.empty(capacity, np.float32)
     for row, column in np.ndindex(rows, columns):
-        node_sums, node_weights, all_votes = sums[row, column], weights[row, column], np.float32(0)
+        node_weights, all_votes = weights[row, column], np.float32(0)
         for k in range(count[row, column]):
             waiting[k] = votes[row, column, k]
             all_votes += waiting[k]
@@ -185,16 +203,17 @@ def list_candidates(collected, zero_motion_prior, acceleration_tolerance, min_sh
             for other in range(1, count[row, column]):
                 if waiting[other] > waiting[k]:
                     k = other
-            vote, known = waiting[k], node_sums[k, 2]
+            its = sums[places[row, column, k]]
+            vote, known = waiting[k], its[2]
             waiting[k] = 0
             motion = motions[row, column, place]
-            motion[0], motion[1] = node_sums[k, 0] / vote, node_sums[k, 1] / vote
+            motion[0], motion[1] = its[0] / vote, its[1] / vote
             motion[2], motion[3] = 0, 0
             for n in range(4):
-                motion[4 + n] = node_sums[k, 6 + n] / vote
+                motion[4 + n] = its[6 + n] / vote
             if known > 0:
-                ax, ay = node_sums[k, 3] / known, node_sums[k, 4] / known
-                variance = max(node_sums[k, 5] / known - ax * ax - ay * ay, np.float32(0))
+                ax, ay = its[3] / known, its[4] / known
+                variance = max(its[5] / known - ax * ax - ay * ay, np.float32(0))
                 # the acceleration is unreliable if the votes disagree on it
                 belief = (
                     known

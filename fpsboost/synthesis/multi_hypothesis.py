@@ -19,13 +19,12 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image, Pixels, as_array, has_alpha, value_range
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.candidates import (
-    SUMS_PER_CANDIDATE,
     VALUES_PER_MOTION,
     Candidates,
-    CollectedVotes,
     Votes,
     collect_candidates,
     list_candidates,
+    no_votes,
 )
 from fpsboost.kernels.dominant_motion import find_dominant_motion
 from fpsboost.kernels.memory import aligned_empty
@@ -315,12 +314,7 @@ class MultiHypothesis:
         """Return the candidates around each node at time t."""
         height, width = size
         nodes = -(-height // self.node_spacing), -(-width // self.node_spacing)
-        collected = CollectedVotes(
-            np.zeros(nodes, np.int32),
-            np.zeros((*nodes, CANDIDATE_CAPACITY), np.float32),
-            np.zeros((*nodes, CANDIDATE_CAPACITY, SUMS_PER_CANDIDATE), np.float32),
-            self.node_spacing,
-        )
+        collected = no_votes(nodes, CANDIDATE_CAPACITY, self.node_spacing)
         support, tolerance = np.float32(self.support_radius), np.float32(self.merge_distance)
         for votes, sign, time in zip(votes_of_both, (1, -1), (t, 1 - t), strict=True):
             collect_candidates(
