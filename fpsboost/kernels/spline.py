@@ -48,7 +48,7 @@ def fill_planes(image, scale, premultiply, planes):
             line[MARGIN + width :] = line[MARGIN + width - 1]
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def add_taps(n, response, here, near, far, sums):
     """Add taps n and n + 1 on either side of a row to its sums; the first two also begin them with the row itself.
 
