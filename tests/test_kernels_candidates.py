@@ -62,6 +62,8 @@ def collect(
     votes, sums = np.zeros(listed.shape, np.float32), np.zeros((*listed.shape, SUMS_PER_CANDIDATE), np.float32)
     votes[listed], sums[listed] = room.votes[listed], room.sums[room.places[listed]]
     assert sorted(room.places[listed]) == list(range(*room.found))
+    for untouched in (room.votes[~listed], room.sums[room.found[0] :]):
+        assert np.isnan(untouched).all()
     return room.listed, votes, sums
 
 
