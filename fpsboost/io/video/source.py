@@ -24,6 +24,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.prefetch import available_cores
 from fpsboost.io.stream_info import StreamInfo, VideoFile
 from fpsboost.io.video.damage import Damage, counted
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -124,7 +125,7 @@ class VideoSource(ClosesOnExit):
         except BaseException:
             self._container.close()
             raise
-        self._stream.thread_type = "AUTO"
+        _decode_in_threads(self._stream)
         self._reformatter = VideoReformatter()
         self._remarks = left_out_remarks(self._container, self._stream, self._name)
         if not rate_is_known:
@@ -388,12 +389,12 @@ class VideoSource(ClosesOnExit):
 
     def _reopen(self) -> None:
         """Begin again at the very first frame."""
-        index, threads = self._stream.index, self._stream.thread_type
+        index = self._stream.index
         self._pictures.close()
         self._container.close()
         self._container = open_video(self.path, self._name)
         self._stream = cast(av.VideoStream, self._container.streams[index])
-        self._stream.thread_type = threads
+        _decode_in_threads(self._stream)
         self._ahead = []
         self._begin()
 
@@ -637,3 +638,10 @@ def open_video(path: Path, name: str) -> av.container.InputContainer:
         container.close()
         raise InputError(f"{name} is a text file; name a video file.")
     return container
+
+
+def _decode_in_threads(stream: av.VideoStream) -> None:
+    """Let a decoder use two cores, or a quarter of many: it has little to do, and threads hold frames of their own."""
+    cores = available_cores()
+    stream.thread_type = "AUTO"
+    stream.thread_count = min(cores, max(2, cores // 4))
