@@ -10,17 +10,15 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
 from fpsboost.io.video.encoding import choose_encoder
-from fpsboost.io.video.repeatable import ENCODER_THREADS, repeatable_parameters, with_threads_for
+from fpsboost.io.video.repeatable import ENCODER_THREADS, repeatable_parameters
 from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(25)
@@ -28,12 +26,8 @@ RATE = Fraction(25)
 
 def packets_of_noise(encoding: Encoding) -> bytes:
     """Encode twelve small pictures and return extradata and packets, one after the other."""
-    return packets_of(np.random.default_rng(0).integers(0, 256, (12, 96, 128, 3), dtype=np.uint8), encoding)
-
-
-def packets_of(images: NDArray[np.uint8], encoding: Encoding) -> bytes:
-    """Encode pictures and return extradata and packets, one after the other."""
-    info = ClipInfo("drawn", *images.shape[1:3], RATE, 1 / RATE, len(images))
+    info = ClipInfo("noise", 96, 128, RATE, 1 / RATE, 12)
+    images = np.random.default_rng(0).integers(0, 256, (12, 96, 128, 3), dtype=np.uint8)
     encoder, options = choose_encoder(encoding, "matroska", "out.mkv")
     traits = traits_of_image(images[0])
     output = Output("out.mkv", info, OutputTiming(RATE, Fraction(1, 1000)), encoding=encoding)
@@ -88,60 +82,6 @@ def test_x264_says_what_it_was_given():
 def test_x265_says_nothing_of_the_processor():
     """Neither its features nor its cores."""
     assert b"cpuid" not in packets_of_noise(Encoding("hevc", preset="ultrafast"))
-
-
-def falling_texture(count: int = 24, height: int = 384, width: int = 160) -> NDArray[np.uint8]:
-    """Return pictures of a texture that falls by more lines every time, so far that other threads limit its motion."""
-    rng = np.random.default_rng(1)
-    texture = cv2.GaussianBlur(rng.integers(0, 256, (height, width, 3), dtype=np.uint8), (0, 0), 2)
-    texture = cv2.normalize(texture, None, 0, 255, cv2.NORM_MINMAX)
-    return np.stack([np.roll(texture, k * k, axis=0) for k in range(count)])
-
-
-@pytest.mark.parametrize(
-    "encoding",
-    [
-        *(Encoding("h264", preset=each) for each in ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium")),
-        Encoding("h264", preset="veryfast", lossless=True),
-        Encoding("libx264rgb", preset="fast"),
-        Encoding("hevc", preset="superfast"),
-        Encoding("hevc", preset="medium", crf=30),
-    ],
-)
-def test_fewer_threads_make_the_same_packets(encoding, monkeypatch):
-    """On few cores an encoder has fewer threads, and its packets do not show it."""
-    images = falling_texture()
-    packets = []
-    for cores in (1, 2, 4, 16):
-        monkeypatch.setattr("fpsboost.io.video.encoder.available_cores", lambda cores=cores: cores)
-        packets.append(packets_of(images, encoding))
-    assert all(each == packets[0] for each in packets)
-
-
-@pytest.mark.parametrize(("cores", "x264", "x265"), [(1, 2, 2), (2, 3, 2), (4, 6, 2), (8, 8, 3), (64, 8, 4)])
-def test_threads_follow_the_cores(cores, x264, x265):
-    """An encoder has no more threads than the cores keep busy."""
-    for name, threads in (("h264", x264), ("hevc", x265)):
-        encoder, options = choose_encoder(Encoding(name), "matroska", "out.mkv")
-        assert with_threads_for(cores, encoder, options, Encoding(name), 1080)["threads"] == str(threads)
-
-
-@pytest.mark.parametrize(
-    "encoding",
-    [
-        Encoding("h264", bitrate=1_000_000),
-        Encoding("hevc", bitrate=1_000_000),
-        Encoding("h264", preset="slow"),
-        Encoding("h264", encoder_options=(("threads", str(ENCODER_THREADS)),)),
-        Encoding("hevc", encoder_options=(("maxrate", "1000000"), ("bufsize", "1000000"))),
-        Encoding("vp9"),
-        Encoding("ffv1"),
-    ],
-)
-def test_threads_stay_where_packets_depend_on_them(encoding):
-    """Where another number would make other packets, and where the user has a say, cores change nothing."""
-    encoder, options = choose_encoder(encoding, "matroska", "out.mkv")
-    assert with_threads_for(2, encoder, options, encoding, 1080) == options
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be taken away here")

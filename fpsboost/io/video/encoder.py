@@ -19,13 +19,11 @@ from av.video.reformatter import VideoReformatter
 from fpsboost.errors import OutputError
 from fpsboost.frame import Frame, Pixels
 from fpsboost.io.output import Output
-from fpsboost.io.prefetch import available_cores
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, needs_hardware
 from fpsboost.io.video.hdr import with_hdr
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.planes import as_picture
 from fpsboost.io.video.priority import unchanged_priority
-from fpsboost.io.video.repeatable import with_named_threads, with_threads_for
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha
 
@@ -86,7 +84,6 @@ class VideoEncoder:
         self._add_hdr_options(traits)
         self._nowhere: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
-        self._threads = ""  # of the encoder, until its first packet has come
 
     @property
     def details(self) -> str:
@@ -130,22 +127,14 @@ class VideoEncoder:
         picture.pts, picture.duration, picture.time_base = pts, duration, time_base
         picture.pict_type = PictureType.NONE  # else x264 repeats the source's choice of keyframes
         try:
-            return self._packets_of(picture)
+            return stream.encode(picture)
         finally:
             picture.pts, picture.duration, picture.time_base, picture.pict_type = before
 
     def finish(self) -> list[av.Packet[Any]]:
         """Flush the encoder and return the remaining packets; the next frame begins a new chunk."""
-        packets = self._packets_of(None)
+        packets = self.stream.encode(None)
         self.close()
-        return packets
-
-    def _packets_of(self, picture: av.VideoFrame | None) -> list[av.Packet[Any]]:
-        """Return the packets that are ready once the encoder has a picture, or all that are left."""
-        packets = self.stream.encode(picture)
-        if self._threads and packets:
-            packets[0].update(with_named_threads(bytes(packets[0]), self._threads, self._options["threads"]))
-            self._threads = ""
         return packets
 
     def close(self) -> None:
@@ -169,11 +158,7 @@ class VideoEncoder:
             context.sample_aspect_ratio = self._traits.sample_aspect_ratio
         if av.Codec(self._encoder, "w").canonical_name == "hevc" and self._format in EXACT_TIME_BASE_CONTAINERS:
             context.codec_tag = "hvc1"  # the only tag of HEVC that Apple's players accept
-        # not in the constructor, because what is said of the encoder must not depend on the machine
-        context.options = with_threads_for(
-            available_cores(), self._encoder, self._options, self._encoding, self._info.height
-        )
-        self._threads = context.options["threads"]
+        context.options = dict(self._options)
         self._open_encoder(context)
         self._nowhere.start_encoding()  # only this copies the encoder's parameters to the stream
         return stream
