@@ -12,7 +12,7 @@ from truth import affine
 from video_truth import pictures_of, samples_of, write_clip
 
 from fpsboost import Encoding, InputError, convert, methods
-from fpsboost.analysis.duplicates import brightness
+from fpsboost.analysis.duplicates import DuplicateDetector, brightness
 from fpsboost.frame import Frame, as_array, check_pair
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import with_neighbours
@@ -97,7 +97,10 @@ def test_levels_have_their_meaning(bits, full_range):
     image = YCbCrImage((y, *(np.full_like(y, 128 * unit) for _ in range(2))), coding)
     np.testing.assert_allclose(gray(image)[0, [0, 1, 2]], [0, 128, 255], atol=1)
     assert gray(image)[0, 3] == 0
-    np.testing.assert_allclose(brightness(FrameCache(image))[0, :3], [0, 128, 255], atol=0.6)
+    frame = FrameCache(image)
+    np.testing.assert_allclose(brightness(frame)[0, :3], [0, 128, 255], atol=0.6)
+    black = FrameCache(replace(image, planes=(np.full_like(y, codes[0]), *image.planes[1:])))
+    assert DuplicateDetector(block=1).difference(black, frame) == pytest.approx(255, abs=0.01)
     corner = small_copy(image, 4)
     np.testing.assert_allclose(corner[0, :3], np.outer([0, 0.5, 1], [1, 1, 1]), atol=0.01)
 

@@ -72,11 +72,12 @@ class DuplicateDetector:
 
     def difference(self, image0: FrameCache, image1: FrameCache) -> float:
         """Return the mean difference of gray levels in the block where it is largest, in 8-bit levels."""
-        difference = cv2.absdiff(image0.derived(brightness), image1.derived(brightness))
+        (levels0, unit), (levels1, _) = _gray_levels(image0), _gray_levels(image1)
+        difference = cv2.absdiff(levels0, levels1)
         whole = cv2.CV_16U if self.block**2 * 255 < 2**16 else cv2.CV_32S
         depth = whole if difference.dtype == np.uint8 else cv2.CV_32F
         sums = cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)
-        return float(sums.max()) / self.block**2
+        return float(sums.max()) / self.block**2 * unit
 
     def is_held(self, noise: float, before: float, after: float) -> bool:
         """Return whether frames show one held picture.
@@ -101,6 +102,14 @@ class DuplicateDetector:
             Difference from the previous picture; infinite if the clip begins with this one.
         """
         return noise <= (self.smallest_step if math.isinf(before) else min(self.noise, self.share * before))
+
+
+def _gray_levels(frame: FrameCache) -> tuple[Components, float]:
+    """Return gray levels up to a constant, and their unit in 8-bit levels; planes of video are not copied."""
+    image = frame.pixels
+    if isinstance(image, YCbCrImage):
+        return image.planes[0], 255 / image.coding.levels.luma_span
+    return frame.derived(brightness), 1.0
 
 
 def brightness(frame: FrameCache) -> Components:
