@@ -85,11 +85,14 @@ def _stop(process: Popen[str]) -> NoReturn:
     raise OptionError(f"A conversion ended with code {process.returncode}.")
 
 
-def serial_share(faster: float, workers: int) -> float:
-    """Return the share of work that is serial by Amdahl's law: 1 / faster = share + (1 - share) / workers."""
-    return max(0.0, (1 / faster - 1 / workers) / (1 - 1 / workers))
+def serial_share(busy: float, workers: int) -> float:
+    """Return the share of work that is serial by Amdahl's law, by the share of the cores' time in which they work.
+
+    With one unit of work, a run takes ``share + (1 - share) / workers``, and all cores are busy for a unit in all.
+    """
+    return max(0.0, (1 / busy - 1) / (workers - 1))
 
 
 def times_faster(serial: float, workers: int) -> float:
-    """Return the speed-up of several workers over one by Amdahl's law; the inverse of `serial_share`."""
+    """Return the speed-up of several workers over one by Amdahl's law."""
     return 1 / (serial + (1 - serial) / workers)

@@ -356,7 +356,8 @@ def sequence_cpu(interpolator: Interpolator, frames: Sequence[Image]) -> float:
 def threads(console: Console, options: Options) -> Figures:
     """Measure a conversion with 1, 2, 4 ... workers on as many cores, and as many conversions of one worker each.
 
-    The best round of each counts, because other load on the machine can only slow a round down.
+    Ratios are medians of those of runs in turn. The time in which cores wait tells what is serial, since other load on
+    the machine changes it less than how fast the cores are.
     """
     if sys.platform != "linux":
         raise OptionError("threads pins conversions to cores, which only Linux lets a program do; leave it out.")
@@ -376,22 +377,24 @@ def threads(console: Console, options: Options) -> Figures:
                     apart[count].append(sum(one["frames_per_s"] for one in each))
     table = Table(
         *("workers", "frames/s", "CPU, s", "peak, MB", "times faster", "apart, frames/s", "lost to sharing"),
-        *("serial", f"times faster with {MANY_CORES}"),
+        *("cores busy", "serial", f"times faster with {MANY_CORES}"),
         title=f"{options.method}, a whole conversion",
     )
     figures: Figures = {}
     for count in counts:
-        best = max(runs[count], key=lambda run: run["frames_per_s"])
-        row = {name: best[name] for name in ("frames_per_s", "cpu_s", "peak_mb")}
+        row = {name: median(run[name] for run in runs[count]) for name in ("frames_per_s", "cpu_s", "peak_mb")}
         cells = [f"{row['frames_per_s']:.2f}", f"{row['cpu_s']:.1f}", f"{row['peak_mb']:.0f}"]
         if count > 1:
-            row["times_faster"] = row["frames_per_s"] / figures["1"]["frames_per_s"]
-            row["apart_frames_per_s"] = max(apart[count])
-            row["lost_to_sharing"] = 1 - row["frames_per_s"] / row["apart_frames_per_s"]
-            row["serial_share"] = serial_share(row["times_faster"], count)
+            speeds = [run["frames_per_s"] for run in runs[count]]
+            alone = [run["frames_per_s"] for run in runs[1]]
+            row["times_faster"] = median(here / one for here, one in zip(speeds, alone, strict=True))
+            row["apart_frames_per_s"] = median(apart[count])
+            row["lost_to_sharing"] = 1 - median(here / other for here, other in zip(speeds, apart[count], strict=True))
+            row["busy"] = median(run["cpu_s"] / run["seconds"] / count for run in runs[count])
+            row["serial_share"] = serial_share(row["busy"], count)
             row["times_faster_on_many"] = times_faster(row["serial_share"], MANY_CORES)
             cells += [f"{row['times_faster']:.2f}", f"{row['apart_frames_per_s']:.2f}", f"{row['lost_to_sharing']:.1%}"]
-            cells += [f"{row['serial_share']:.1%}", f"{row['times_faster_on_many']:.1f}"]
+            cells += [f"{row['busy']:.1%}", f"{row['serial_share']:.1%}", f"{row['times_faster_on_many']:.1f}"]
         figures[str(count)] = row
         table.add_row(str(count), *cells)
     width, height = runs[1][0]["size"]
