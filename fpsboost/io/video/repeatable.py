@@ -25,7 +25,7 @@ ENCODER_THREADS = 8
 With x264 at 1920x1080, presets veryfast to slow, they take no more processor time on 1, 2 or 4 cores than the number
 that x264 chooses there. On more cores they bound an encoder to 8 of them, more than its share of a conversion. Each
 costs x264 about 20 MB at that size. Its packets depend on their number even where ``mvrange-thread`` and
-``lookahead-threads`` are set: rarely, and only with B-frames, adaptive quantisation and ``mbtree`` together.
+``lookahead-threads`` are set: always from preset slow on, and at veryfast seen in one of many clips.
 """
 
 threads_of_encoders = {
