@@ -5,23 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from truth import noise
-from twins import split_codes, split_levels, with_repeated_edges
+from twins import local_mean, split_codes, split_levels, uncompiled, with_repeated_edges
 
-from fpsboost.kernels.contrast import CodeLevels, finish_planes, split_colours, split_planes
+from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, split_colours, split_planes
 from fpsboost.kernels.levels import WHITE, level_scale
 
 PADDING = 3
-UNTOUCHED = 77
+MIDDLE = np.float32(128)
 
-SIZES = [(1, 1), (2, 3), (5, 7), (6, 40)]
+# the high-pass looks four pixels around, and keeps ten rows
+SIZES = [(1, 1), (2, 3), (5, 7), (6, 40), (11, 2), (27, 9)]
 SCALES = [np.float32(level_scale(v)) for v in (0.09, 0.4)]
 
 
-def untouched(size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """What kernels write to: luma, and planes with more room on the right than on the left."""
+def empty_planes(size: tuple[int, int]) -> np.ndarray:
+    """What kernels write to, with more room on the right than on the left."""
     height, width = size
-    planes = np.full((3, height + 2 * PADDING, width + 2 * PADDING + 5), UNTOUCHED, np.uint8)
-    return np.empty(size, np.float32), planes
+    return np.full((3, height + 2 * PADDING, width + 2 * PADDING + 5), 77, np.uint8)
 
 
 def assert_rounded(found: np.ndarray, exact: np.ndarray) -> None:
@@ -30,15 +30,15 @@ def assert_rounded(found: np.ndarray, exact: np.ndarray) -> None:
     assert np.abs(found - exact).max() <= 0.5 + 1e-4
 
 
-def assert_split(expected: list[np.ndarray], luma: np.ndarray, planes: np.ndarray) -> None:
-    """Luma and two planes are what they should be, and nothing else was written."""
+def assert_split(expected: list[np.ndarray], scale: np.float32, planes: np.ndarray) -> None:
+    """The first and the third plane are what they should be, the second is the high-pass; edges are repeated."""
+    luma, first, third = expected
     height, width = luma.shape
-    np.testing.assert_allclose(luma, expected[0], rtol=1e-5, atol=1e-6)
-    inside = np.s_[PADDING : PADDING + height, PADDING : PADDING + width]
-    for plane, levels in zip(planes[::2], expected[1:], strict=True):
-        assert_rounded(plane[inside], levels)
-        plane[inside] = UNTOUCHED
-    assert (planes == UNTOUCHED).all()
+    high_pass = (2 * scale * (luma - local_mean(luma, HIGH_PASS_SIZE)) + MIDDLE).clip(0, WHITE)
+    for plane, levels in zip(planes, (first, high_pass, third), strict=True):
+        inside = plane[PADDING : PADDING + height, PADDING : PADDING + width]
+        assert_rounded(inside, levels)
+        np.testing.assert_array_equal(plane, with_repeated_edges(inside, PADDING, PADDING, plane.shape))
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -46,14 +46,14 @@ def assert_split(expected: list[np.ndarray], luma: np.ndarray, planes: np.ndarra
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_splitting_colours_equals_its_slow_twin(dtype, channels, size, scale):
-    """Luma, half luma and mean chroma of any type and number of channels; light beyond white is the highest level."""
+    """Half luma, its high-pass and mean chroma of any type and number of channels; beyond white is the last level."""
     image = noise(*size, channels, dtype, seed=7).copy()
     if dtype == np.float32:
         image[..., : min(channels, 3)] *= 3
     white = 1 if dtype == np.float32 else np.iinfo(dtype).max
-    luma, planes = untouched(size)
-    split_colours(image, np.float32(1 / white), scale, np.int64(PADDING), luma, planes)
-    assert_split(split_levels(image, white, scale), luma, planes)
+    planes = empty_planes(size)
+    split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), planes)
+    assert_split(split_levels(image, white, scale), scale, planes)
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -70,26 +70,20 @@ def test_splitting_planes_equals_its_slow_twin(dtype, levels, steps, size, scale
     random, most = np.random.default_rng(3), 2 * levels[2]
     small = tuple(-(-length // step) for length, step in zip(size, steps, strict=True))
     codes = [random.integers(0, most, shape).astype(dtype) for shape in (size, small, small)]
-    luma, planes = untouched(size)
+    planes = empty_planes(size)
     black, luma_span, neutral, chroma_span = levels
     units = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
-    split_planes(*codes, CodeLevels(*units), scale, np.int64(PADDING), luma, planes)
-    assert_split(split_codes(codes, levels, scale), luma, planes)
+    split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), planes)
+    assert_split(split_codes(codes, levels, scale), scale, planes)
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("size", SIZES)
-def test_finishing_planes_equals_its_slow_twin(size, scale):
-    """The second plane is twice the luma less its surroundings around the middle; all three go on as at their edges."""
-    random = np.random.default_rng(5)
-    luma, around = (random.random(size).astype(np.float32) for _ in range(2))
-    _, planes = untouched(size)
-    height, width = size
-    inside = np.s_[PADDING : PADDING + height, PADDING : PADDING + width]
-    given = random.integers(0, WHITE + 1, (3, *size)).astype(np.uint8)
-    planes[:, *inside] = given
-    finish_planes(luma, around, scale, np.float32(128), np.int64(PADDING), planes)
-    high_pass = (2 * scale * (luma.astype(float) - around) + 128).clip(0, WHITE)
-    assert_rounded(planes[1][inside], high_pass)
-    for plane, values in zip(planes, (given[0], planes[1][inside], given[2]), strict=True):
-        np.testing.assert_array_equal(plane, with_repeated_edges(values, PADDING, PADDING, plane.shape))
+@pytest.mark.parametrize(("ground", "dot", "around", "level"), [(0, 1, 71, 255), (1, 0, 185, 0), (1, 2, 71, 255)])
+def test_the_high_pass_is_rounded_and_clipped(ground, dot, around, level):
+    """Twice the difference from the mean of nine columns: a ninth of a dot's; the dot is black or white."""
+    row = np.full((1, 23, 1), ground, np.float32)
+    row[0, 11] = dot
+    planes = empty_planes((1, 23))
+    uncompiled(split_colours)(row, np.float32(1), np.float32(255), MIDDLE, PADDING, planes)
+    expected = np.full(23, 128)
+    expected[7:16], expected[11] = around, level
+    np.testing.assert_array_equal(planes[1, PADDING, PADDING : PADDING + 23], expected)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from twins import level_similarity, uncompiled
 
-from fpsboost.kernels.contrast import finish_planes
 from fpsboost.kernels.jit import njit
 from fpsboost.kernels.levels import SIXTEEN, WHITE, compare_one, compare_sixteen, level_scale, truncation
 from fpsboost.motion.colour import contrast_components, contrast_planes
@@ -50,14 +49,6 @@ def test_the_truncation_is_four_widths(v, most):
     """In levels, from one on; where four widths are more than white, the levels are scaled down instead."""
     assert truncation(v) == most
     assert level_scale(v) == pytest.approx(min(255, 255 / (4 * v)))
-
-
-def test_the_high_pass_is_rounded_and_clipped():
-    """Around the middle, to the nearest level; what is beyond the bytes is black or white."""
-    luma, around = np.float32([[0, 0, 0.2, 0.5, 1]]), np.float32([[1, 0.001, 0.1994, 0.501, 0]])
-    levels = np.zeros((3, 5, 12), np.uint8)
-    uncompiled(finish_planes)(luma, around, np.float32(255), np.float32(128), 2, levels)
-    np.testing.assert_array_equal(levels[1], np.pad(np.uint8([[0, 127, 128, 127, 255]]), ((2, 2), (2, 5)), "edge"))
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

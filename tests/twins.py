@@ -747,6 +747,13 @@ def split_codes(planes: list[Array], levels: tuple[float, float, float, float], 
     return [luma, first, third]
 
 
+def local_mean(values: Array, size: int) -> Array:
+    """The mean of the box of this side around each place, mirrored beyond the edges but for the edge itself."""
+    padded = np.pad(values.astype(float), size // 2, "reflect")
+    height, width = values.shape
+    return np.array([[padded[y : y + size, x : x + size].mean() for x in range(width)] for y in range(height)])
+
+
 def with_repeated_edges(plane: Array, above: int, left: int, shape: tuple[int, int]) -> Array:
     """A larger plane in which each place has what the nearest one of the smaller has."""
     height, width = plane.shape

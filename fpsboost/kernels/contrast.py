@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.kernels.jit import FINITE_JIT, njit
 from fpsboost.kernels.levels import WHITE
 from fpsboost.kernels.tiles import Index
+
+HIGH_PASS_SIZE = 9
+"""Side of the box whose mean luma is subtracted, pixels."""
+
+RADIUS = HIGH_PASS_SIZE // 2
+KEPT_ROWS = HIGH_PASS_SIZE + 1
+"""Rows of luma that a running sum over boxes needs: those of the box, and the one that leaves it."""
 
 
 class CodeLevels(NamedTuple):
@@ -24,10 +32,95 @@ class CodeLevels(NamedTuple):
     """Chroma per code value."""
 
 
+class HighPass(NamedTuple):
+    """State of the high-pass filter, which follows the conversion by RADIUS rows."""
+
+    rows: NDArray[Any]
+    """Ring buffer of the latest rows of luma, (KEPT_ROWS, W) float32."""
+    sums: NDArray[Any]
+    """Sum of each column over the rows of the box, with RADIUS reflected columns on either side, (W + 2 RADIUS,)
+    float64: sums of integer codes are exact."""
+
+
 @njit(inline="always", **FINITE_JIT)
 def as_level(value):
     """Return a value rounded and clipped to a byte."""
     return np.uint8(min(max(value + np.float32(0.5), np.float32(0)), np.float32(WHITE)))
+
+
+@njit(**FINITE_JIT)
+def reflected(place, size):
+    """Return the index that stands for one beyond the ends of an axis, mirrored at the first and last element."""
+    if size == 1:
+        return 0
+    while place < 0 or place >= size:
+        place = -place if place < 0 else 2 * (size - 1) - place
+    return place
+
+
+@njit(**FINITE_JIT)
+def start_high_pass(width):
+    """Return the state before the first row, a `HighPass`."""
+    return HighPass(np.empty((KEPT_ROWS, width), np.float32), np.zeros(width + 2 * RADIUS, np.float64))
+
+
+@njit(**FINITE_JIT)
+def add_luma(row, sign, sums):
+    """Add a row of luma to the sums of the columns, or subtract it."""
+    for x in range(row.size):
+        sums[RADIUS + x] += sign * np.float64(row[x])
+
+
+@njit(**FINITE_JIT)
+def write_high_pass(high_pass, y, height, scale, middle, second):
+    """Write row y of the second plane, twice the luma minus its local mean; must be called in order.
+
+    Parameters
+    ----------
+    high_pass : HighPass
+        With the luma of all rows up to y + RADIUS.
+    y, height : int
+    scale, middle : float32
+        Levels that represent a difference of 1, and the level of zero difference: differences have both signs.
+    second : (W or more,) uint8 out
+    """
+    rows, sums = high_pass
+    width = rows.shape[1]
+    if y == 0:
+        for n in range(-RADIUS, RADIUS + 1):
+            add_luma(rows[reflected(n, height) % KEPT_ROWS], np.float64(1), sums)
+    else:
+        add_luma(rows[reflected(y + RADIUS, height) % KEPT_ROWS], np.float64(1), sums)
+        add_luma(rows[reflected(y - RADIUS - 1, height) % KEPT_ROWS], np.float64(-1), sums)
+    for n in range(1, RADIUS + 1):
+        sums[RADIUS - n] = sums[RADIUS + reflected(-n, width)]
+        sums[RADIUS + width - 1 + n] = sums[RADIUS + reflected(width - 1 + n, width)]
+    luma, twice, share = rows[y % KEPT_ROWS], np.float32(2) * scale, np.float64(1 / HIGH_PASS_SIZE**2)
+    for x in range(width):
+        total = sums[x]
+        for n in range(1, HIGH_PASS_SIZE):
+            total += sums[x + n]
+        second[x] = as_level(twice * (luma[x] - np.float32(total * share)) + middle)
+
+
+@njit(**FINITE_JIT)
+def repeat_edges(height, width, padding, planes):
+    """Repeat the edges of the frame on all sides of the planes."""
+    channels, _, columns = planes.shape
+    for c in range(channels):
+        for y in range(padding, padding + height):
+            row = planes[c, y]
+            first, last = row[padding], row[padding + width - 1]
+            for x in range(padding):
+                row[x] = first
+            for x in range(padding + width, columns):
+                row[x] = last
+        above, below = planes[c, padding], planes[c, padding + height - 1]
+        for y in range(padding):
+            first, last = planes[c, y], planes[c, y + padding + height]
+            for x in range(columns):
+                first[x] = above[x]
+                last[x] = below[x]
 
 
 @njit(forceinline=True, **FINITE_JIT)
@@ -53,8 +146,8 @@ def split_row(pixels, channels, normalise, scale, luma, first, third):
 
 
 @njit(cache=True, **FINITE_JIT)
-def split_colours(image, normalise, scale, padding, luma, planes):
-    """Write the luma, and the first and third plane: half luma and mean chroma.
+def split_colours(image, normalise, scale, middle, padding, planes):
+    """Write half the luma, twice its difference from the local mean, and mean chroma.
 
     Parameters
     ----------
@@ -62,26 +155,32 @@ def split_colours(image, normalise, scale, padding, luma, planes):
         Gray or BGR; the planes are multiplied by alpha if there is a second or a fourth channel.
     normalise : float32
         Factor that scales the image's white to 1.
-    scale : float32
-        Levels that represent a difference of 1.
+    scale, middle : float32
+        Levels that represent a difference of 1, and the level of zero difference from the mean.
     padding : int
         Pixels on every side of the planes.
-    luma : (H, W) float32 out
     planes : (3, H + 2 padding, W + 2 padding or more) uint8 out
-        Only the frame area of the first and third plane is written.
+        With repeated edges.
     """
     height, width, channels = image.shape
     rows = np.ascontiguousarray(image).reshape(height, width * channels)
-    for y in range(height):
-        first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
-        if channels == 3:  # a compile-time constant: pixels three values apart can be vectorised
-            split_row(rows[y], 3, normalise, scale, luma[y], first, third)
-        else:
-            split_row(rows[y], channels, normalise, scale, luma[y], first, third)
+    high_pass = start_high_pass(width)
+    for y in range(height + RADIUS):
+        if y < height:
+            luma = high_pass.rows[y % KEPT_ROWS]
+            first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
+            if channels == 3:  # a compile-time constant: pixels three values apart can be vectorised
+                split_row(rows[y], 3, normalise, scale, luma, first, third)
+            else:
+                split_row(rows[y], channels, normalise, scale, luma, first, third)
+        done = y - RADIUS
+        if done >= 0:
+            write_high_pass(high_pass, done, height, scale, middle, planes[1, padding + done, padding:])
+    repeat_edges(height, width, padding, planes)
 
 
 @njit(cache=True, **FINITE_JIT)
-def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, padding, luma, planes):
+def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, middle, padding, planes):
     """Do the same as `split_colours` for an image in planes of luma and chroma.
 
     Parameters
@@ -89,65 +188,36 @@ def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, padding, luma,
     y_plane : (H, W) uint8 or uint16
     cb_plane, cr_plane : (H, W), or subsampled by 2 along x or along both axes
     code_levels : CodeLevels
-    scale, padding, luma, planes
+    scale, middle, padding, planes
         As for `split_colours`.
     """
     black, luma_unit, neutral, chroma_unit = code_levels
     height, width = y_plane.shape
     rows, columns = cb_plane.shape
     half, down, mean = np.float32(0.5), 1 if rows == height else 2, np.empty(columns, np.uint8)
-    for y in range(height):
-        codes, to = y_plane[y], luma[y]
-        first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
-        for x in range(width):
-            value = (np.float32(codes[x]) - black) * luma_unit
-            to[x] = value
-            first[x] = as_level(value * half * scale)
-        if y % down == 0:
-            cb, cr = cb_plane[y // down], cr_plane[y // down]
-            for x in range(columns):
-                chroma = np.float32(cb[x]) + np.float32(cr[x])
-                mean[x] = as_level(((chroma * half - neutral) * chroma_unit + half) * scale)
-        if columns == width:
+    high_pass = start_high_pass(width)
+    for y in range(height + RADIUS):
+        if y < height:
+            codes, to = y_plane[y], high_pass.rows[y % KEPT_ROWS]
+            first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
             for x in range(width):
-                third[x] = mean[x]
-        else:
-            for x in range(Index(width // 2)):
-                third[Index(2) * x] = mean[x]
-                third[Index(2) * x + Index(1)] = mean[x]
-            third[width - 1] = mean[columns - 1]
-
-
-@njit(cache=True, **FINITE_JIT)
-def finish_planes(luma, local_mean, scale, middle, padding, planes):
-    """Write the second plane, twice the luma minus its local mean, and repeat the edges of all three planes.
-
-    Parameters
-    ----------
-    luma, local_mean : (H, W) float32
-    scale, middle : float32
-        Levels that represent a difference of 1, and the level of zero difference: differences have both signs.
-    padding : int
-    planes : (3, H + 2 padding, W + 2 padding or more) uint8
-        Updated in place.
-    """
-    height, width = luma.shape
-    columns, twice = planes.shape[2], np.float32(2) * scale
-    for y in range(height):
-        here, mean_row, second = luma[y], local_mean[y], planes[1, padding + y, padding:]
-        for x in range(width):
-            second[x] = as_level(twice * (here[x] - mean_row[x]) + middle)
-        for c in range(3):
-            row = planes[c, padding + y]
-            first, last = row[padding], row[padding + width - 1]
-            for x in range(padding):
-                row[x] = first
-            for x in range(padding + width, columns):
-                row[x] = last
-    for c in range(3):
-        above, below = planes[c, padding], planes[c, padding + height - 1]
-        for y in range(padding):
-            first, last = planes[c, y], planes[c, y + padding + height]
-            for x in range(columns):
-                first[x] = above[x]
-                last[x] = below[x]
+                value = (np.float32(codes[x]) - black) * luma_unit
+                to[x] = value
+                first[x] = as_level(value * half * scale)
+            if y % down == 0:
+                cb, cr = cb_plane[y // down], cr_plane[y // down]
+                for x in range(columns):
+                    chroma = np.float32(cb[x]) + np.float32(cr[x])
+                    mean[x] = as_level(((chroma * half - neutral) * chroma_unit + half) * scale)
+            if columns == width:
+                for x in range(width):
+                    third[x] = mean[x]
+            else:
+                for x in range(Index(width // 2)):
+                    third[Index(2) * x] = mean[x]
+                    third[Index(2) * x + Index(1)] = mean[x]
+                third[width - 1] = mean[columns - 1]
+        done = y - RADIUS
+        if done >= 0:
+            write_high_pass(high_pass, done, height, scale, middle, planes[1, padding + done, padding:])
+    repeat_edges(height, width, padding, planes)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image, Pixels, has_alpha
-from fpsboost.kernels.contrast import CodeLevels, finish_planes, split_colours, split_planes
+from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, split_colours, split_planes
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import level_scale
 from fpsboost.kernels.memory import aligned_empty
@@ -80,7 +80,7 @@ def gray(image: Pixels) -> NDArray[Any]:
     return eight_bit
 
 
-def contrast_components(image: Pixels, high_pass_size: int = 9) -> Components:
+def contrast_components(image: Pixels) -> Components:
     """Return half luma, doubled high-pass luma and mean chroma, which are sensitive to low contrast.
 
     They are also robust to slow brightness changes.
@@ -90,15 +90,13 @@ def contrast_components(image: Pixels, high_pass_size: int = 9) -> Components:
     Parameters
     ----------
     image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-    high_pass_size : int
-        Side of the box whose mean is subtracted, pixels.
 
     Returns
     -------
     (H, W, 3) float32
     """
     luma, chroma = _luma_and_chroma(image)
-    high_pass = (luma - cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))) * 2
+    high_pass = (luma - cv2.boxFilter(luma, -1, (HIGH_PASS_SIZE, HIGH_PASS_SIZE))) * 2
     return np.dstack([luma * 0.5, high_pass, chroma])
 
 
@@ -120,7 +118,7 @@ def _luma_and_chroma(image: Pixels) -> tuple[NDArray[Any], NDArray[Any]]:
     return converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
 
 
-def contrast_planes(image: Pixels, padding: int, bandwidth: float, high_pass_size: int = 9) -> NDArray[Any]:
+def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[Any]:
     """Return the `contrast_components` in bytes for the kernels, computed in a single pass.
 
     Parameters
@@ -130,8 +128,6 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float, high_pass_siz
         Pixels on every side; the right side is padded by a few vectors more.
     bandwidth : float
         Bandwidth of the similarity.
-    high_pass_size : int
-        As in `contrast_components`.
 
     Returns
     -------
@@ -140,18 +136,15 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float, high_pass_siz
     """
     height, width = image.shape[:2]
     scale = np.float32(level_scale(bandwidth))
-    luma = np.empty((height, width), np.float32)
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
     if isinstance(image, YCbCrImage):
         black, luma_span, neutral, chroma_span = image.coding.levels
         code_levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
-        split_planes(*image.planes, code_levels, scale, padding, luma, planes)
+        split_planes(*image.planes, code_levels, scale, ZERO_LEVEL, padding, planes)
     else:
         white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
         colours = compress_highlights(image) if image.dtype == np.float32 else image
-        split_colours(colours, np.float32(1 / white), scale, padding, luma, planes)
-    local_mean = cv2.boxFilter(luma, -1, (high_pass_size, high_pass_size))
-    finish_planes(luma, local_mean.reshape(luma.shape), scale, ZERO_LEVEL, padding, planes)
+        split_colours(colours, np.float32(1 / white), scale, ZERO_LEVEL, padding, planes)
     return planes
 
 
