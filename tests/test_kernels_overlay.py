@@ -56,6 +56,15 @@ def test_marks_equal_their_slow_twin(height, width, spacing, largest, seed):
     np.testing.assert_array_equal(mark(images, motion, spacing), marked(images, motion, spacing, 1.0, 8, 25))
 
 
+@settings(max_examples=20)
+@given(st.integers(1, 30), st.integers(1, 30), st.sampled_from([1, 7, 32]), st.integers(0, 2**32))
+def test_marks_of_deep_luma_equal_their_slow_twin(height, width, spacing, seed):
+    """Codes of 16 bits, from 0 to the highest."""
+    images = [image.astype(np.uint16) * 257 for image in clip(height, width, seed)]
+    motion, limits = block_motion(height, width, spacing, 12, seed), (1.0, 8 * 257, 25 * 257)
+    np.testing.assert_array_equal(mark(images, motion, spacing, *limits), marked(images, motion, spacing, *limits))
+
+
 @pytest.mark.parametrize(("same", "different"), [(0, 0), (0, 254), (8, 25), (255, 255)])
 def test_all_limits_equal_their_slow_twin(same, different):
     """From no level to all of them; with the usual ones every kind of mark is there."""

@@ -11,7 +11,10 @@ import pytest
 from truth import as_type, noise, prepared, waves
 
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay, keep_overlay
+from fpsboost.io.video.planes import in_planes
+from fpsboost.io.video.ycc import from_bgr
 from fpsboost.method_table import methods
+from fpsboost.ycbcr import Coding
 
 KEEPING = replace(methods["nlm"], cuts=None)
 MOVING = replace(KEEPING, overlays=False)
@@ -176,6 +179,25 @@ def test_letters_stay_in_every_type(channels, dtype):
     assert off_by(moved, at(0.5))[mask].mean() > 8
     if channels == 3:
         assert (found(at) != found(panning((12, 0), mask))).mean() < 0.001
+
+
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuvj420p", "yuv420p10le"])
+def test_letters_stay_in_planes(pixel_format):
+    """Of video, by its luma in any range and depth: nearly the pixels that are found in the same pictures as BGR."""
+    mask = letters()
+    in_bgr = panning((12, 0), mask)
+    coding = Coding(10 if "10" in pixel_format else 8, 1, "j" in pixel_format, "left", pixel_format)
+
+    def in_planes_at(t):
+        return in_planes(from_bgr(in_bgr(t), pixel_format, 1, coding.full_range), coding)
+
+    overlay = found(in_planes_at)
+    assert overlay[mask].mean() > 0.95
+    assert (overlay != found(in_bgr)).mean() < 0.005
+    kept, moved = kept_and_moved(in_planes_at)
+    luma, white = in_planes_at(0.5).planes[0][mask].astype(float), coding.levels.luma_span
+    assert np.abs(kept.planes[0][mask] - luma).mean() < 0.5 * white / 255
+    assert np.abs(moved.planes[0][mask] - luma).mean() > 8 * white / 255
 
 
 @pytest.mark.parametrize("size", [(24, 40), (40, 60), (60, 100)])

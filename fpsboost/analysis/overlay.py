@@ -30,7 +30,8 @@ MIN_MOTION = np.float32(1)
 """Motion below which surroundings count as still, pixels."""
 
 STATIC_THRESHOLD, CHANGE_THRESHOLD = 8, 25
-"""Levels of 255: a pixel that changes by at most the first is static, one that changes by more than the second not."""
+"""Levels of 255: a pixel whose luma changes by at most the first is static, one that changes by more than the second
+not."""
 
 MIN_NEIGHBOURS = 3
 """Minimum number of overlay pixels in the 3x3 neighbourhood of a pixel of an overlay, itself included."""
@@ -57,13 +58,13 @@ def find_overlay(
     -------
     (H, W) bool, or None if there are none
     """
-    grays = [image.cached(gray) for image in (image0, image1, before, after)]
+    luma = Frames(*(_luma(image) for image in (image0, image1, before, after)))
     motion, _ = field01.at_points(BLOCK_SIZE)
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), MEDIAN_SIZE) for axis in (0, 1)])
-    marks = np.empty_like(grays[0])
-    thresholds = MIN_MOTION, STATIC_THRESHOLD, CHANGE_THRESHOLD
-    any_stands_out = np.empty(1, np.bool_)
-    mark_overlay(Frames(*grays), surroundings, BLOCK_SIZE, *thresholds, marks, any_stands_out)
+    marks, any_stands_out = np.empty(luma.image0.shape, np.uint8), np.empty(1, np.bool_)
+    white = image0.pixels.coding.levels.luma_span if isinstance(image0.pixels, YCbCrImage) else 255
+    thresholds = (round(levels * white / 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
+    mark_overlay(luma, surroundings, BLOCK_SIZE, MIN_MOTION, *thresholds, marks, any_stands_out)
     if not any_stands_out[0]:  # nearly always
         return None
     found = marks == STANDS_OUT
@@ -71,6 +72,11 @@ def find_overlay(
     near = cv2.dilate(together.astype(np.uint8), np.ones((2 * DILATION_RADIUS + 1, 2 * DILATION_RADIUS + 1), np.uint8))
     overlay: NDArray[Any] = (near > 0) & (marks > 0)
     return overlay if overlay.any() else None
+
+
+def _luma(image: FrameCache) -> NDArray[Any]:
+    """Return the luma of an image; that of video is not copied."""
+    return image.pixels.planes[0] if isinstance(image.pixels, YCbCrImage) else image.cached(gray)
 
 
 def keep_overlay(image: Pixels, image0: Pixels, image1: Pixels, t: float, overlay: NDArray[Any]) -> None:

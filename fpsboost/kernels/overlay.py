@@ -14,7 +14,7 @@ STAYS, STANDS_OUT = 1, 2
 
 
 class Frames(NamedTuple):
-    """Frames in which a pixel of an overlay is the same, each (H, W) uint8."""
+    """Luma of the frames in which a pixel of an overlay is the same, each (H, W) uint8 or uint16."""
 
     image0: NDArray[Any]
     image1: NDArray[Any]
@@ -25,9 +25,16 @@ class Frames(NamedTuple):
 
 
 @njit(inline="always", **JIT)
-def apart(one, other):
-    """Return the absolute difference of two 8-bit levels as 8 bits: a vector holds four times as many as of 32 bits."""
-    return np.uint8(max(one, other) - min(one, other))
+def apart(one, other, as_code):
+    """Return the absolute difference of two code values in their own type: a vector holds more of them than of int64.
+
+    Parameters
+    ----------
+    one, other : uint8 or uint16
+    as_code : type
+        Their type.
+    """
+    return as_code(max(one, other) - min(one, other))
 
 
 @njit(inline="always", **JIT)
@@ -40,11 +47,12 @@ def motion_of_block(vector, shortest):
 def find_smallest_change(frames, y, left, right, dx, dy, smallest):
     """Write how much some pixels of row y would change at least if they had moved along, from `left` to `right`.
 
-    One of the frames would show the pixel's colour on one side or the other. It is 0 where that is outside.
+    One of the frames would show the pixel's luma on one side or the other. It is 0 where that is outside.
     """
     image0, image1, before, after = frames
     height, width = image0.shape
-    smallest[left:right] = 255
+    as_code = image0.dtype.type
+    smallest[left:right] = np.iinfo(image0.dtype).max
     here = Index(y)
     for sign in (-1, 1):
         there, moved = y + sign * dy, sign * dx
@@ -56,13 +64,13 @@ def find_smallest_change(frames, y, left, right, dx, dy, smallest):
         smallest[last:right] = 0
         begin, source, size = Index(first), Index(first + moved), Index(last - first)
         for i in range(size):
-            colour = image0[here, begin + i]
+            luma = image0[here, begin + i]
             smallest[begin + i] = min(
                 smallest[begin + i],
-                apart(image0[Index(there), source + i], colour),
-                apart(image1[Index(there), source + i], colour),
-                apart(before[Index(there), source + i], colour),
-                apart(after[Index(there), source + i], colour),
+                apart(image0[Index(there), source + i], luma, as_code),
+                apart(image1[Index(there), source + i], luma, as_code),
+                apart(before[Index(there), source + i], luma, as_code),
+                apart(after[Index(there), source + i], luma, as_code),
             )
 
 
@@ -79,20 +87,24 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, marks, any_
     shortest : float32
         Motion below which the surroundings count as static, pixels.
     same, different : int
-        Difference in levels up to which a pixel is the same, and above which it is different.
+        Difference in code values up to which a pixel is the same, and above which it is different.
     marks : (H, W) uint8 out
         STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved; else 0.
     any_stands_out : (1,) bool out
     """
     image0, image1, before, after = frames
     height, width = marks.shape
-    smallest = np.empty(width, np.uint8)
+    as_code, smallest = image0.dtype.type, np.empty(width, image0.dtype)
     any_stands_out[0] = False
     for y in range(height):
         here, row, vectors = Index(y), marks[y], motion[y // spacing]
         for x in range(Index(width)):
-            colour = image0[here, x]
-            largest = max(apart(image1[here, x], colour), apart(before[here, x], colour), apart(after[here, x], colour))
+            luma = image0[here, x]
+            largest = max(
+                apart(image1[here, x], luma, as_code),
+                apart(before[here, x], luma, as_code),
+                apart(after[here, x], luma, as_code),
+            )
             row[x] = np.uint8(STAYS) if largest <= same else np.uint8(0)
         end = 0
         while end < len(vectors):
