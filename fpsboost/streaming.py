@@ -35,7 +35,7 @@ from fpsboost.timing.schedule import Schedule, Step, rising_time
 FRAMES_PER_TASK = 4
 """Maximum number of output frames that one task makes."""
 
-READ_AHEAD = 2
+READ_AHEAD = 1
 WRITE_BEHIND = 2
 
 

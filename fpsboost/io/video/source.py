@@ -641,7 +641,6 @@ def open_video(path: Path, name: str) -> av.container.InputContainer:
 
 
 def _decode_in_threads(stream: av.VideoStream) -> None:
-    """Let a decoder use two cores, or a quarter of many: it has little to do, and threads hold frames of their own."""
-    cores = available_cores()
+    """Let a decoder use a quarter of the cores: it has little to do, and every thread holds frames of its own."""
     stream.thread_type = "AUTO"
-    stream.thread_count = min(cores, max(2, cores // 4))
+    stream.thread_count = max(1, available_cores() // 4)
