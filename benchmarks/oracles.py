@@ -66,16 +66,16 @@ def sample_candidate(samples0, samples1, size, top, left, motion, t, rows, marks
         Room.
     images : (3, C, AREA) float32 out
     """
-    (_, plane_rows, stride), unit = samples0.full.planes.shape, samples0.full.unit
+    unit, (_, height, width) = samples0.full.unit, samples0.full.planes.shape
+    _, plane_rows, stride = samples0.full.coefficients.shape
     values0, coefficients0 = samples0.full.planes.ravel(), samples0.full.coefficients.ravel()
     values1, coefficients1 = samples1.full.planes.ravel(), samples1.full.coefficients.ravel()
     place = locate_window(top, left, motion, t, *size, marks)
     for c in range(images.shape[1]):
-        begin = c * plane_rows * stride
         first, second, mixed = images[1, c], images[2, c], images[0, c]
-        plane0 = Plane(values0, coefficients0, unit, begin, plane_rows, stride)
+        plane0 = Plane(values0, coefficients0, unit, c, height, width, plane_rows, stride)
         fetch_window(plane0, place.y0, place.x0, -t, motion, WINDOW, WINDOW, rows, first)
-        plane1 = Plane(values1, coefficients1, unit, begin, plane_rows, stride)
+        plane1 = Plane(values1, coefficients1, unit, c, height, width, plane_rows, stride)
         fetch_window(plane1, place.y1, place.x1, np.float32(1) - t, motion, WINDOW, WINDOW, rows, second)
         for i in range(AREA):
             mixed[i] = first[i] + t * (second[i] - first[i])

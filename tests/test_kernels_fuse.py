@@ -32,7 +32,6 @@ from fpsboost.kernels.multi_hypothesis import (
     SQUARES_PER_WINDOW,
     WINDOW,
     Blended,
-    Plane,
     Room,
     SampledImage,
     Samples,
@@ -40,11 +39,13 @@ from fpsboost.kernels.multi_hypothesis import (
     Weighting,
     WindowPlace,
     blend_hypotheses,
+    copy_window,
     decay,
     fetch_rigid,
     fetch_window,
     finish_confidence,
     finish_rows,
+    first_plane,
     make_layer,
     mark_inside,
     patch_shares,
@@ -59,7 +60,7 @@ from fpsboost.kernels.spline import MARGIN, fill_planes
 def samples(image):
     """Planes and their coefficients, which the twin finds: uncompiled, the kernel would take most of the time."""
     height, width, channels = image.shape
-    planes = np.empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+    planes = np.empty((channels, height, width), np.float32)
     fill_planes(image, np.float32(1), False, planes)
     beyond = 2 * SPARE  # the solver knows nothing of what lies farther out
     coefficients = [
@@ -417,17 +418,30 @@ def test_decay_is_the_exponential():
 def test_windows_are_sampled_as_the_spline_says(place):
     """At fractions of a pixel as the twin does, at whole ones as a copy."""
     image = noise(34, 38, 1, np.float32)
-    planes, coefficients, unit = samples(image)
-    _, end, stride = planes.shape
+    plane = first_plane(samples(image))
     out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
     y, x = np.float32(place[0] + MARGIN), np.float32(place[1] + MARGIN)
-    plane = Plane(planes.ravel(), coefficients.ravel(), unit, 0, end, stride)
     uncompiled(fetch_rigid)(plane, y, x, WINDOW, WINDOW, rows, out)
     expected = spline_window(spline_coefficients(image[..., 0], 40), 40, *place)
     np.testing.assert_allclose(out.reshape(WINDOW, WINDOW), expected, atol=1e-5)
     if all(value == int(value) for value in place):
+        padded = np.pad(image[..., 0], MARGIN, "edge")
         top, left = int(y), int(x)
-        np.testing.assert_array_equal(out.reshape(WINDOW, WINDOW), planes[0, top : top + WINDOW, left : left + WINDOW])
+        np.testing.assert_array_equal(out.reshape(WINDOW, WINDOW), padded[top : top + WINDOW, left : left + WINDOW])
+
+
+@pytest.mark.parametrize("size", [(50, 60), (3, 5), (1, 1)])
+@pytest.mark.parametrize("top", [-40, -7, 0, 9, 51])
+@pytest.mark.parametrize("left", [-40, -33, -5, 0, 12, 40, 62])
+def test_windows_are_copied_wherever_they_are(size, top, left):
+    """Of any plane, inside or partly or wholly beyond the frame, where the nearest pixel is repeated."""
+    image = noise(*size, 2)
+    planes = samples(image)._replace(planes=np.ascontiguousarray(image.transpose(2, 0, 1)), unit=np.float32(0.5))
+    out = np.full(WINDOW * SQUARES_PER_ROW, np.nan, np.float32)
+    uncompiled(copy_window)(first_plane(planes)._replace(number=1), top, left, SQUARES_PER_ROW, WINDOW, out)
+    rows = (top + np.arange(WINDOW)).clip(0, size[0] - 1)
+    columns = (left + np.arange(SQUARES_PER_ROW)).clip(0, size[1] - 1)
+    np.testing.assert_array_equal(out.reshape(WINDOW, -1), image[rows][:, columns, 1] * np.float32(0.5))
 
 
 @pytest.mark.parametrize("share", [-0.25, 0.75])
@@ -442,9 +456,7 @@ def test_the_blocks_of_a_window_move_as_their_middles_do(share):
         (x, 12.25 + np.arange(WINDOW) + shift_x),
         (y, 9.5 + np.arange(WINDOW)[:, np.newaxis] + shift_y),
     ):
-        planes, coefficients, unit = samples(ramp[..., np.newaxis].astype(np.float32))
-        _, end, stride = coefficients.shape
-        plane = Plane(planes.ravel(), coefficients.ravel(), unit, 0, end, stride)
+        plane = first_plane(samples(ramp[..., np.newaxis].astype(np.float32)))
         out, rows = np.empty(AREA, np.float32), np.empty((WINDOW + 3) * WINDOW, np.float32)
         place = np.float32(9.5 + MARGIN), np.float32(12.25 + MARGIN)
         window = np.float32(share), motion, WINDOW, WINDOW

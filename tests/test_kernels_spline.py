@@ -14,47 +14,46 @@ from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_c
 BEYOND = 40
 
 
-def planes_of(image, scale=1.0, premultiply=False, spare=3):
-    """The kernel's planes, with a few columns more than it needs."""
+def planes_of(image, scale=1.0, premultiply=False):
+    """The kernel's planes."""
     height, width, channels = image.shape
-    planes = np.full((channels, height + 2 * MARGIN, width + 2 * MARGIN + spare), np.nan, np.float32)
+    planes = np.full((channels, height, width), np.nan, np.float32)
     fill_planes(image, np.float32(scale), premultiply, planes)
     return planes
 
 
-def coefficients_of(planes, spare=3):
-    """The kernel's coefficients; the planes have a few columns more than it needs."""
-    coefficients = np.empty_like(planes)
-    find_coefficients(
-        planes, planes.shape[2] - 2 * MARGIN - spare, np.float32(1), filter_response(2**-19), coefficients
-    )
+def coefficients_of(planes, unit=1.0, spare=3):
+    """The kernel's coefficients, with a few columns more than it needs."""
+    channels, height, width = planes.shape
+    coefficients = np.full((channels, height + 2 * MARGIN, width + 2 * MARGIN + spare), np.nan, np.float32)
+    find_coefficients(planes, np.float32(unit), filter_response(2**-19), coefficients)
     return coefficients
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize("size", [(5, 7, 3), (1, 1, 1), (2, 9, 4)])
-def test_planes_repeat_the_edges(dtype, size):
-    """One plane a channel, scaled, with numpy's own padding and whatever columns there are more."""
+def test_planes_are_the_channels(dtype, size):
+    """One plane a channel, scaled."""
     image = noise(*size, dtype)
-    planes = planes_of(image, 0.5)
-    expected = np.pad(image.astype(float) * 0.5, ((MARGIN,) * 2, (MARGIN, MARGIN + 3), (0, 0)), "edge")
-    np.testing.assert_allclose(planes, expected.transpose(2, 0, 1), rtol=1e-6)
+    np.testing.assert_allclose(planes_of(image, 0.5), image.astype(float).transpose(2, 0, 1) * 0.5, rtol=1e-6)
 
 
 def test_planes_can_be_multiplied_by_alpha():
     """Colours are, the fourth channel itself is not."""
     image = noise(4, 6, 4)
-    inner = planes_of(image, 1 / 255, True)[:, MARGIN:-MARGIN, MARGIN : MARGIN + 6].transpose(1, 2, 0)
+    planes = planes_of(image, 1 / 255, True).transpose(1, 2, 0)
     colours, alpha = image[..., :3] / 255, image[..., 3:] / 255
-    np.testing.assert_allclose(inner, np.concatenate([colours * alpha, alpha], axis=-1), atol=1e-6)
+    np.testing.assert_allclose(planes, np.concatenate([colours * alpha, alpha], axis=-1), atol=1e-6)
 
 
 @settings(max_examples=8)
 @given(st.integers(1, 7), st.integers(1, 7), st.integers(0, 2**32))
 def test_coefficients_solve_the_equations(height, width, seed):
-    """The filter finds what a linear solver finds, in the frame and around it."""
+    """The filter finds what a linear solver finds, in the frame and around it; the last ones go on beyond."""
     image = noise(height, width, 1, np.float32, seed)
-    found = coefficients_of(planes_of(image))[0, :, : 2 * MARGIN + width]
+    everywhere = coefficients_of(planes_of(image))[0]
+    found = everywhere[:, : 2 * MARGIN + width]
+    np.testing.assert_array_equal(everywhere[:, 2 * MARGIN + width :], np.repeat(found[:, -1:], 3, axis=1))
     beyond = BEYOND + MARGIN
     expected = spline_coefficients(image[..., 0], beyond)[BEYOND:-BEYOND, BEYOND:-BEYOND]
     np.testing.assert_allclose(found, expected, atol=1e-5)
@@ -63,12 +62,11 @@ def test_coefficients_solve_the_equations(height, width, seed):
 def test_coefficients_of_levels_are_those_of_their_share_of_white():
     """Planes of bytes and a factor give what float planes give; the rows that the filter keeps come around."""
     image = noise(30, 17, 2)
-    planes = np.empty((2, 30 + 2 * MARGIN, 17 + 2 * MARGIN), np.uint8)
+    planes = np.empty((2, 30, 17), np.uint8)
     fill_planes(image, np.float32(1), False, planes)
-    np.testing.assert_array_equal(planes[:, MARGIN:-MARGIN, MARGIN:-MARGIN], image.transpose(2, 0, 1))
-    coefficients = np.empty(planes.shape, np.float32)
-    find_coefficients(planes, 17, np.float32(1 / 255), filter_response(2**-19), coefficients)
-    np.testing.assert_allclose(coefficients, coefficients_of(planes_of(image, 1 / 255, spare=0), spare=0), atol=1e-6)
+    np.testing.assert_array_equal(planes, image.transpose(2, 0, 1))
+    found = coefficients_of(planes, 1 / 255)
+    np.testing.assert_allclose(found, coefficients_of(planes_of(image, 1 / 255)), atol=1e-6)
 
 
 def test_the_spline_meets_every_sample():

@@ -38,17 +38,17 @@ from fpsboost.kernels.window_rows import (
 
 
 class Samples(NamedTuple):
-    """Planes of an image with repeated edges, and their spline coefficients; see `fpsboost.kernels.spline`."""
+    """Planes of an image, and their spline coefficients; see `fpsboost.kernels.spline`."""
 
     planes: NDArray[Any]
-    """Values, (C, H + 2 MARGIN, W + 2 MARGIN or more) uint8, uint16 or float32."""
+    """Values, (C, H, W) uint8, uint16 or float32."""
     coefficients: NDArray[Any]
-    """float32, shaped like the planes: coefficients of their values times `unit`."""
+    """Coefficients of the values times `unit`, with repeated edges, (C, H + 2 MARGIN, W + 2 MARGIN or more) float32."""
     unit: np.float32
 
 
 class SampledImage(NamedTuple):
-    """Image in the form that `blend_hypotheses` reads, with at least SPARE columns beyond the right margin."""
+    """Image as `blend_hypotheses` reads it; its coefficients have at least SPARE columns beyond the right margin."""
 
     full: Samples
     """Planes at full resolution."""
@@ -63,13 +63,18 @@ class Plane(NamedTuple):
     values: NDArray[Any]
     """(size,) uint8, uint16 or float32."""
     coefficients: NDArray[Any]
-    """Spline coefficients of the values times `unit`, (size,) float32."""
+    """Spline coefficients of the values times `unit`, with repeated edges, (size,) float32."""
     unit: np.float32
-    begin: int
-    """Index of the first element of the plane, in both arrays."""
+    number: int
+    """Number of the plane, from 0."""
+    height: int
+    """Rows of values."""
+    width: int
+    """Columns of values."""
     rows: int
+    """Rows of coefficients."""
     stride: int
-    """Distance between rows."""
+    """Columns of coefficients."""
 
 
 class WindowPlace(NamedTuple):
@@ -242,7 +247,7 @@ PADDED = SQUARES_PER_ROW + 2 * PATCH_RADIUS
 """Squares in a row of a window with zero padding on both sides, for sums over patches."""
 
 SPARE = LANES
-"""Columns that planes need beyond the right margin."""
+"""Columns of coefficients that are needed beyond the right margin."""
 
 CONFIDENCE_POWER = 8
 """Power of the similarity that is the confidence; see `finish_confidence`."""
@@ -301,17 +306,32 @@ def locate_window(top, left, motion, t, height, width, marks):
 
 
 @njit(**FINITE_JIT)
+def copy_window(plane, top, left, wide, tall, out):
+    """Copy a window that begins at a pixel, which may lie outside of the frame: its edges are repeated."""
+    values, unit, height, width = plane.values, plane.unit, plane.height, plane.width
+    first = min(max(-left, 0), wide)
+    last = min(max(width - left, first), wide)
+    for j in range(tall):
+        begin, to = (plane.number * height + min(max(top + j, 0), height - 1)) * width, Index(j * wide)
+        place, end, inside = Index(begin + max(left, 0)), Index(begin + width - 1), to + Index(first)
+        for i in range(Index(first)):
+            out[to + i] = np.float32(values[Index(begin)]) * unit
+        for i in range(Index(last - first)):
+            out[inside + i] = np.float32(values[place + i]) * unit
+        for i in range(Index(last), Index(wide)):
+            out[to + i] = np.float32(values[end]) * unit
+
+
+@njit(**FINITE_JIT)
 def fetch_rigid(plane, y, x, wide, tall, rows, out):
     """Sample a window that moves as a whole; integer positions are copied. See `fetch_window`."""
     top, left = int(y), int(x)  # never below 1
-    values, coefficients, unit, begin, _, stride = plane
     fraction_y, fraction_x = y - np.float32(top), x - np.float32(left)
     if fraction_y == 0 and fraction_x == 0:
-        for j in range(tall):
-            place, to = Index(begin + (top + j) * stride + left), Index(j * wide)
-            for i in range(Index(wide)):
-                out[to + i] = np.float32(values[place + i]) * unit
+        copy_window(plane, top - MARGIN, left - MARGIN, wide, tall, out)
         return
+    coefficients, stride = plane.coefficients, plane.stride
+    begin = plane.number * plane.rows * stride
     w0, w1, w2, w3 = spline_weights(fraction_x)
     for j in range(tall + 3):
         place, to = begin + (top - 1 + j) * stride + left - 1, j * wide
@@ -364,7 +384,8 @@ def fetch_window(plane, y, x, share, motion, wide, tall, rows, out):
     if is_rigid(motion):
         fetch_rigid(plane, y, x, wide, tall, rows, out)
         return
-    _, coefficients, _, begin, plane_rows, stride = plane
+    coefficients, plane_rows, stride = plane.coefficients, plane.rows, plane.stride
+    begin = plane.number * plane_rows * stride
     for down in range(0, tall, BLOCK):
         for across in range(0, wide, BLOCK):
             block = down, across, wide, tall
@@ -393,15 +414,15 @@ def set_taps(stride, y, x, number, taps):
 @njit(**FINITE_JIT)
 def mix_fetched(layer, place, motion, room):
     """Do the same as `sample_layer` for any window, in several passes."""
-    values0, coefficients0, unit, _, rows, stride = layer.plane0
+    values0, coefficients0, unit, _, height, width, rows, stride = layer.plane0
     values1, coefficients1 = layer.plane1.values, layer.plane1.coefficients
     wide, tall, distance, mixed, t = layer.wide, layer.tall, layer.distance, layer.mixed, place.t
     filtered, first, second = room.rows, room.first, room.second
     for c in range(mixed.shape[0]):
-        begin, to = c * rows * stride, mixed[c]
-        plane = Plane(values0, coefficients0, unit, begin, rows, stride)
+        to = mixed[c]
+        plane = Plane(values0, coefficients0, unit, c, height, width, rows, stride)
         fetch_window(plane, place.y0, place.x0, -t, motion, wide, tall, filtered, first)
-        plane = Plane(values1, coefficients1, unit, begin, rows, stride)
+        plane = Plane(values1, coefficients1, unit, c, height, width, rows, stride)
         fetch_window(plane, place.y1, place.x1, np.float32(1) - t, motion, wide, tall, filtered, second)
         for i in range(Index(to.size)):
             difference = second[i] - first[i]
@@ -871,8 +892,8 @@ def make_layer(
 
 def first_plane(samples: Samples) -> Plane:
     """Return the first plane of an image's samples."""
-    _, rows, stride = samples.planes.shape
-    return Plane(samples.planes.ravel(), samples.coefficients.ravel(), samples.unit, 0, rows, stride)
+    planes, coefficients, unit = samples
+    return Plane(planes.ravel(), coefficients.ravel(), unit, 0, *planes.shape[1:], *coefficients.shape[1:])
 
 
 def make_work() -> Work:

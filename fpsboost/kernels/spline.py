@@ -23,7 +23,7 @@ POLE = math.sqrt(3) - 2
 
 @njit(cache=True, **FINITE_JIT)
 def fill_planes(image, scale, premultiply, planes):
-    """Write an image as planes with repeated edges.
+    """Write an image as planes.
 
     Parameters
     ----------
@@ -32,20 +32,16 @@ def fill_planes(image, scale, premultiply, planes):
         Factor on every value.
     premultiply : bool
         Whether to multiply all other channels by the last.
-    planes : (C, H + 2 MARGIN, W + 2 MARGIN or more) uint8, uint16 or float32 out
+    planes : (C, H, W) uint8, uint16 or float32 out
     """
-    height, width, channels = image.shape
-    for row in range(planes.shape[1]):
-        y = min(max(row - MARGIN, 0), height - 1)
-        for c in range(channels):
-            line = planes[c, row]
-            for x in range(width):
-                value = np.float32(image[y, x, c]) * scale
-                if premultiply and c < channels - 1:
-                    value *= np.float32(image[y, x, channels - 1]) * scale
-                line[MARGIN + x] = planes.dtype.type(value)
-            line[:MARGIN] = line[MARGIN]
-            line[MARGIN + width :] = line[MARGIN + width - 1]
+    channels, height, width = planes.shape
+    for y, c in np.ndindex(height, channels):
+        line = planes[c, y]
+        for x in range(width):
+            value = np.float32(image[y, x, c]) * scale
+            if premultiply and c < channels - 1:
+                value *= np.float32(image[y, x, channels - 1]) * scale
+            line[x] = planes.dtype.type(value)
 
 
 @njit(**FINITE_JIT)
@@ -66,40 +62,46 @@ def add_taps(n, response, here, near, far, sums):
             sums[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], sums[x]))
 
 
+@njit(**FINITE_JIT)
+def extend_row(source, unit, taps, row):
+    """Write a row of values times `unit`, with the first and the last one repeated `taps` times."""
+    for x in range(source.size):
+        row[taps + x] = np.float32(source[x]) * unit
+    row[:taps] = row[taps]
+    row[taps + source.size :] = row[taps + source.size - 1]
+
+
 @njit(cache=True, **FINITE_JIT)
-def find_coefficients(planes, columns, unit, response, coefficients):
-    """Compute the B-spline coefficients of planes with repeated edges.
+def find_coefficients(planes, unit, response, coefficients):
+    """Compute the B-spline coefficients of planes whose edges are repeated.
 
     Parameters
     ----------
     planes : (C, H, W) uint8, uint16 or float32
-        With MARGIN repeated rows on either side, and as many columns or more.
-    columns : int
-        Columns between the repeated ones.
     unit : float32
         Factor on every value.
     response : (taps + 1,) float32
         An even number of taps, less than MARGIN; see `filter_response`.
-    coefficients : (C, H, W) float32 out
+    coefficients : (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out
+        The frame begins MARGIN rows and columns from the corner.
     """
-    channels, height, _ = planes.shape
+    channels, height, columns = planes.shape
     taps = response.shape[0] - 1
     # farther out, all values around are equal, and so are the coefficients
-    first, last, last_row = MARGIN - taps, MARGIN + columns + taps, height - 1 - (MARGIN - taps)
+    first, last, last_row = MARGIN - taps, MARGIN + columns + taps, MARGIN + height - 1 + taps
     width = last - first
     line = np.empty(width + 2 * taps, np.float32)
     down = line[taps : taps + width]
     rows = np.empty((2 * taps + 1, width), np.float32)  # ring buffer of the latest rows, each converted once
-    for c, y in np.ndindex(channels, height):
+    for c, y in np.ndindex(channels, coefficients.shape[1]):
         if 0 < y <= MARGIN - taps or y > last_row:
             here, before = coefficients[c, y], coefficients[c, y - 1]
             for x in range(here.size):
                 here[x] = before[x]
             continue
         for fresh in range(y + taps if y > MARGIN - taps + 1 else y - taps, y + taps + 1):
-            row, source = rows[fresh % len(rows)], planes[c, min(max(fresh, 0), height - 1), first:last]
-            for x in range(width):
-                row[x] = np.float32(source[x]) * unit
+            source = planes[c, min(max(fresh - MARGIN, 0), height - 1)]
+            extend_row(source, unit, taps, rows[fresh % len(rows)])
         here = rows[y % len(rows)]
         for n in range(1, taps + 1, 2):
             near = rows[(y - n) % len(rows)], rows[(y + n) % len(rows)]

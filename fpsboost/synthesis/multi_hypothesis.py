@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, Pixels, as_array, has_alpha, value_range
@@ -232,7 +231,7 @@ class MultiHypothesis:
         height, width = planes0[0].shape
         nobody_asks, numbers = np.empty((0, 0), np.float32), np.finfo(np.float32)
         mixed = []
-        for sampled0, sampled1 in (samples, [each._replace(coefficients=each.planes) for each in samples]):
+        for sampled0, sampled1 in (samples, [_values_as_coefficients(each) for each in samples]):
             _, pixels, _ = _blank(frame_pair.image0.pixels)
             made = np.empty((len(planes0), height, width), np.float32)
             blend_hypotheses(
@@ -367,18 +366,15 @@ def _samples(image: Pixels) -> SampledImage:
     if isinstance(image, YCbCrImage):
         full = 3 if image.has_full_chroma else 1
         return SampledImage(*(_planar_samples(image, planes) for planes in (image.planes[:full], image.planes[full:])))
-    nothing = np.empty((0, 1, 1), image.dtype)
-    return SampledImage(_array_samples(image), Samples(nothing, nothing.astype(np.float32), np.float32(1)))
+    return SampledImage(_array_samples(image), _no_samples(image.dtype))
 
 
 def _planar_samples(image: YCbCrImage, planes: Sequence[NDArray[Any]]) -> Samples:
-    height, width = planes[0].shape if planes else (0, 0)
+    if not planes:
+        return _no_samples(image.dtype)
     unit = np.float32(1 / _white(image))  # also for chroma, whose weight is then about that in a sum over B, G and R
-    padded = aligned_empty((len(planes), height + 2 * MARGIN, width + 2 * MARGIN + SPARE), image.dtype)
-    beyond = padded.shape[2] - MARGIN - width
-    for plane, target in zip(planes, padded, strict=True):
-        cv2.copyMakeBorder(plane, MARGIN, MARGIN, MARGIN, beyond, cv2.BORDER_REPLICATE, dst=target)
-    return _with_coefficients(padded, width, unit, image.coding.bits)
+    together = planes[0][np.newaxis] if len(planes) == 1 else np.stack(planes)
+    return _with_coefficients(together, unit, image.coding.bits)
 
 
 def _array_samples(image: Image) -> Samples:
@@ -390,16 +386,28 @@ def _array_samples(image: Image) -> Samples:
         image = normalised(image)
     one, to_one = np.float32(1), np.float32(1 if is_float else 1 / np.iinfo(image.dtype).max)
     scale, unit = (to_one, one) if premultiply else (one, to_one)
-    size = channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE
-    planes = aligned_empty(size, np.float32 if premultiply else image.dtype)
+    planes = np.empty((channels, height, width), np.float32 if premultiply else image.dtype)
     fill_planes(image, scale, premultiply, planes)
-    return _with_coefficients(planes, width, unit, 8 if image.dtype == np.uint8 else 16)
+    return _with_coefficients(planes, unit, 8 if image.dtype == np.uint8 else 16)
 
 
-def _with_coefficients(planes: NDArray[Any], width: int, unit: np.float32, bits: int) -> Samples:
-    coefficients = aligned_empty(planes.shape, np.float32)
-    find_coefficients(planes, width, unit, filter_response(2.0 ** -(bits + 3)), coefficients)
+def _no_samples(dtype: DTypeLike) -> Samples:
+    return Samples(np.empty((0, 1, 1), dtype), np.empty((0, 1, 1), np.float32), np.float32(1))
+
+
+def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
+    channels, height, width = planes.shape
+    coefficients = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
+    find_coefficients(planes, unit, filter_response(2.0 ** -(bits + 3)), coefficients)
     return Samples(planes, coefficients, unit)
+
+
+def _values_as_coefficients(samples: Samples) -> Samples:
+    """Return samples whose spline smooths, instead of meeting the values, and so never overshoots."""
+    _, _, columns = samples.coefficients.shape
+    beyond = columns - MARGIN - samples.planes.shape[2]
+    values = np.pad(samples.planes, ((0, 0), (MARGIN, MARGIN), (MARGIN, beyond)), "edge")
+    return samples._replace(coefficients=values)
 
 
 def _blank(image: Pixels) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
