@@ -70,8 +70,24 @@ def test_errors_while_reading_surface_after_the_items_before_them(count):
     assert received == list(range(count))
 
 
-def test_read_ahead_stays_within_its_depth(refused):
-    """No more than the queue and the one item in hand are read before the caller asks."""
+@pytest.fixture
+def waited(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Set when there is no room for another item, however long one waits."""
+    event = threading.Event()
+
+    class Telling(threading.Semaphore):
+        def acquire(self, blocking: bool = True, timeout: float | None = None) -> bool:
+            has_room = super().acquire(blocking, timeout)
+            if not has_room:
+                event.set()
+            return has_room
+
+    monkeypatch.setattr("fpsboost.io.prefetch.Semaphore", Telling)
+    return event
+
+
+def test_read_ahead_stays_within_its_depth(waited):
+    """No more are read before the caller asks, and then one for each that it takes."""
     taken = []
 
     def source() -> Iterator[int]:
@@ -80,11 +96,12 @@ def test_read_ahead_stays_within_its_depth(refused):
             yield k
 
     with read_ahead(source(), 3) as items:
-        for _ in range(3):  # nothing more may be taken, however often it is tried
-            assert refused.wait(10)
-            refused.clear()
-            assert len(taken) == 4
-        assert next(items) == 0
+        for number in range(3):
+            for _ in range(3):  # the first time may be from before the caller took one; later nothing more is taken
+                waited.clear()
+                assert waited.wait(10)
+            assert len(taken) == 3 + number
+            assert next(items) == number
 
 
 def test_leaving_early_stops_an_endless_source_with_a_full_queue():

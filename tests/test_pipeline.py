@@ -12,7 +12,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from queue import Empty, Full, Queue
+from queue import Empty, Queue
 from typing import Any
 
 import av
@@ -481,15 +481,14 @@ def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, thre
     waited, read = threading.Event(), threading.Event()
     readers: list[threading.Thread] = []
 
-    class Watched(Queue):
-        def put(self, *arguments: Any, **options: Any) -> None:
-            try:
-                super().put(*arguments, **options)
-            except Full:
-                if slow_side == "sink" and threading.current_thread() in readers:
-                    waited.set()
-                raise
+    class WatchedRoom(threading.Semaphore):
+        def acquire(self, *arguments: Any, **options: Any) -> bool:
+            has_room = super().acquire(*arguments, **options)
+            if not has_room and slow_side == "sink" and threading.current_thread() in readers:
+                waited.set()
+            return has_room
 
+    class WatchedQueue(Queue):
         def get(self, *arguments: Any, **options: Any) -> Any:
             try:
                 return super().get(*arguments, **options)
@@ -523,7 +522,8 @@ def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, thre
                 waited.clear()
                 assert read.is_set() or waited.wait(60)
 
-    monkeypatch.setattr(prefetch, "Queue", Watched)
+    monkeypatch.setattr(prefetch, "Queue", WatchedQueue)
+    monkeypatch.setattr(prefetch, "Semaphore", WatchedRoom)
     source, sink = FakeSource(frames()), ForgetfulSink(holds)
     summary = run_conversion(source, method, sink, ByFactor(Fraction(2)), threads=threads)
     assert summary.frames_in == 60

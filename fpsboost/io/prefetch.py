@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from queue import Empty, Full, Queue
-from threading import Event, Thread
+from threading import Event, Semaphore, Thread
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -37,7 +37,7 @@ def available_cores() -> int:
 
 @contextmanager
 def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = nothing) -> Generator[Iterator[T]]:
-    """Run an iterable in a thread, up to `depth` items ahead of the caller.
+    """Run an iterable in a thread, up to `depth` items ahead of the caller, including the one that is being fetched.
 
     Parameters
     ----------
@@ -51,18 +51,20 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
     iterator
         The items, in order; raises what the iterable raised.
     """
-    queue: Queue[T | End] = Queue(depth)
+    queue: Queue[T | End] = Queue()
+    room = Semaphore(depth)
     stopped = Event()
     errors: list[BaseException] = []
 
     def run() -> None:
         try:
-            for item in items:
-                if not _put(queue, item, stopped):
-                    return
+            remaining = iter(items)
+            # an item is only fetched when there is room, so that none waits beside the queue
+            while _acquire(room, stopped) and not isinstance(item := next(remaining, End()), End):
+                queue.put(item)
         except BaseException as error:
             errors.append(error)
-        _put(queue, End(), stopped)
+        queue.put(End())
 
     def received() -> Iterator[T]:
         while not stopped.is_set():
@@ -72,6 +74,7 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
                 continue
             if isinstance(item, End):
                 break
+            room.release()
             yield item
         if errors:
             raise errors[0]
@@ -86,6 +89,14 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
     finally:
         stopped.set()
         thread.join()
+
+
+def _acquire(room: Semaphore, stopped: Event) -> bool:
+    """Wait until there is room; return whether that was before the flag was set."""
+    while not stopped.is_set():
+        if room.acquire(timeout=POLL_INTERVAL):
+            return not stopped.is_set()
+    return False
 
 
 def _put(queue: Queue[T | End], item: T | End, stopped: Event) -> bool:
@@ -127,8 +138,8 @@ def run_in_parallel(
         stack.callback(pool.shutdown, cancel_futures=True)
 
         def in_order(jobs: Iterable[Callable[[], T]]) -> Iterator[T]:
-            # in addition to those in the queue, one job waits for room in it and one is being fetched
-            running = stack.enter_context(read_ahead((pool.submit(job) for job in jobs), threads - 1, cancel))
+            # in addition to these, one job is being fetched
+            running = stack.enter_context(read_ahead((pool.submit(job) for job in jobs), threads, cancel))
             for future in running:
                 yield future.result()
 
