@@ -17,10 +17,11 @@ INTERVAL = Fraction(1, 25)
 
 
 def ordered(milliseconds, damage=None):
-    """Numbers and times, in milliseconds, of the frames that come out."""
+    """Numbers and times, in milliseconds, of the frames that come out; only the last says that it is the last."""
     timed = [(number, Fraction(time, 1000)) for number, time in enumerate(milliseconds)]
-    found = in_rising_order(timed, INTERVAL, TICK, damage or Damage())
-    return [(number, int(time * 1000)) for number, time in found]
+    found = list(in_rising_order(timed, INTERVAL, TICK, damage or Damage()))
+    assert [is_last for _, _, is_last in found] == [number == len(found) for number in range(1, len(found) + 1)]
+    return [(number, int(time * 1000)) for number, time, _ in found]
 
 
 def test_good_times_pass():

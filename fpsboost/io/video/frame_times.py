@@ -24,8 +24,8 @@ If the times of these frames increase, the clock has jumped back.
 
 def in_rising_order(
     timed: Iterable[tuple[T, Fraction]], interval: Fraction, tick: Fraction, damage: Damage
-) -> Iterator[tuple[T, Fraction]]:
-    """Yield frames at strictly increasing times, each as soon as the next valid time is known.
+) -> Iterator[tuple[T, Fraction, bool]]:
+    """Yield frames at strictly increasing times, each as soon as the next valid time is known; say which is the last.
 
     A frame far ahead of the next one is moved back to follow the frame before it. Frames not later than the frame
     before them are spread over the gap that follows, as many as fit; the others are left out. If the clock jumps back,
@@ -71,12 +71,12 @@ def in_rising_order(
         strays = []
         for each in following:
             if last is not None:
-                yield last
+                yield *last, False
                 before = last[1]
             last = each
     damage.misplaced += len(strays)
     if last is not None:
-        yield last
+        yield *last, True
 
 
 def _is_far_ahead(before: Fraction | None, time: Fraction, after: Fraction, interval: Fraction) -> bool:

@@ -403,33 +403,32 @@ class VideoSource(ClosesOnExit):
         self._container.close()
 
     def _frames(self) -> Iterator[Frame]:
-        """Yield each frame when the next one is known, because only the last one's duration comes from the header."""
+        """Yield the frames; only the last one's duration comes from the header."""
         matrix = self.traits.display_matrix
         coding = coding_of(self.traits) if self._keeps_planes else None
-        last: Frame | None = None
-        count = self._first
+        count, end = self._first, None
+        timed = in_rising_order(self._timed(), 1 / self._rate, self._info.time_base, self._damage)
         try:
-            for picture, time in in_rising_order(self._timed(), 1 / self._rate, self._info.time_base, self._damage):
-                if last is not None:
-                    yield last
+            for picture, time, is_last in timed:
                 self._compare_with_index(count, time)
                 count += 1
                 if count <= self._dropped:
                     continue
-                duration = self._duration_of(picture)
+                duration = self._last_duration(picture, time) if is_last else self._duration_of(picture)
+                if is_last:
+                    self._compare_with_index(count, None)
+                    end = time + duration
                 if coding is not None:
-                    last = Frame(in_planes(picture, coding), time, duration, picture)
+                    yield Frame(in_planes(picture, coding), time, duration, picture)
                 elif self._for_images:
-                    last = Frame(turned_upright(self._convert(picture), matrix), time, duration)
+                    yield Frame(turned_upright(self._convert(picture), matrix), time, duration)
                 else:
-                    last = Frame(self._convert(picture), time, duration, picture)
-            if last is None:  # `traits` has found a frame, and the first one is never left out
+                    yield Frame(self._convert(picture), time, duration, picture)
+            if end is None:  # `traits` has found a frame, and the first one is never left out
                 raise InputError(f"{self._name} has ended before frame {self._dropped}; begin at an earlier one.")
-            self._compare_with_index(count, None)
-            yield replace(last, duration=self._last_duration(last))
         finally:  # also where not all of the clip was asked for
             self._conclude(count)
-        self._compare_with_header(last.time + last.duration, count)
+        self._compare_with_header(end, count)
 
     def _compare_with_index(self, number: int, time: Fraction | None) -> None:
         """Raise `InputError` if a frame, or that there is none, is not what `frame_times` has promised."""
@@ -545,17 +544,17 @@ class VideoSource(ClosesOnExit):
         time_base = as_fraction(picture.time_base) or self._info.time_base
         return picture.duration * time_base if picture.duration > 0 else 1 / self._rate
 
-    def _last_duration(self, last: Frame) -> Fraction:
-        """Return how long the last frame is shown so that the clip ends where the container says, if plausible.
+    def _last_duration(self, picture: av.VideoFrame, time: Fraction) -> Fraction:
+        """Return how long the last picture is shown so that the clip ends where the container says, if plausible.
 
         It is, too, where packets that became no picture reach that far: captures leave out what stands still.
         """
         is_said = self._container.format.name.startswith(DURATION_IN_HEADER)  # elsewhere it is FFmpeg's estimate
         if is_said and self._stream.duration is not None and self._stream.start_time is not None:
             end = (self._stream.start_time + self._stream.duration) * self._ticks - self.start
-            if 0 < end - last.time <= 4 / self._rate or last.time < end <= self._last_packet + 4 / self._rate:
-                return end - last.time
-        return last.duration
+            if 0 < end - time <= 4 / self._rate or time < end <= self._last_packet + 4 / self._rate:
+                return end - time
+        return self._duration_of(picture)
 
     def _unified(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
         assert self._unifier is not None  # there since the traits were read
