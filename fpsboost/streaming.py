@@ -422,13 +422,13 @@ def _output_frames(
             summary.duplicates += made.duplicates
             summary.scene_cuts += made.scene_cut
             summary.note_match(made.match)
-        for frame, step, is_later in zip(made.frames, made.steps, made.past_cut, strict=True):
-            # the cuts so far include the one of this interval
-            yield _Shown(frame, step, scenes - (made.scene_cut and not is_later))
         if made.ends:
             if made.interval.pair.search_radius is not None:
                 summary.search_radii.add(made.interval.pair.search_radius)
             made.interval.pair.release_caches()
+        for frame, step, is_later in zip(made.frames, made.steps, made.past_cut, strict=True):
+            # the cuts so far include the one of this interval
+            yield _Shown(frame, step, scenes - (made.scene_cut and not is_later))
     if clip.last is None or clip.number < 2:
         count = "one frame" if clip.number else "no frame"
         raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
