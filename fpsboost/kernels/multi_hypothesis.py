@@ -309,17 +309,15 @@ def locate_window(top, left, motion, t, height, width, marks):
 def copy_window(plane, top, left, wide, tall, out):
     """Copy a window that begins at a pixel, which may lie outside of the frame: its edges are repeated."""
     values, unit, height, width = plane.values, plane.unit, plane.height, plane.width
-    first = min(max(-left, 0), wide)
-    last = min(max(width - left, first), wide)
     for j in range(tall):
         begin, to = (plane.number * height + min(max(top + j, 0), height - 1)) * width, Index(j * wide)
-        place, end, inside = Index(begin + max(left, 0)), Index(begin + width - 1), to + Index(first)
-        for i in range(Index(first)):
-            out[to + i] = np.float32(values[Index(begin)]) * unit
-        for i in range(Index(last - first)):
-            out[inside + i] = np.float32(values[place + i]) * unit
-        for i in range(Index(last), Index(wide)):
-            out[to + i] = np.float32(values[end]) * unit
+        if left >= 0 and left + wide <= width:
+            place = Index(begin + left)
+            for i in range(Index(wide)):
+                out[to + i] = np.float32(values[place + i]) * unit
+        else:
+            for i in range(wide):
+                out[to + Index(i)] = np.float32(values[Index(begin + min(max(left + i, 0), width - 1))]) * unit
 
 
 @njit(**FINITE_JIT)
