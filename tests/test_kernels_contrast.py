@@ -7,7 +7,7 @@ import pytest
 from truth import noise
 from twins import local_mean, split_codes, split_levels, uncompiled, with_repeated_edges
 
-from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, split_colours, split_planes
+from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, make_room, split_colours, split_planes
 from fpsboost.kernels.levels import WHITE, level_scale
 
 PADDING = 3
@@ -52,7 +52,7 @@ def test_splitting_colours_equals_its_slow_twin(dtype, channels, size, scale):
         image[..., : min(channels, 3)] *= 3
     white = 1 if dtype == np.float32 else np.iinfo(dtype).max
     planes = empty_planes(size)
-    split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), planes)
+    split_colours(image, np.float32(1 / white), scale, MIDDLE, np.int64(PADDING), make_room(size[1]), planes)
     assert_split(split_levels(image, white, scale), scale, planes)
 
 
@@ -73,7 +73,7 @@ def test_splitting_planes_equals_its_slow_twin(dtype, levels, steps, size, scale
     planes = empty_planes(size)
     black, luma_span, neutral, chroma_span = levels
     units = (np.float32(value) for value in (black, 1 / luma_span, neutral, 1 / chroma_span))
-    split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), planes)
+    split_planes(*codes, CodeLevels(*units), scale, MIDDLE, np.int64(PADDING), make_room(size[1]), planes)
     assert_split(split_codes(codes, levels, scale), scale, planes)
 
 
@@ -83,7 +83,7 @@ def test_the_high_pass_is_rounded_and_clipped(ground, dot, around, level):
     row = np.full((1, 23, 1), ground, np.float32)
     row[0, 11] = dot
     planes = empty_planes((1, 23))
-    uncompiled(split_colours)(row, np.float32(1), np.float32(255), MIDDLE, PADDING, planes)
+    uncompiled(split_colours)(row, np.float32(1), np.float32(255), MIDDLE, PADDING, make_room(23), planes)
     expected = np.full(23, 128)
     expected[7:16], expected[11] = around, level
     np.testing.assert_array_equal(planes[1, PADDING, PADDING : PADDING + 23], expected)

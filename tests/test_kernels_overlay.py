@@ -15,7 +15,8 @@ def mark(images, motion, spacing, shortest=1.0, same=8, different=25):
     """The kernel on four images; what was in its output before does not matter, and it says whether any stands out."""
     marks = np.full(images[0].shape, 77, np.uint8)
     told = np.empty(1, np.bool_)
-    mark_overlay(Frames(*images), np.float32(motion), spacing, np.float32(shortest), same, different, marks, told)
+    room = np.empty_like(images[0][0])
+    mark_overlay(Frames(*images), np.float32(motion), spacing, np.float32(shortest), same, different, room, marks, told)
     assert told[0] == (marks == STANDS_OUT).any()
     return marks
 

@@ -63,8 +63,9 @@ def find_overlay(
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), MEDIAN_SIZE) for axis in (0, 1)])
     marks, any_stands_out = np.empty(luma.image0.shape, np.uint8), np.empty(1, np.bool_)
     white = image0.pixels.coding.levels.luma_span if isinstance(image0.pixels, YCbCrImage) else 255
-    thresholds = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
-    mark_overlay(luma, surroundings, BLOCK_SIZE, MIN_MOTION, *thresholds, marks, any_stands_out)
+    same, different = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
+    smallest = np.empty_like(luma.image0[0])
+    mark_overlay(luma, surroundings, BLOCK_SIZE, MIN_MOTION, same, different, smallest, marks, any_stands_out)
     if not any_stands_out[0]:  # nearly always
         return None
     found = marks == STANDS_OUT

@@ -7,12 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
 from fpsboost.kernels.levels import WHITE
 from fpsboost.kernels.tiles import Index
 
 HIGH_PASS_SIZE = 9
 """Side of the box whose mean luma is subtracted, pixels."""
+
+SHARE = 1 / HIGH_PASS_SIZE**2
+"""Weight of each pixel of the box."""
 
 RADIUS = HIGH_PASS_SIZE // 2
 KEPT_ROWS = HIGH_PASS_SIZE + 1
@@ -32,14 +35,16 @@ class CodeLevels(NamedTuple):
     """Chroma per code value."""
 
 
-class HighPass(NamedTuple):
-    """State of the high-pass filter, which follows the conversion by RADIUS rows."""
+class Room(NamedTuple):
+    """Work arrays. The high-pass filter follows the conversion by RADIUS rows."""
 
     rows: NDArray[Any]
     """Ring buffer of the latest rows of luma, (KEPT_ROWS, W) float32."""
     sums: NDArray[Any]
     """Sum of each column over the rows of the box, with RADIUS reflected columns on either side, (W + 2 RADIUS,)
     float64: sums of integer codes are exact."""
+    chroma: NDArray[Any]
+    """A row of the third plane at the resolution of chroma, (W,) uint8."""
 
 
 @njit(inline="always", **FINITE_JIT)
@@ -58,52 +63,43 @@ def reflected(place, size):
     return place
 
 
-@njit(**FINITE_JIT)
-def start_high_pass(width):
-    """Return the state before the first row, a `HighPass`."""
-    return HighPass(np.empty((KEPT_ROWS, width), np.float32), np.zeros(width + 2 * RADIUS, np.float64))
-
-
-@njit(**FINITE_JIT)
-def add_luma(row, sign, sums):
-    """Add a row of luma to the sums of the columns, or subtract it."""
-    for x in range(row.size):
-        sums[RADIUS + x] += sign * np.float64(row[x])
-
-
-@njit(**FINITE_JIT)
-def write_high_pass(high_pass, y, height, scale, middle, second):
+@njit(inline="always", **FINITE_JIT)
+def write_high_pass(room, y, height, scale, middle, second):
     """Write row y of the second plane, twice the luma minus its local mean; must be called in order.
 
     Parameters
     ----------
-    high_pass : HighPass
+    room : Room
         With the luma of all rows up to y + RADIUS.
     y, height : int
     scale, middle : float32
         Levels that represent a difference of 1, and the level of zero difference: differences have both signs.
     second : (W or more,) uint8 out
     """
-    rows, sums = high_pass
+    rows, sums = room.rows, room.sums
     width = rows.shape[1]
     if y == 0:
-        for n in range(-RADIUS, RADIUS + 1):
-            add_luma(rows[reflected(n, height) % KEPT_ROWS], np.float64(1), sums)
+        sums[:] = 0
     else:
-        add_luma(rows[reflected(y + RADIUS, height) % KEPT_ROWS], np.float64(1), sums)
-        add_luma(rows[reflected(y - RADIUS - 1, height) % KEPT_ROWS], np.float64(-1), sums)
+        leaves = rows[reflected(y - RADIUS - 1, height) % KEPT_ROWS]
+        for x in range(width):
+            sums[RADIUS + x] -= np.float64(leaves[x])
+    for n in range(-RADIUS if y == 0 else RADIUS, RADIUS + 1):
+        enters = rows[reflected(y + n, height) % KEPT_ROWS]
+        for x in range(width):
+            sums[RADIUS + x] += np.float64(enters[x])
     for n in range(1, RADIUS + 1):
         sums[RADIUS - n] = sums[RADIUS + reflected(-n, width)]
         sums[RADIUS + width - 1 + n] = sums[RADIUS + reflected(width - 1 + n, width)]
-    luma, twice, share = rows[y % KEPT_ROWS], np.float32(2) * scale, np.float64(1 / HIGH_PASS_SIZE**2)
+    luma, twice = rows[y % KEPT_ROWS], np.float32(2) * scale
     for x in range(width):
         total = sums[x]
         for n in range(1, HIGH_PASS_SIZE):
             total += sums[x + n]
-        second[x] = as_level(twice * (luma[x] - np.float32(total * share)) + middle)
+        second[x] = as_level(twice * (luma[x] - np.float32(total * SHARE)) + middle)
 
 
-@njit(**FINITE_JIT)
+@njit(inline="always", **FINITE_JIT)
 def repeat_edges(height, width, padding, planes):
     """Repeat the edges of the frame on all sides of the planes."""
     channels, _, columns = planes.shape
@@ -146,7 +142,7 @@ def split_row(pixels, channels, normalise, scale, luma, first, third):
 
 
 @njit(cache=True, **FINITE_JIT)
-def split_colours(image, normalise, scale, middle, padding, planes):
+def split_colours(image, normalise, scale, middle, padding, room, planes):
     """Write half the luma, twice its difference from the local mean, and mean chroma.
 
     Parameters
@@ -159,15 +155,15 @@ def split_colours(image, normalise, scale, middle, padding, planes):
         Levels that represent a difference of 1, and the level of zero difference from the mean.
     padding : int
         Pixels on every side of the planes.
+    room : Room
     planes : (3, H + 2 padding, W + 2 padding or more) uint8 out
         With repeated edges.
     """
     height, width, channels = image.shape
     rows = np.ascontiguousarray(image).reshape(height, width * channels)
-    high_pass = start_high_pass(width)
     for y in range(height + RADIUS):
         if y < height:
-            luma = high_pass.rows[y % KEPT_ROWS]
+            luma = room.rows[y % KEPT_ROWS]
             first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
             if channels == 3:  # a compile-time constant: pixels three values apart can be vectorised
                 split_row(rows[y], 3, normalise, scale, luma, first, third)
@@ -175,12 +171,12 @@ def split_colours(image, normalise, scale, middle, padding, planes):
                 split_row(rows[y], channels, normalise, scale, luma, first, third)
         done = y - RADIUS
         if done >= 0:
-            write_high_pass(high_pass, done, height, scale, middle, planes[1, padding + done, padding:])
+            write_high_pass(room, done, height, scale, middle, planes[1, padding + done, padding:])
     repeat_edges(height, width, padding, planes)
 
 
-@njit(cache=True, **FINITE_JIT)
-def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, middle, padding, planes):
+@njit(cache=True, **FINITE_JIT, **BORROWING)
+def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, middle, padding, room, planes):
     """Do the same as `split_colours` for an image in planes of luma and chroma.
 
     Parameters
@@ -188,17 +184,16 @@ def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, middle, paddin
     y_plane : (H, W) uint8 or uint16
     cb_plane, cr_plane : (H, W), or subsampled by 2 along x or along both axes
     code_levels : CodeLevels
-    scale, middle, padding, planes
+    scale, middle, padding, room, planes
         As for `split_colours`.
     """
     black, luma_unit, neutral, chroma_unit = code_levels
     height, width = y_plane.shape
     rows, columns = cb_plane.shape
-    half, down, mean = np.float32(0.5), 1 if rows == height else 2, np.empty(columns, np.uint8)
-    high_pass = start_high_pass(width)
+    half, down, mean = np.float32(0.5), 1 if rows == height else 2, room.chroma
     for y in range(height + RADIUS):
         if y < height:
-            codes, to = y_plane[y], high_pass.rows[y % KEPT_ROWS]
+            codes, to = y_plane[y], room.rows[y % KEPT_ROWS]
             first, third = planes[0, padding + y, padding:], planes[2, padding + y, padding:]
             for x in range(width):
                 value = (np.float32(codes[x]) - black) * luma_unit
@@ -219,5 +214,12 @@ def split_planes(y_plane, cb_plane, cr_plane, code_levels, scale, middle, paddin
                 third[width - 1] = mean[columns - 1]
         done = y - RADIUS
         if done >= 0:
-            write_high_pass(high_pass, done, height, scale, middle, planes[1, padding + done, padding:])
+            write_high_pass(room, done, height, scale, middle, planes[1, padding + done, padding:])
     repeat_edges(height, width, padding, planes)
+
+
+def make_room(width: int) -> Room:
+    """Return the work arrays for images of some columns."""
+    return Room(
+        np.empty((KEPT_ROWS, width), np.float32), np.empty(width + 2 * RADIUS, np.float64), np.empty(width, np.uint8)
+    )

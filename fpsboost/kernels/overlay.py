@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import JIT, njit
+from fpsboost.kernels.jit import BORROWING, JIT, njit
 from fpsboost.kernels.tiles import Index
 
 STAYS, STANDS_OUT = 1, 2
@@ -52,7 +52,7 @@ def find_smallest_change(frames, y, left, right, dx, dy, smallest):
     image0, image1, before, after = frames
     height, width = image0.shape
     as_code = image0.dtype.type
-    smallest[left:right] = np.iinfo(image0.dtype).max
+    smallest[left:right] = as_code((1 << 8 * image0.itemsize) - 1)
     here = Index(y)
     for sign in (-1, 1):
         there, moved = y + sign * dy, sign * dx
@@ -74,8 +74,8 @@ def find_smallest_change(frames, y, left, right, dx, dy, smallest):
             )
 
 
-@njit(cache=True, **JIT)
-def mark_overlay(frames, motion, spacing, shortest, same, different, marks, any_stands_out):
+@njit(cache=True, **JIT, **BORROWING)
+def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, marks, any_stands_out):
     """Find the pixels that stay the same although their surroundings move.
 
     Parameters
@@ -88,13 +88,15 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, marks, any_
         Motion below which the surroundings count as static, pixels.
     same, different : int
         Difference in code values up to which a pixel is the same, and above which it is different.
+    smallest : (W,) in the type of the frames
+        Work array.
     marks : (H, W) uint8 out
         STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved; else 0.
     any_stands_out : (1,) bool out
     """
     image0, image1, before, after = frames
     height, width = marks.shape
-    as_code, smallest = image0.dtype.type, np.empty(width, image0.dtype)
+    as_code = image0.dtype.type
     any_stands_out[0] = False
     for y in range(height):
         here, row, vectors = Index(y), marks[y], motion[y // spacing]

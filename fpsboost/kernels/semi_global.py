@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
 from fpsboost.kernels.lanes import EIGHT, relax_eight
 from fpsboost.kernels.tiles import Index
 
@@ -124,7 +124,7 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
         add_path_costs(last + column, -columns, rows, labels, smoothness, slope, spaces, total.ravel())
 
 
-@njit(cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT, **BORROWING)
 def choose_labels(count, costs, motions, similarity, flow, chosen):
     """Choose the label with the lowest cost for every node, the first of those with equal cost.
 

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
 
 MARGIN = 40
 """Width of the repeated edges beyond the frame, pixels."""
@@ -21,7 +21,7 @@ POLE = math.sqrt(3) - 2
 """Pole of the recursive prefilter: its impulse response decays by this factor per pixel."""
 
 
-@njit(cache=True, **FINITE_JIT)
+@njit(cache=True, **FINITE_JIT, **BORROWING)
 def fill_planes(image, scale, premultiply, planes):
     """Write an image as planes.
 
@@ -62,13 +62,15 @@ def add_taps(n, response, here, near, far, sums):
             sums[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], sums[x]))
 
 
-@njit(**FINITE_JIT)
+@njit(inline="always", **FINITE_JIT)
 def extend_row(source, unit, taps, row):
     """Write a row of values times `unit`, with the first and the last one repeated `taps` times."""
     for x in range(source.size):
         row[taps + x] = np.float32(source[x]) * unit
-    row[:taps] = row[taps]
-    row[taps + source.size :] = row[taps + source.size - 1]
+    first, last = row[taps], row[taps + source.size - 1]
+    for x in range(taps):
+        row[x] = first
+        row[taps + source.size + x] = last
 
 
 @njit(cache=True, **FINITE_JIT)

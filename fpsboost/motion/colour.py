@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame import Image, Pixels, has_alpha
-from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, split_colours, split_planes
+from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, make_room, split_colours, split_planes
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import level_scale
 from fpsboost.kernels.memory import aligned_empty
@@ -137,14 +137,15 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     height, width = image.shape[:2]
     scale = np.float32(level_scale(bandwidth))
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
+    target = scale, ZERO_LEVEL, padding, make_room(width), planes
     if isinstance(image, YCbCrImage):
         black, luma_span, neutral, chroma_span = image.coding.levels
         code_levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
-        split_planes(*image.planes, code_levels, scale, ZERO_LEVEL, padding, planes)
+        split_planes(*image.planes, code_levels, *target)
     else:
         white = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max
         colours = compress_highlights(image) if image.dtype == np.float32 else image
-        split_colours(colours, np.float32(1 / white), scale, ZERO_LEVEL, padding, planes)
+        split_colours(colours, np.float32(1 / white), *target)
     return planes
 
 
