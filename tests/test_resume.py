@@ -346,6 +346,25 @@ def test_between_the_name_and_the_end(tmp_path, clip):
     (folder_of(tmp_path / "out.mp4") / "whole").touch()
     with pytest.raises(CompleteAlreadyError):
         run(clip, tmp_path / "out.mp4", resume=True)
+    assert [path.name for path in tmp_path.glob("*out*")] == ["out.mp4"]
+
+
+def test_what_a_killed_run_has_left_of_its_folder_is_removed(tmp_path, clip, monkeypatch):
+    """It is killed while it removes the folder, whatever is left by then; another run's folder stays."""
+    target = tmp_path / "out.mp4"
+    with monkeypatch.context() as killed:
+        killed.setattr("fpsboost.io.staging.shutil.rmtree", lambda *_, **__: None)
+        run(clip, target)
+    assert folder_of(target).is_dir()
+    other = StagingDirectory(folder_of(target), "output.mp4", str(target), None)
+    other.open()
+    with pytest.raises(CompleteAlreadyError):
+        run(clip, target, resume=True)
+    assert folder_of(target).is_dir()
+    other.close(keep=True)
+    with pytest.raises(CompleteAlreadyError):
+        run(clip, target, resume=True)
+    assert not folder_of(target).exists()
 
 
 def test_starting_anew_says_so(tmp_path, clip):

@@ -233,11 +233,20 @@ class StagingDirectory:
         if keep and error is not None:
             error.add_note(note_on_resuming(frames, expected))
 
+    def remove_leftovers(self) -> None:
+        """Remove what a run has left that was killed after it had published its output; another run's stays."""
+        if self.folder.is_dir() and not self.is_pending:
+            with contextlib.suppress(OutputError, OSError):
+                self._acquire()
+                self.close(keep=False)
+
     def close(self, *, keep: bool) -> None:
         """Release the folder, and remove it unless it is to be kept."""
         if self._lock is None:
             return
         if not keep:
+            with contextlib.suppress(OSError):
+                (self.folder / MANIFEST).unlink()  # first, as without it nothing is pending
             shutil.rmtree(self.folder, ignore_errors=True)
         self._release()
         if not keep:

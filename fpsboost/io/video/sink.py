@@ -62,6 +62,7 @@ class VideoSink:
         )
         resumes = output.job is not None and output.job.resume
         if resumes and not output.overwrite and self._is_complete_already():
+            self._unfinished.remove_leftovers()
             raise CompleteAlreadyError(complete_already(self._name))
         check_writable(self._path, self._name, output.stream.files, output.overwrite)
         check_time_base(output, self._container)
