@@ -50,7 +50,6 @@ STAGES = {
     "least-squares step": Stage(NLM, "refine_points"),
     "accelerations": Stage(SYNTHESIS, "accelerations_at_points"),
     "votes": Stage(SYNTHESIS, "MultiHypothesis._collect_votes"),
-    "sample planes": Stage(SYNTHESIS, "fill_planes"),
     "spline filter": Stage(SYNTHESIS, "find_coefficients"),
     "collecting": Stage(SYNTHESIS, "collect_candidates"),
     "listing": Stage(SYNTHESIS, "list_candidates"),

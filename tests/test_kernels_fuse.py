@@ -54,14 +54,12 @@ from fpsboost.kernels.multi_hypothesis import (
     sum_patches,
     window_shape,
 )
-from fpsboost.kernels.spline import MARGIN, fill_planes
+from fpsboost.kernels.spline import MARGIN
 
 
 def samples(image):
     """Planes and their coefficients, which the twin finds: uncompiled, the kernel would take most of the time."""
-    height, width, channels = image.shape
-    planes = np.empty((channels, height, width), np.float32)
-    fill_planes(image, np.float32(1), False, planes)
+    planes = image.transpose(2, 0, 1).astype(np.float32)
     beyond = 2 * SPARE  # the solver knows nothing of what lies farther out
     coefficients = [
         spline_coefficients(plane, MARGIN + beyond)[beyond:-beyond, beyond:-SPARE] for plane in split(image)

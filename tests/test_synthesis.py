@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
-from truth import Clip, affine, eroded, layers, moving_object, noise, prepared, translation
+from truth import Clip, affine, eroded, frozen, layers, moving_object, noise, prepared, translation
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import value_range
@@ -14,7 +14,7 @@ from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
-from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
+from fpsboost.synthesis.multi_hypothesis import MultiHypothesis, _samples
 from fpsboost.synthesis.reproject import Reproject
 from fpsboost.synthesis.rounding import rounding_offset
 from fpsboost.synthesis.splat import Splat
@@ -306,3 +306,24 @@ def test_rounding_and_range_follow_the_type():
         assert rounding_offset(image) == half
         low, high = value_range(image)
         assert (low, high) == (0, white) or (white is None and low < -1e30 and high > 1e30)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("size", [(5, 7, 3), (1, 1, 1), (2, 9, 4)])
+def test_planes_are_the_channels(dtype, size):
+    """One plane a channel, in units of white; float images have their alpha in their colours already."""
+    image = noise(*size, dtype)
+    planes, _, unit = _samples(image).full
+    white = 1 if dtype == np.float32 else np.iinfo(dtype).max
+    alpha = image[..., 3:] / white if size[2] == 4 and dtype != np.float32 else np.ones(())
+    expected = np.concatenate([image[..., :3] * alpha, image[..., 3:]], axis=-1) / white
+    np.testing.assert_allclose(planes.astype(float) * unit, expected.transpose(2, 0, 1), rtol=1e-6)
+
+
+def test_planes_are_copies():
+    """Whatever the image is, and also if it may not be written to: kernels are compiled anew for such arrays."""
+    for channels in (1, 3):
+        image = frozen(noise(3, 4, channels))
+        planes = _samples(image).full.planes
+        assert planes.flags.writeable
+        assert not np.shares_memory(planes, image)

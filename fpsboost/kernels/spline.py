@@ -12,36 +12,13 @@ from functools import cache
 import numpy as np
 
 from fpsboost.kernels.fma import fma
-from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
+from fpsboost.kernels.jit import FINITE_JIT, njit
 
 MARGIN = 40
 """Width of the repeated edges beyond the frame, pixels."""
 
 POLE = math.sqrt(3) - 2
 """Pole of the recursive prefilter: its impulse response decays by this factor per pixel."""
-
-
-@njit(cache=True, **FINITE_JIT, **BORROWING)
-def fill_planes(image, scale, premultiply, planes):
-    """Write an image as planes.
-
-    Parameters
-    ----------
-    image : (H, W, C)
-    scale : float32
-        Factor on every value.
-    premultiply : bool
-        Whether to multiply all other channels by the last.
-    planes : (C, H, W) uint8, uint16 or float32 out
-    """
-    channels, height, width = planes.shape
-    for y, c in np.ndindex(height, channels):
-        line = planes[c, y]
-        for x in range(width):
-            value = np.float32(image[y, x, c]) * scale
-            if premultiply and c < channels - 1:
-                value *= np.float32(image[y, x, channels - 1]) * scale
-            line[x] = planes.dtype.type(value)
 
 
 @njit(**FINITE_JIT)

@@ -39,7 +39,7 @@ from fpsboost.kernels.multi_hypothesis import (
     patch_shares,
     window_shape,
 )
-from fpsboost.kernels.spline import MARGIN, fill_planes, filter_response, find_coefficients
+from fpsboost.kernels.spline import MARGIN, filter_response, find_coefficients
 from fpsboost.layered import LayeredImage
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
@@ -379,15 +379,12 @@ def _planar_samples(image: YCbCrImage, planes: Sequence[NDArray[Any]]) -> Sample
 
 def _array_samples(image: Image) -> Samples:
     """Return the planes of an image in its own type, and their spline; straight alpha is premultiplied."""
-    height, width, channels = image.shape
-    is_float = image.dtype == np.float32
-    premultiply = has_alpha(image) and not is_float
-    if is_float:  # NaN and infinity would spread to their surroundings
-        image = normalised(image)
-    one, to_one = np.float32(1), np.float32(1 if is_float else 1 / np.iinfo(image.dtype).max)
-    scale, unit = (to_one, one) if premultiply else (one, to_one)
-    planes = np.empty((channels, height, width), np.float32 if premultiply else image.dtype)
-    fill_planes(image, scale, premultiply, planes)
+    if image.dtype == np.float32:  # NaN and infinity would spread to their surroundings
+        return _with_coefficients(normalised(image).transpose(2, 0, 1).copy(), np.float32(1), 16)
+    planes, unit = image.transpose(2, 0, 1).copy(), 1 / _white(image)
+    if has_alpha(image):
+        planes, unit = planes * unit, np.float32(1)
+        planes[:-1] *= planes[-1]
     return _with_coefficients(planes, unit, 8 if image.dtype == np.uint8 else 16)
 
 
