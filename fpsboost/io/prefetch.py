@@ -99,15 +99,13 @@ def _acquire(room: Semaphore, stopped: Event) -> bool:
     return False
 
 
-def _put(queue: Queue[T | End], item: T | End, stopped: Event) -> bool:
-    """Put an item into a queue when it has room; return whether that was before the flag was set."""
+def _put(queue: Queue[T | End], item: T | End, stopped: Event) -> None:
+    """Put an item into a queue when it has room, unless the flag is set before."""
     while not stopped.is_set():
         try:
-            queue.put(item, timeout=POLL_INTERVAL)
+            return queue.put(item, timeout=POLL_INTERVAL)
         except Full:
             continue
-        return not stopped.is_set()
-    return False
 
 
 @contextmanager

@@ -235,10 +235,10 @@ class StagingDirectory:
 
     def remove_leftovers(self) -> None:
         """Remove what a run has left that was killed after it had published its output; another run's stays."""
-        if self.folder.is_dir() and not self.is_pending:
+        if self.folder.is_dir():
             with contextlib.suppress(OutputError, OSError):
                 self._acquire()
-                self.close(keep=False)
+                self.close(keep=self.is_pending)
 
     def close(self, *, keep: bool) -> None:
         """Release the folder, and remove it unless it is to be kept."""

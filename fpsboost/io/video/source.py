@@ -414,9 +414,10 @@ class VideoSource(ClosesOnExit):
                 count += 1
                 if count <= self._dropped:
                     continue
-                duration = self._last_duration(picture, time) if is_last else self._duration_of(picture)
+                duration = self._duration_of(picture)
                 if is_last:
                     self._compare_with_index(count, None)
+                    duration = self._last_duration(time, duration)
                     end = time + duration
                 if coding is not None:
                     yield Frame(in_planes(picture, coding), time, duration, picture)
@@ -544,17 +545,22 @@ class VideoSource(ClosesOnExit):
         time_base = as_fraction(picture.time_base) or self._info.time_base
         return picture.duration * time_base if picture.duration > 0 else 1 / self._rate
 
-    def _last_duration(self, picture: av.VideoFrame, time: Fraction) -> Fraction:
+    def _last_duration(self, time: Fraction, duration: Fraction) -> Fraction:
         """Return how long the last picture is shown so that the clip ends where the container says, if plausible.
 
         It is, too, where packets that became no picture reach that far: captures leave out what stands still.
+
+        Parameters
+        ----------
+        time, duration : Fraction
+            When the picture is shown, and its own duration, which holds otherwise; seconds.
         """
         is_said = self._container.format.name.startswith(DURATION_IN_HEADER)  # elsewhere it is FFmpeg's estimate
         if is_said and self._stream.duration is not None and self._stream.start_time is not None:
             end = (self._stream.start_time + self._stream.duration) * self._ticks - self.start
             if 0 < end - time <= 4 / self._rate or time < end <= self._last_packet + 4 / self._rate:
                 return end - time
-        return self._duration_of(picture)
+        return duration
 
     def _unified(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
         assert self._unifier is not None  # there since the traits were read
