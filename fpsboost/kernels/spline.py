@@ -22,36 +22,44 @@ POLE = math.sqrt(3) - 2
 
 
 @njit(**FINITE_JIT)
-def add_taps(n, response, here, near, far, sums):
-    """Add taps n and n + 1 on either side of a row to its sums; the first two also begin them with the row itself.
+def filter_row(weight, before, here, after, out):
+    """Write a row plus `weight` times the sum of two others."""
+    for x in range(out.size):
+        out[x] = fma(weight, before[x] + after[x], here[x])
 
-    Two taps at once, as every pass reads and writes the whole row.
-    """
-    weight, farther = response[n], response[n + 1]
-    before, after = near
-    earlier, later = far
-    if n == 1:
-        for x in range(sums.size):
-            sums[x] = response[0] * here[x]
-            sums[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], sums[x]))
-    else:
-        for x in range(sums.size):
-            sums[x] = fma(weight, before[x] + after[x], fma(farther, earlier[x] + later[x], sums[x]))
+
+@njit(**FINITE_JIT)
+def copy_row(source, out):
+    """Copy a row."""
+    for x in range(out.size):
+        out[x] = source[x]
 
 
 @njit(inline="always", **FINITE_JIT)
-def extend_row(source, unit, taps, row):
-    """Write a row of values times `unit`, with the first and the last one repeated `taps` times."""
-    for x in range(source.size):
-        row[taps + x] = np.float32(source[x]) * unit
-    first, last = row[taps], row[taps + source.size - 1]
-    for x in range(taps):
-        row[x] = first
-        row[taps + source.size + x] = last
+def filter_across(source, unit, weights, lines, out):
+    """Filter a row of values times `unit`, with repeated edges, horizontally.
+
+    `lines` are two rows for work, of as many columns as `out` and those that the filter reaches on both sides.
+    """
+    columns, length = source.size, lines.shape[1]
+    begin = (length - out.size) // 2 + MARGIN
+    line = lines[0]
+    inner = line[begin:]
+    for x in range(columns):
+        inner[x] = np.float32(source[x]) * unit
+    for x in range(begin):
+        line[x] = inner[0]
+    for x in range(columns, inner.size):
+        inner[x] = inner[columns - 1]
+    for k in range(weights.size):
+        distance, line = 1 << k, lines[k % 2]
+        length -= 2 * distance
+        to = lines[(k + 1) % 2, :length] if k < weights.size - 1 else out
+        filter_row(weights[k], line, line[distance:], line[2 * distance :], to)
 
 
 @njit(cache=True, **FINITE_JIT)
-def find_coefficients(planes, unit, response, coefficients):
+def find_coefficients(planes, unit, weights, coefficients):
     """Compute the B-spline coefficients of planes whose edges are repeated.
 
     Parameters
@@ -59,59 +67,67 @@ def find_coefficients(planes, unit, response, coefficients):
     planes : (C, H, W) uint8, uint16 or float32
     unit : float32
         Factor on every value.
-    response : (taps + 1,) float32
-        An even number of taps, less than MARGIN; see `filter_response`.
+    weights : (stages,) float32
+        At most five; see `filter_weights`.
     coefficients : (C, H + 2 MARGIN, W + 2 MARGIN or more) float32 out
         The frame begins MARGIN rows and columns from the corner.
     """
-    channels, height, columns = planes.shape
-    taps = response.shape[0] - 1
-    # farther out, all values around are equal, and so are the coefficients
-    first, last, last_row = MARGIN - taps, MARGIN + columns + taps, MARGIN + height - 1 + taps
-    width = last - first
-    line = np.empty(width + 2 * taps, np.float32)
-    down = line[taps : taps + width]
-    rows = np.empty((2 * taps + 1, width), np.float32)  # ring buffer of the latest rows, each converted once
-    for c, y in np.ndindex(channels, coefficients.shape[1]):
-        if 0 < y <= MARGIN - taps or y > last_row:
-            here, before = coefficients[c, y], coefficients[c, y - 1]
-            for x in range(here.size):
-                here[x] = before[x]
-            continue
-        for fresh in range(y + taps if y > MARGIN - taps + 1 else y - taps, y + taps + 1):
-            source = planes[c, min(max(fresh - MARGIN, 0), height - 1)]
-            extend_row(source, unit, taps, rows[fresh % len(rows)])
-        here = rows[y % len(rows)]
-        for n in range(1, taps + 1, 2):
-            near = rows[(y - n) % len(rows)], rows[(y + n) % len(rows)]
-            far = rows[(y - n - 1) % len(rows)], rows[(y + n + 1) % len(rows)]
-            add_taps(n, response, here, near, far, down)
-        line[:taps] = line[taps]
-        line[taps + width :] = line[taps + width - 1]
-        whole = coefficients[c, y]
-        across = whole[first:last]
-        for n in range(1, taps + 1, 2):
-            near, far = (line[taps - n :], line[taps + n :]), (line[taps - n - 1 :], line[taps + n + 1 :])
-            add_taps(n, response, down, near, far, across)
-        whole[:first] = across[0]
-        whole[last:] = across[width - 1]
+    (channels, height, _), (_, tall, width) = planes.shape, coefficients.shape
+    stages, reach = weights.size, (1 << weights.size) - 1
+    for weight in weights:  # so that flat areas keep their brightness
+        gain = np.float32(1) + weight + weight
+        unit /= gain * gain
+    lines = np.empty((2, width + 2 * reach), np.float32)
+    rows = np.empty((stages, reach + 2, width), np.float32)  # ring buffers of the latest rows of each stage
+    first, last = MARGIN - reach, MARGIN + height - 1 + reach
+    for c in range(channels):
+        for y in range(-2 * reach, height + 2 * reach):
+            here = rows[0, y % (reach + 2)]
+            if y == -2 * reach or 0 < y < height:
+                filter_across(planes[c, max(y, 0)], unit, weights, lines, here)
+            else:
+                copy_row(rows[0, (y - 1) % (reach + 2)], here)
+            known = y
+            for k in range(stages):
+                distance = 1 << k
+                known -= distance  # the last row whose surroundings are known
+                before, here, after = (
+                    rows[k, (known - distance) % (reach + 2)],
+                    rows[k, known % (reach + 2)],
+                    rows[k, (known + distance) % (reach + 2)],
+                )
+                # rows before the first one are written again below
+                to = rows[k + 1, known % (reach + 2)] if k < stages - 1 else coefficients[c, max(MARGIN + known, 0)]
+                filter_row(weights[k], before, here, after, to)
+        # farther out, all values around are equal, and so are the coefficients
+        for y in range(first):
+            copy_row(coefficients[c, first], coefficients[c, y])
+        for y in range(last + 1, tall):
+            copy_row(coefficients[c, last], coefficients[c, y])
 
 
 @cache
-def filter_response(precision: float) -> np.ndarray:
-    """Return half of the symmetric impulse response that turns samples into coefficients.
+def filter_weights(precision: float) -> np.ndarray:
+    """Return the weights of the filters that turn samples into coefficients, one after the other.
 
-    It is (taps + 1,) float32, and the number of taps is even.
+    The prefilter is ``1 / ((1 - p z) (1 - p / z))`` with the pole p, but for a factor, and ``1 / (1 - p z)`` is the
+    product of ``1 + (p z)^m`` for m = 1, 2, 4 ... Each m thus gives a symmetric filter: 1 at its centre, and the weight
+    ``p^m / (1 + p^2m)`` at a distance of m on both sides.
 
     Parameters
     ----------
     precision : float
-        Maximum truncation error as a share of the largest difference between two samples.
+        Maximum error of the spline at the samples, as a share of the largest difference between two of them.
+
+    Returns
+    -------
+    (stages,) float32
+        Weights for the distances 1, 2, 4 ...
     """
-    taps = math.ceil(math.log(precision) / math.log(-POLE) / 2) * 2
-    response = np.array([math.sqrt(3) * POLE**n for n in range(taps + 1)])
-    # normalised, so that flat areas keep their brightness despite the truncation
-    return (response / (response[0] + 2 * response[1:].sum())).astype(np.float32)
+    # the first filter that is left out would add up to twice its power of the pole, at both ends and along both axes
+    stages = math.ceil(math.log2(math.log(precision / 4) / math.log(-POLE)))
+    powers = [POLE ** (1 << k) for k in range(stages)]
+    return np.array([power / (1 + power * power) for power in powers], np.float32)
 
 
 @njit(**FINITE_JIT)

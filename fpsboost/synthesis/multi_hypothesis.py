@@ -39,7 +39,7 @@ from fpsboost.kernels.multi_hypothesis import (
     patch_shares,
     window_shape,
 )
-from fpsboost.kernels.spline import MARGIN, filter_response, find_coefficients
+from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
 from fpsboost.layered import LayeredImage
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
@@ -395,7 +395,7 @@ def _no_samples(dtype: DTypeLike) -> Samples:
 def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
     channels, height, width = planes.shape
     coefficients = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
-    find_coefficients(planes, unit, filter_response(2.0 ** -(bits + 3)), coefficients)
+    find_coefficients(planes, unit, filter_weights(2.0 ** -(bits + 3)), coefficients)
     return Samples(planes, coefficients, unit)
 
 
