@@ -74,6 +74,21 @@ def find_smallest_change(frames, y, left, right, dx, dy, smallest):
             )
 
 
+@njit(inline="always", **JIT)
+def mark_static(frames, y, most, row):
+    """Write STAYS for the pixels of row y that change by at most `most` code values, else 0."""
+    image0, image1, before, after = frames
+    as_code, here = image0.dtype.type, Index(y)
+    for x in range(Index(row.size)):
+        luma = image0[here, x]
+        largest = max(
+            apart(image1[here, x], luma, as_code),
+            apart(before[here, x], luma, as_code),
+            apart(after[here, x], luma, as_code),
+        )
+        row[x] = np.uint8(STAYS) if largest <= most else np.uint8(0)
+
+
 @njit(cache=True, **JIT, **BORROWING)
 def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, marks, any_stands_out):
     """Find the pixels that stay the same although their surroundings move.
@@ -94,20 +109,13 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, m
         STAYS where a pixel stays the same; STANDS_OUT where it would also be different if it had moved; else 0.
     any_stands_out : (1,) bool out
     """
-    image0, image1, before, after = frames
-    height, width = marks.shape
-    as_code = image0.dtype.type
+    (height, width), as_code = marks.shape, frames.image0.dtype.type
+    most, least = as_code(same), as_code(different)
     any_stands_out[0] = False
-    for y in range(height):
-        here, row, vectors = Index(y), marks[y], motion[y // spacing]
-        for x in range(Index(width)):
-            luma = image0[here, x]
-            largest = max(
-                apart(image1[here, x], luma, as_code),
-                apart(before[here, x], luma, as_code),
-                apart(after[here, x], luma, as_code),
-            )
-            row[x] = np.uint8(STAYS) if largest <= same else np.uint8(0)
+    for top in range(0, height, spacing):
+        rows, vectors = range(top, min(top + spacing, height)), motion[top // spacing]
+        for y in rows:
+            mark_static(frames, y, most, marks[y])
         end = 0
         while end < len(vectors):
             # neighbouring blocks that move alike are one, because short loops are slow
@@ -116,11 +124,15 @@ def mark_overlay(frames, motion, spacing, shortest, same, different, smallest, m
                 end += 1
             still, dx, dy = shared
             left, right = first_block * spacing, min(end * spacing, width)
-            if still:
-                row[left:right] = 0
-                continue
-            find_smallest_change(frames, y, left, right, dx, dy, smallest)
-            for x in range(Index(left), Index(right)):
-                if smallest[x] > different and row[x]:
-                    row[x] = np.uint8(STANDS_OUT)
-                    any_stands_out[0] = True
+            for y in rows:
+                row = marks[y]
+                if still:
+                    row[left:right] = 0
+                    continue
+                find_smallest_change(frames, y, left, right, dx, dy, smallest)
+                highest = np.uint8(0)
+                for x in range(Index(left), Index(right)):
+                    stands_out = (smallest[x] > least) & (row[x] == np.uint8(STAYS))
+                    row[x] = np.uint8(STANDS_OUT) if stands_out else row[x]
+                    highest = max(highest, row[x])
+                any_stands_out[0] |= highest == STANDS_OUT
