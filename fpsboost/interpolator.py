@@ -518,7 +518,7 @@ class Interpolator:
         rehearsal = self.without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
         with compiled_aside(partial(_rehearse_synthesis, rehearsal, noise)) if available_cores() > 1 else nullcontext():
-            _rehearse(replace(rehearsal, synthesizer=Nearest(), overlays=False), before, pair)  # all but what is aside
+            _rehearse(replace(rehearsal, synthesizer=Nearest()), before, pair)  # all but what is aside
         _rehearse(rehearsal, before, pair)
 
     def without_vectors(self) -> Interpolator:
@@ -535,8 +535,9 @@ def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
 
 
 def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
-    """Make an image between equal ones, with its overlays, and nothing else: half of all that is to compile."""
-    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, match_grain=False, compensate_illumination=False)
+    """Make an image between equal ones, and nothing else: half of all that is to compile."""
+    off = dict.fromkeys(("overlays", "match_grain", "compensate_illumination"), False)
+    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, **off)
     first, second, third = (FrameCache(image) for _ in range(3))
     _rehearse(still, still.pair(first, second), still.pair(second, third))
 
