@@ -536,8 +536,8 @@ def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
 
 def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
     """Make an image between equal ones, and nothing else: half of all that is to compile."""
-    off = dict.fromkeys(("overlays", "match_grain", "compensate_illumination"), False)
-    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, **off)
+    plain = replace(interpolator, cuts=None, match_grain=False, compensate_illumination=False, overlays=False)
+    still = replace(plain, estimator=ZeroMotion())
     first, second, third = (FrameCache(image) for _ in range(3))
     _rehearse(still, still.pair(first, second), still.pair(second, third))
 

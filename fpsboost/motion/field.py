@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -70,7 +70,9 @@ class MotionField:
 
 
 def resample_points(values: NDArray[Any], size: tuple[int, ...], spacing: int, step: int) -> NDArray[Any]:
-    """Return the values of points `spacing` apart for those `step` apart; see `point_places`."""
+    """Return the values of points `spacing` apart for those `step` apart; see `point_places`. Not always a copy."""
+    if step == spacing:
+        return values
     y, x = (places // spacing for places in point_places(size, step))
     resampled: NDArray[Any] = values.take(y, axis=0).take(x, axis=1)
     return resampled
@@ -83,10 +85,16 @@ def spread_points(values: NDArray[Any], size: tuple[int, ...], spacing: int) -> 
     return values.repeat(spacing, axis=1)[:, :width].repeat(spacing, axis=0)[:height]
 
 
+@lru_cache(maxsize=64)  # the same for every frame of a clip
 def point_places(size: tuple[int, ...], spacing: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the rows and columns of points `spacing` apart, the first at spacing / 2, the last within the frame."""
+    """Return the rows and columns of points `spacing` apart, the first at spacing / 2, the last within the frame.
+
+    They cannot be written to.
+    """
     height, width = size[:2]
     y, x = (np.minimum(np.arange(0, length, spacing) + spacing // 2, length - 1) for length in (height, width))
+    for places in (y, x):
+        places.setflags(write=False)
     return y, x
 
 

@@ -36,7 +36,7 @@ from fpsboost.kernels.semi_global import choose_labels, smooth_labels
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
 from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
-from fpsboost.motion.field import MotionField, resample_points, spread_points
+from fpsboost.motion.field import MotionField, point_places, resample_points, spread_points
 from fpsboost.motion.full_search import search_fused
 from fpsboost.ycbcr import YCbCrImage
 
@@ -269,7 +269,7 @@ class CoarseToFine:
         ties = []
         for flow, replaced, back in zip(flows, looked, looked[::-1], strict=True):
             (rows, columns), apart = flow.shape[:2], np.float32(step)
-            places, distance = (np.arange(rows), np.arange(columns)), np.empty((rows, columns), np.float32)
+            places, distance = point_places((rows, columns), 1), np.empty((rows, columns), np.float32)
             # in units of points: the way back is that of the point nearest to the end of a vector, not of its pixel
             measure_forward_backward_errors(replaced / apart, *places, back / apart, 1, rows, columns, distance)
             change = np.abs(replaced - flow)
