@@ -78,7 +78,8 @@ def find_coefficients(planes, unit, weights, coefficients):
         gain = np.float32(1) + weight + weight
         unit /= gain * gain
     lines = np.empty((2, width + 2 * reach), np.float32)
-    rows = np.empty((stages, reach + 2, width), np.float32)  # ring buffers of the latest rows of each stage
+    # ring buffers of the latest rows of each stage; what is filtered before they are full is written again
+    rows = np.zeros((stages, reach + 2, width), np.float32)
     first, last = MARGIN - reach, MARGIN + height - 1 + reach
     for c in range(channels):
         for y in range(-2 * reach, height + 2 * reach):
@@ -96,7 +97,7 @@ def find_coefficients(planes, unit, weights, coefficients):
                     rows[k, known % (reach + 2)],
                     rows[k, (known + distance) % (reach + 2)],
                 )
-                # rows before the first one are written again below
+                # rows before the first whole one are written again below
                 to = rows[k + 1, known % (reach + 2)] if k < stages - 1 else coefficients[c, max(MARGIN + known, 0)]
                 filter_row(weights[k], before, here, after, to)
         # farther out, all values around are equal, and so are the coefficients
