@@ -536,8 +536,14 @@ def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
 
 def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
     """Make an image between equal ones, and nothing else: half of all that is to compile."""
-    plain = replace(interpolator, cuts=None, match_grain=False, compensate_illumination=False, overlays=False)
-    still = replace(plain, estimator=ZeroMotion())
+    still = replace(
+        interpolator,
+        estimator=ZeroMotion(),
+        cuts=None,
+        compensate_illumination=False,
+        overlays=False,
+        match_grain=False,
+    )
     first, second, third = (FrameCache(image) for _ in range(3))
     _rehearse(still, still.pair(first, second), still.pair(second, third))
 

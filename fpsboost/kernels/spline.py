@@ -58,6 +58,21 @@ def filter_across(source, unit, weights, lines, out):
         filter_row(weights[k], line, line[distance:], line[2 * distance :], to)
 
 
+@njit(inline="always", **FINITE_JIT)
+def filter_down(weights, rows, y, out):
+    """Filter vertically what is known now that row y is there, as far as the filter reaches above it.
+
+    `rows` are ring buffers of the latest rows of each filter, the first of which holds row y.
+    """
+    kept = rows.shape[1]
+    for k in range(weights.size):
+        distance = 1 << k
+        y -= distance
+        before, here, after = rows[k, (y - distance) % kept], rows[k, y % kept], rows[k, (y + distance) % kept]
+        to = rows[k + 1, y % kept] if k < weights.size - 1 else out
+        filter_row(weights[k], before, here, after, to)
+
+
 @njit(cache=True, **FINITE_JIT)
 def find_coefficients(planes, unit, weights, coefficients):
     """Compute the B-spline coefficients of planes whose edges are repeated.
@@ -78,7 +93,7 @@ def find_coefficients(planes, unit, weights, coefficients):
         gain = np.float32(1) + weight + weight
         unit /= gain * gain
     lines = np.empty((2, width + 2 * reach), np.float32)
-    # ring buffers of the latest rows of each stage; what is filtered before they are full is written again
+    # of what is filtered before these are full, nothing remains
     rows = np.zeros((stages, reach + 2, width), np.float32)
     first, last = MARGIN - reach, MARGIN + height - 1 + reach
     for c in range(channels):
@@ -88,18 +103,8 @@ def find_coefficients(planes, unit, weights, coefficients):
                 filter_across(planes[c, max(y, 0)], unit, weights, lines, here)
             else:
                 copy_row(rows[0, (y - 1) % (reach + 2)], here)
-            known = y
-            for k in range(stages):
-                distance = 1 << k
-                known -= distance  # the last row whose surroundings are known
-                before, here, after = (
-                    rows[k, (known - distance) % (reach + 2)],
-                    rows[k, known % (reach + 2)],
-                    rows[k, (known + distance) % (reach + 2)],
-                )
-                # rows before the first whole one are written again below
-                to = rows[k + 1, known % (reach + 2)] if k < stages - 1 else coefficients[c, max(MARGIN + known, 0)]
-                filter_row(weights[k], before, here, after, to)
+            # rows before the first whole one are written again below
+            filter_down(weights, rows, y, coefficients[c, max(MARGIN + y - reach, 0)])
         # farther out, all values around are equal, and so are the coefficients
         for y in range(first):
             copy_row(coefficients[c, first], coefficients[c, y])
