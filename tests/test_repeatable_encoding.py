@@ -57,6 +57,14 @@ def test_numbers_of_threads_are_given(encoding, wanted):
     assert wanted.items() <= options.items()
 
 
+@pytest.mark.parametrize(("width", "height", "threads"), [(2560, 1440, 8), (1440, 2561, 6), (3840, 2160, 6)])
+def test_large_pictures_have_fewer_threads(width, height, threads):
+    """The size decides, and not the machine; encoders with a number of their own keep it."""
+    sizes = {"pixels": width * height}
+    assert choose_encoder(Encoding("h264"), "matroska", "out.mkv", **sizes)[1]["threads"] == str(threads)
+    assert choose_encoder(Encoding("hevc"), "matroska", "out.mkv", **sizes)[1]["threads"] == "4"
+
+
 def test_a_quality_of_av1_needs_no_single_thread():
     """Only where SVT-AV1 aims at a rate does it depend on its threads."""
     assert "svtav1-params" not in choose_encoder(Encoding("av1"), "matroska", "out.mkv")[1]

@@ -117,9 +117,15 @@ def depth_of(pixel_format: str) -> int:
 
 
 def choose_encoder(
-    encoding: Encoding, container: str, name: str, pixel_format: str = "yuv420p", source_codec: str = ""
+    encoding: Encoding,
+    container: str,
+    name: str,
+    pixel_format: str = "yuv420p",
+    source_codec: str = "",
+    *,
+    pixels: int = 0,
 ) -> tuple[str, dict[str, str]]:
-    """Return FFmpeg's encoder and its options for the encoding that was asked for.
+    """Return FFmpeg's encoder and its options for the encoding that was asked for, and pictures of so many pixels.
 
     If no codec was asked for, `default_codec` chooses it.
 
@@ -156,7 +162,7 @@ def choose_encoder(
     options = _options_of_other(codec, encoding) if known is None else _options_of_known(known, asked, encoding)
     _check_encoder_options(codec, encoding.encoder_options)
     given = {*options, *dict(encoding.encoder_options)}
-    return encoder, _merged_options(options, (*repeatable_options(encoder, given), *encoding.encoder_options))
+    return encoder, _merged_options(options, (*repeatable_options(encoder, given, pixels), *encoding.encoder_options))
 
 
 def encodes_alpha(encoding: Encoding, container: str) -> bool:

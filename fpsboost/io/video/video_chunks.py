@@ -159,7 +159,8 @@ class VideoChunks:
     def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
         """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
         known = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
-        return choose_encoder(self._output.encoding, self._container, self._name, *known)
+        pixels = self._output.info.height * self._output.info.width
+        return choose_encoder(self._output.encoding, self._container, self._name, *known, pixels=pixels)
 
     def _remark_on_floats(self, image: Image) -> None:
         """Add a remark, once each, on depth and light of floating-point images that the integer format cannot hold."""
