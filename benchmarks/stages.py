@@ -43,7 +43,6 @@ STAGES = {
     "components, padded": Stage(NLM, "contrast_planes"),
     "coarse search": Stage(NLM, "search_fused"),
     "tile search": Stage(NLM, "search_tiles", width_of=lambda pair, *_: pair.width),
-    "smoothing of offsets": Stage(NLM, "smooth_labels"),
     "choice of offsets": Stage(NLM, "choose_labels"),
     "residual search: measuring": Stage(NLM, "measure_point_similarity"),
     "residual search": Stage(NLM, "search_residuals"),

@@ -7,7 +7,7 @@ import pytest
 from twins import uncompiled
 
 from fpsboost.kernels.jit import njit
-from fpsboost.kernels.lanes import EIGHT, filter_eight, relax_eight
+from fpsboost.kernels.lanes import EIGHT, extend_paths, filter_eight
 
 
 @njit()
@@ -31,24 +31,30 @@ def test_eight_pixels_are_filtered_alike_compiled_and_not(step):
 
 
 @njit()
-def relax_compiled(x, y, here, before, costs, numbers, cheapest, at):
+def extend_compiled(labels, costs, total, here, before, room, prices):
     """Call the compiled form."""
-    relax_eight(x, y, here, before, costs, numbers[0], numbers[1], numbers[2], cheapest, at)
+    extend_paths(labels[0], labels[1], labels[2], costs, total, here, before, room, prices[0], prices[1])
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_eight_labels_are_reached_alike_compiled_and_not(seed):
-    """From the cheapest of eight others, with a price for the change up to a limit; nothing beside them is written."""
-    random = np.random.default_rng(seed)
-    x, y = random.integers(-5, 6, (2, 40)).astype(np.float32)
-    costs, known = random.random(40).astype(np.float32), random.random(20).astype(np.float32)
-    numbers = np.float32([0.1, 0.05, 0.3])  # taken off, by a pixel, at most
-    expected = known.copy()
-    for k in range(EIGHT):
-        changes = np.abs(x[3 + k] - x[20 : 20 + EIGHT]) + np.abs(y[3 + k] - y[20 : 20 + EIGHT])
-        reached = costs[20 : 20 + EIGHT] - numbers[0] + np.minimum(numbers[1] * changes, numbers[2])
-        expected[5 + k] = min(known[5 + k], reached.min())
-    for call in (relax_compiled, uncompiled(relax_compiled)):
-        cheapest = known.copy()
-        call(x, y, 3, 20, costs, numbers, cheapest, 5)
-        np.testing.assert_allclose(cheapest, expected, rtol=1e-6)
+@pytest.mark.parametrize("room", [EIGHT, 3 * EIGHT])
+@pytest.mark.parametrize("seed", range(3))
+def test_paths_are_extended_alike_compiled_and_not(seed, room):
+    """From the cheapest label, with a price for the change up to a limit; nothing beside the node is written."""
+    random, here, before = np.random.default_rng(seed), 3, 40
+    labels = random.integers(-5, 6, (3, 80)).astype(np.float32)
+    known, sums = random.random((2, 80)).astype(np.float32)
+    prices = np.float32([0.05, 0.3])  # of a pixel, at most
+    x, y, energy = labels
+    extended = np.empty(room)
+    for k in range(room):
+        changes = np.abs(x[here + k] - x[before : before + room]) + np.abs(y[here + k] - y[before : before + room])
+        reached = known[before : before + room] + np.minimum(prices[0] * changes, prices[1])
+        extended[k] = energy[here + k] + reached.min()
+    expected_costs, expected_sums = known.copy(), sums.copy()
+    expected_costs[here : here + room] = extended - extended.min()
+    expected_sums[here : here + room] += extended
+    for call in (extend_compiled, uncompiled(extend_compiled)):
+        costs, total = known.copy(), sums.copy()
+        call(labels, costs, total, here, before, room, prices)
+        np.testing.assert_allclose(costs, expected_costs, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(total, expected_sums, rtol=1e-6)

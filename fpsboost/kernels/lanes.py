@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -66,73 +67,102 @@ def row_filter(length: int) -> Callable[..., None]:
 filter_eight, filter_sixteen = row_filter(EIGHT), row_filter(2 * EIGHT)
 
 
-def relax_eight(x, y, here, before, costs, least, slope, limit, cheapest, at):
-    """Lower the costs of eight labels to the cost of the cheapest transition from one of eight other labels.
+def extend_paths(x, y, energy, costs, total, here, before, room, slope, limit):
+    """Extend the cheapest paths to the labels of a node by the labels of the next node.
 
     Parameters
     ----------
     x, y : (size,) float32
         Motion of all labels, pixels.
-    here, before : int
-        Indices of the first of the eight labels and of the eight other labels; no bounds are checked.
+    energy : (size,) float32
+        Cost of each label itself.
     costs : (size,) float32
-        Costs of the other labels, from index `before` on.
-    least : float32
-        Amount subtracted from these costs.
+        Cost of the cheapest path to each label, without that of the cheapest of its node; read at `before`, written at
+        `here`.
+    total : (size,) float32
+        To which the costs of the paths to `here` are added.
+    here, before : int
+        Indices of the first label of both nodes; no bounds are checked.
+    room : int
+        Number of labels of a node, a multiple of EIGHT.
     slope, limit : float32
         Cost of a change of motion per pixel, and its maximum.
-    cheapest : (size,) float32
-        Least costs so far; updated in place.
-    at : int
-        Index of the first of the eight labels in `cheapest`.
     """
-    for other in range(before, before + EIGHT):
-        change = abs(x[here : here + EIGHT] - x[other]) + abs(y[here : here + EIGHT] - y[other])
-        reached = costs[other] - least + np.minimum(slope * change, limit)
-        cheapest[at : at + EIGHT] = np.minimum(cheapest[at : at + EIGHT], reached)
+    own, others = slice(here, here + room), range(before, before + room)
+    changes = [abs(x[own] - x[other]) + abs(y[own] - y[other]) for other in others]
+    reached = [costs[other] + np.minimum(slope * change, limit) for other, change in zip(others, changes, strict=True)]
+    extended = energy[own] + np.min(reached, axis=0)
+    costs[own] = extended - extended.min()
+    total[own] += extended
 
 
 @intrinsic
-def _vector_relax(typing, x, y, here, before, costs, least, slope, limit, cheapest, at):
-    """Run `relax_eight` in vector instructions."""
+def _in_vectors(typing, x, y, energy, costs, total, here, before, room, slope, limit):
+    """Run `extend_paths` in vector instructions."""
     place, number = types.int64, types.float32
-    return types.void(x, y, place, place, costs, number, number, number, cheapest, place), _emit_relax
+    return types.void(x, y, energy, costs, total, place, place, place, number, number), _emit_extension
 
 
-def _emit_relax(context, builder, signature, arguments):
-    x, y, here, before, costs, least, slope, limit, cheapest, at = arguments
-    kind_x, kind_y, kind_costs, kind_cheapest = (signature.args[k] for k in (0, 1, 4, 8))
+def _emit_extension(context, builder, signature, arguments):
+    x, y, energy, costs, total = (
+        partial(address_of, context, builder, kind, array)
+        for kind, array in zip(signature.args[:5], arguments[:5], strict=True)
+    )
+    here, before, room, slope, limit = arguments[5:]
     fabs = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VECTOR, [_VECTOR]), f"llvm.fabs.v{EIGHT}f32")
+    slopes, limits = broadcast_value(builder, slope, _VECTOR), broadcast_value(builder, limit, _VECTOR)
+    groups = builder.udiv(room, ir.Constant(room.type, EIGHT))
 
-    def load(kind, array, place):
-        return builder.load(address_of(context, builder, kind, array, place, _VECTOR), align=4)
+    def load(array, place):
+        return builder.load(array(place, _VECTOR), align=4)
 
-    def number(kind, array, place):
-        return builder.load(address_of(context, builder, kind, array, place, ir.FloatType()))
+    def of_each_lane(array, place):
+        return broadcast_value(builder, builder.load(array(place, ir.FloatType())), _VECTOR)
 
     def smaller(first, second):
         return builder.select(builder.fcmp_ordered("<", second, first), second, first)
 
-    dx, dy, best = load(kind_x, x, here), load(kind_y, y, here), load(kind_cheapest, cheapest, at)
-    slopes, limits = broadcast_value(builder, slope, _VECTOR), broadcast_value(builder, limit, _VECTOR)
-    for _ in range(EIGHT):
-        across = builder.fsub(dx, broadcast_value(builder, number(kind_x, x, before), _VECTOR))
-        down = builder.fsub(dy, broadcast_value(builder, number(kind_y, y, before), _VECTOR))
-        change = builder.fadd(builder.call(fabs, [across]), builder.call(fabs, [down]))
-        cost = builder.fsub(number(kind_costs, costs, before), least)
-        price = smaller(limits, builder.fmul(slopes, change))
-        best = smaller(best, builder.fadd(broadcast_value(builder, cost, _VECTOR), price))
-        before = builder.add(before, ir.Constant(before.type, 1))
-    builder.store(best, address_of(context, builder, kind_cheapest, cheapest, at, _VECTOR), align=4)
+    def lower(variable, value):
+        builder.store(smaller(builder.load(variable), value), variable)
+
+    def along(first, group):
+        return builder.add(first, builder.mul(group, ir.Constant(group.type, EIGHT)))
+
+    highest = ir.Constant(_VECTOR, [float(np.finfo(np.float32).max)] * EIGHT)
+    lowest, cheapest = (cgutils.alloca_once_value(builder, highest) for _ in range(2))
+    builder.store(highest, lowest)
+    with cgutils.for_range(builder, groups) as own:
+        at = along(here, own.index)
+        dx, dy = load(x, at), load(y, at)
+        builder.store(highest, cheapest)
+        with cgutils.for_range(builder, groups) as others:
+            for lane in range(EIGHT):
+                other = builder.add(along(before, others.index), ir.Constant(before.type, lane))
+                across, down = (
+                    builder.call(fabs, [builder.fsub(d, of_each_lane(axis, other))]) for d, axis in ((dx, x), (dy, y))
+                )
+                price = smaller(limits, builder.fmul(slopes, builder.fadd(across, down)))
+                lower(cheapest, builder.fadd(of_each_lane(costs, other), price))
+        extended = builder.fadd(load(energy, at), builder.load(cheapest))
+        lower(lowest, extended)
+        builder.store(extended, costs(at, _VECTOR), align=4)
+        builder.store(builder.fadd(load(total, at), extended), total(at, _VECTOR), align=4)
+    least = builder.load(lowest)
+    for distance in (4, 2, 1):  # afterwards every lane holds the least of all
+        turned = ir.Constant(ir.VectorType(ir.IntType(32), EIGHT), [lane ^ distance for lane in range(EIGHT)])
+        least = smaller(least, builder.shuffle_vector(least, least, turned))
+    with cgutils.for_range(builder, groups) as own:
+        at = along(here, own.index)
+        builder.store(builder.fsub(load(costs, at), least), costs(at, _VECTOR), align=4)
     return context.get_dummy_value()
 
 
-@overload(relax_eight, inline="always")
-def _compiled_relax(x, y, here, before, costs, least, slope, limit, cheapest, at):
-    """Return the implementation of `relax_eight` within kernels."""
+@overload(extend_paths, inline="always")
+def _compiled_extension(x, y, energy, costs, total, here, before, room, slope, limit):
+    """Return the implementation of `extend_paths` within kernels."""
 
-    def compiled(x, y, here, before, costs, least, slope, limit, cheapest, at):
-        _vector_relax(x, y, here, before, costs, least, slope, limit, cheapest, at)
+    def compiled(x, y, energy, costs, total, here, before, room, slope, limit):
+        _in_vectors(x, y, energy, costs, total, here, before, room, slope, limit)
 
     return compiled
 

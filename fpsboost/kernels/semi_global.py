@@ -13,84 +13,80 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import BORROWING, FINITE_JIT, njit
-from fpsboost.kernels.lanes import EIGHT, relax_eight
+from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.lanes import extend_paths
 from fpsboost.kernels.tiles import Index
 
 MISSING_LABEL_COST = np.float32(1e30)
 """Cost of a label that a node does not have."""
 
+PATHS_AT_ONCE = 4
+"""Neighbouring paths that are followed together: a processor works on one node of each at the same time."""
+
 
 class Labels(NamedTuple):
-    """Labels of all nodes, as for `smooth_labels`, flattened."""
-
-    listed: NDArray[Any]
-    motions: NDArray[Any]
-    energy: NDArray[Any]
-    ties: NDArray[Any]
-    capacity: int
-    """Maximum number of labels of a node."""
-
-
-class PathRoom(NamedTuple):
-    """Work arrays for the labels of two nodes of a path, with `capacity` rounded up to a multiple of EIGHT."""
+    """Labels of all nodes, flat, with room for a multiple of EIGHT labels at every node."""
 
     x: NDArray[Any]
-    """Motion of the labels along x, (2 room,) float32."""
+    """Motion along x, pixels, float32; 0 for labels that a node does not have."""
     y: NDArray[Any]
-    """Motion of the labels along y, (2 room,) float32."""
-    costs: NDArray[Any]
-    """Least costs of the labels, (2 room,) float32."""
-    cheapest: NDArray[Any]
-    """Cost of the cheapest transition to each label of a node, (room,) float32."""
+    """Motion along y."""
+    energy: NDArray[Any]
+    """Data costs, float32; `MISSING_LABEL_COST` for labels that a node does not have."""
+    ties: NDArray[Any]
+    """Share of the smoothness that applies to each node, float32."""
 
 
 @njit(**FINITE_JIT)
-def add_path_costs(begin, apart, length, labels, smoothness, slope, spaces, total):
-    """Add the costs of the path along a line of nodes.
+def align_labels(count, motions, similarity, room, labels):
+    """Copy the labels of all nodes, `room` for each node, with the similarity as a negative cost."""
+    x, y, energy, _ = labels
+    rows, columns, _ = similarity.shape
+    energy[:] = MISSING_LABEL_COST
+    for row in range(Index(rows)):
+        for column in range(Index(columns)):
+            first = (row * Index(columns) + column) * room
+            for k in range(Index(count[row, column])):
+                x[first + k], y[first + k] = motions[row, column, k, 0], motions[row, column, k, 1]
+                energy[first + k] = -similarity[row, column, k]
+
+
+@njit(**FINITE_JIT)
+def add_path_costs(begin, apart, length, aside, parallel, labels, room, smoothness, slope, costs, total):
+    """Add the costs of parallel paths.
 
     Parameters
     ----------
     begin, apart, length : int
-        Index of the first node, distance to the next, and number of nodes.
+        Index of the first node of the first path, distance to its next node, and number of its nodes.
+    aside, parallel : int
+        Distance to the first node of the next path, and number of paths.
     labels : Labels
+    room : int
+        Number of labels of a node.
     smoothness, slope
-        As for `smooth_labels`.
-    spaces : PathRoom
+        As for `choose_labels`.
+    costs : flat float32
+        Work array, with room for a further node, at which all costs are 0.
     total : flat float32
         Updated in place.
     """
-    count, motions, energy, ties, capacity = labels
-    x, y, costs, cheapest = spaces
-    share, room = np.float32(0.25), cheapest.size
-    before, least, tie_before = Index(room), np.float32(0), np.float32(0)
-    for n in range(length):
-        node = Index(begin + n * apart)
-        here, first, known = Index(room) - before, node * Index(capacity), Index(count[node])
-        for k in range(known):
-            x[here + k], y[here + k] = motions[Index(2) * (first + k)], motions[Index(2) * (first + k) + Index(1)]
-        tie = min(ties[node], tie_before)
-        limit, rise = tie * smoothness, tie * slope
-        for k in range(Index(room)):
-            cheapest[k] = limit  # 0 at the first node, which has no predecessor
-        if n:
-            for k in range(Index(0), Index(room), Index(EIGHT)):
-                for other in range(Index(0), Index(room), Index(EIGHT)):
-                    relax_eight(x, y, here + k, before + other, costs, least, rise, limit, cheapest, k)
-        least = MISSING_LABEL_COST
-        for k in range(known):
-            cost = energy[first + k] + cheapest[k]
-            costs[here + k] = cost
-            total[first + k] += share * cost
-            least = min(least, cost)
-        for k in range(known, Index(room)):
-            x[here + k], y[here + k], costs[here + k] = 0, 0, MISSING_LABEL_COST
-        before, tie_before = here, ties[node]
+    x, y, energy, ties = labels
+    for first in range(0, parallel, PATHS_AT_ONCE):
+        for n in range(length):
+            for path in range(first, min(first + PATHS_AT_ONCE, parallel)):
+                node = begin + path * aside + n * apart
+                # no change has a cost at the first node, which has no predecessor
+                before = node - apart if n else ties.size
+                tie = min(ties[Index(node)], ties[Index(before)]) if n else np.float32(0)
+                extend_paths(
+                    x, y, energy, costs, total, node * room, before * room, room, tie * slope, tie * smoothness
+                )
 
 
 @njit(cache=True, **FINITE_JIT)
-def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
-    """Compute the costs of all labels, aggregated over their neighbours.
+def choose_labels(count, motions, similarity, ties, smoothness, slope, costs, flow, chosen):
+    """Choose the label of every node with the lowest cost, aggregated over its neighbours; the first of several.
 
     Parameters
     ----------
@@ -98,49 +94,33 @@ def smooth_labels(count, motions, energy, ties, smoothness, slope, total):
         Labels of each node, at least one.
     motions : (rows, columns, capacity, 2) float32
         ``(dx, dy)`` of each label, pixels; undefined beyond `count`.
-    energy : (rows, columns, capacity) float32
-        Data cost of each label.
+    similarity : (rows, columns, capacity) float32
+        Similarity of each label, whose negative is its cost at the node.
     ties : (rows, columns) float32
         Share of the smoothness that applies to a node; between two nodes, the smaller of both.
     smoothness : float32
         Maximum cost of a change of motion between neighbours.
     slope : float32
         Cost of a change of motion per pixel.
-    total : (rows, columns, capacity) float32 out
-        Mean cost over the four paths; 0 beyond `count`.
-    """
-    rows, columns, capacity = energy.shape
-    total[:] = 0
-    labels = Labels(count.ravel(), motions.ravel(), energy.ravel(), ties.ravel(), capacity)
-    room = (capacity + EIGHT - 1) // EIGHT * EIGHT
-    x, y, costs = np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32), np.zeros(2 * room, np.float32)
-    spaces, last = PathRoom(x, y, costs, np.empty(room, np.float32)), (rows - 1) * columns
-    onward = np.int64(1)  # not a literal, for which the paths would be compiled again
-    for row in range(rows):
-        add_path_costs(row * columns, onward, columns, labels, smoothness, slope, spaces, total.ravel())
-        add_path_costs(row * columns + columns - 1, -onward, columns, labels, smoothness, slope, spaces, total.ravel())
-    for column in range(columns):
-        add_path_costs(column, columns, rows, labels, smoothness, slope, spaces, total.ravel())
-        add_path_costs(last + column, -columns, rows, labels, smoothness, slope, spaces, total.ravel())
-
-
-@njit(cache=True, **FINITE_JIT, **BORROWING)
-def choose_labels(count, costs, motions, similarity, flow, chosen):
-    """Choose the label with the lowest cost for every node, the first of those with equal cost.
-
-    Parameters
-    ----------
-    count : (rows, columns) int32
-        Labels of each node, at least one.
-    costs : (rows, columns, capacity) float32
-    motions : (rows, columns, capacity, 2 or more) float32
-    similarity : (rows, columns, capacity) float32
+    costs : (rows, columns, capacity rounded up to a multiple of EIGHT) float32 out
+        Sum of the costs of each label over the four directions; undefined beyond `count`.
     flow : (rows, columns, 2) float32 out
         Motion of the chosen label.
     chosen : (rows, columns) float32 out
         Similarity of the chosen label.
     """
-    rows, columns = count.shape
+    rows, columns, room = costs.shape
+    size, last = costs.size + room, rows * columns - 1  # with a node before the first of every path
+    labels = Labels(np.zeros(size, np.float32), np.zeros(size, np.float32), np.empty(size, np.float32), ties.ravel())
+    align_labels(count, motions, similarity, Index(room), labels)
+    path_costs, total = np.zeros(size, np.float32), costs.ravel()
+    total[:] = 0
+    for direction in range(4):
+        is_vertical, begin, sign = direction > 1, last * (direction % 2), 1 - 2 * (direction % 2)
+        apart, length, aside, parallel = (columns, rows, 1, columns) if is_vertical else (1, columns, columns, rows)
+        add_path_costs(
+            begin, sign * apart, length, sign * aside, parallel, labels, room, smoothness, slope, path_costs, total
+        )
     for row in range(Index(rows)):
         for column in range(Index(columns)):
             best = Index(0)

@@ -27,12 +27,13 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
+from fpsboost.kernels.lanes import EIGHT
 from fpsboost.kernels.levels import level_scale, truncation
 from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.points import measure_forward_backward_errors
 from fpsboost.kernels.refine import refine_points
 from fpsboost.kernels.residual_search import measure_point_similarity, search_residuals
-from fpsboost.kernels.semi_global import choose_labels, smooth_labels
+from fpsboost.kernels.semi_global import choose_labels
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
 from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
@@ -247,11 +248,10 @@ class CoarseToFine:
         self, count: NDArray[Any], similarity: NDArray[Any], flows: NDArray[Any], ties: NDArray[Any], step: int
     ) -> Points:
         """Choose the offset of every point that is similar and consistent with the offsets of its neighbours."""
-        costs = np.empty_like(similarity)
-        slope = self.smoothness / (self.steepness * step)
-        smooth_labels(count, flows, -similarity, ties, np.float32(self.smoothness), np.float32(slope), costs)
         points = Points(np.empty((*count.shape, 2), np.float32), np.empty(count.shape, np.float32))
-        choose_labels(count, costs, flows, similarity, *points)
+        costs = np.empty((*count.shape, -(-self.labels // EIGHT) * EIGHT), np.float32)
+        slope = self.smoothness / (self.steepness * step)
+        choose_labels(count, flows, similarity, ties, np.float32(self.smoothness), np.float32(slope), costs, *points)
         return points
 
     def _search_residuals(
