@@ -13,6 +13,7 @@ import sys
 import time
 from pathlib import Path
 
+from fpsboost.cli.heap import limit_free_memory
 from fpsboost.conversion import convert
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo
@@ -50,6 +51,7 @@ def main() -> None:
     parser.add_argument("--method", default="nlm", choices=methods)
     parser.add_argument("--workers", type=int, default=1)
     arguments = parser.parse_args()
+    limit_free_memory()  # as the command does
     observer = Starting()
     try:
         summary = convert(
