@@ -249,8 +249,9 @@ def time_making(interpolator: Interpolator, frames: Sequence[FrameImage]) -> Mak
 
 def time_encoding(shown: Sequence[FrameImage], preset: str) -> float:
     """Return what an encoder takes for a frame, with its opening."""
-    encoder, options = choose_encoder(Encoding(preset=preset), "mp4", "out.mp4")
     pictures = [_as_picture(image) for image in shown]
+    pixels = pictures[0].width * pictures[0].height
+    encoder, options = choose_encoder(Encoding(preset=preset), "mp4", "out.mp4", pixels=pixels)
     begin = time.process_time()
     with av.open(os.devnull, "w", format="null") as nowhere:
         stream = nowhere.add_stream(encoder, rate=48)
