@@ -13,10 +13,10 @@ import sys
 import time
 from pathlib import Path
 
-from fpsboost.cli.heap import limit_free_memory
 from fpsboost.conversion import convert
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo
+from fpsboost.heap import limit_free_memory
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
 from fpsboost.observer import SilentObserver

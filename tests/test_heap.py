@@ -11,7 +11,7 @@ import pytest
 COUNT_HEAPS = """if True:
     import ctypes, sys
     from threading import Barrier, Thread
-    from fpsboost.cli.heap import limit_free_memory
+    from fpsboost.heap import limit_free_memory
 
     library = ctypes.CDLL(None)
     if "shared" in sys.argv:
@@ -49,7 +49,7 @@ def test_all_threads_allocate_from_one_heap():
 
 ALLOCATE_AGAIN = """if True:
     import ctypes, sys
-    from fpsboost.cli.heap import limit_free_memory
+    from fpsboost.heap import limit_free_memory
 
     library = ctypes.CDLL(None)
     library.malloc.restype = ctypes.c_void_p
@@ -74,3 +74,36 @@ def bytes_outside_heaps(*arguments: str) -> int:
 def test_large_blocks_stay_outside_the_heap():
     """A block of 16 MiB leaves no hole in the heap, although one of its size was freed before."""
     assert bytes_outside_heaps("limited") >= bytes_outside_heaps() + 2**24
+
+
+FREE_BETWEEN = """if True:
+    import ctypes, re
+    from pathlib import Path
+    from fpsboost.heap import limit_free_memory, return_free_memory
+
+    library = ctypes.CDLL(None)
+    library.malloc.restype = ctypes.c_void_p
+    limit_free_memory()
+    size = 2**20
+    blocks = [library.malloc(size) for _ in range(64)]
+    for each in blocks:
+        ctypes.memset(each, 1, size)
+    for each in blocks[:-1]:
+        library.free(ctypes.c_void_p(each))
+
+    def resident_bytes():
+        return 1024 * int(re.search(r"VmRSS:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
+
+    before = resident_bytes()
+    return_free_memory()
+    print(before - resident_bytes())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other C libraries decide differently")
+def test_free_memory_between_blocks_in_use_is_returned():
+    """Of 64 MiB below one block that is still in use, nearly all goes back to the system."""
+    told = subprocess.run(
+        [sys.executable, "-c", FREE_BETWEEN], env={}, capture_output=True, text=True, check=True
+    ).stdout
+    assert int(told) >= 56 * 2**20

@@ -12,7 +12,6 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from fpsboost.cli.heap import limit_free_memory
 from fpsboost.cli.library_texts import LibraryTexts
 from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
 from fpsboost.cli.options import CutOptions, MessageOptions, MethodOptions, TuningOptions
@@ -20,6 +19,7 @@ from fpsboost.cli.progress import JsonReporter, Reporter, print_object
 from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
+from fpsboost.heap import limit_free_memory
 from fpsboost.interruption import interrupt
 from fpsboost.io.part import part_folder
 from fpsboost.io.video.decode_options import DecodeOptions

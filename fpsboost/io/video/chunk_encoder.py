@@ -14,6 +14,7 @@ from typing import Any
 import av
 
 from fpsboost.frame import Frame
+from fpsboost.heap import return_free_memory
 from fpsboost.io.video.chunks import Chunk, ChunkWriter
 from fpsboost.io.video.encoder import VideoEncoder
 
@@ -73,6 +74,7 @@ class ChunkEncoder:
             self._keep(self._writer, self._encoder.finish())
             self._chunks.append(self._writer.finish(self._frames))
             self._writer, self._frames = None, 0
+            return_free_memory()  # of the encoder, which lived as long as its packets
 
     def discard(self) -> None:
         """Discard the current chunk and close the encoder."""

@@ -1,4 +1,4 @@
-"""Memory that the C library keeps for a run after it has been freed."""
+"""Memory that the C library keeps after it has been freed."""
 
 from __future__ import annotations
 
@@ -33,3 +33,13 @@ def limit_free_memory() -> None:
         for variable, option, value in settings:
             if variable not in os.environ:
                 mallopt(option, value)
+
+
+def return_free_memory() -> None:
+    """Return to the system what is free between blocks in use, where the C library is glibc.
+
+    Takes about 10 ms after an encoder was closed, which leaves 100 to 200 MB in pieces that the next one does not fill.
+    """
+    if sys.platform == "linux":
+        with suppress(AttributeError):  # another C library
+            ctypes.CDLL(None).malloc_trim(0)
