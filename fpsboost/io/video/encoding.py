@@ -123,7 +123,7 @@ def choose_encoder(
     pixel_format: str = "yuv420p",
     source_codec: str = "",
     *,
-    pixels: int = 0,
+    pixels: int,
 ) -> tuple[str, dict[str, str]]:
     """Return FFmpeg's encoder and its options for the encoding that was asked for, and pictures of so many pixels.
 

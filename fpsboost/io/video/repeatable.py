@@ -60,7 +60,7 @@ _further_options = {
 _of_svt_at_a_rate = (("svtav1-params", "lp=1"),)  # with more threads it aims at a rate differently in every run
 
 
-def repeatable_options(encoder: str, given: Collection[str] = (), pixels: int = 0) -> tuple[tuple[str, str], ...]:
+def repeatable_options(encoder: str, given: Collection[str], pixels: int) -> tuple[tuple[str, str], ...]:
     """Return the options with which an encoder makes the same packets on any number of cores.
 
     Parameters
@@ -74,7 +74,7 @@ def repeatable_options(encoder: str, given: Collection[str] = (), pixels: int = 
 
     Examples
     --------
-    >>> repeatable_options("mjpeg")
+    >>> repeatable_options("mjpeg", (), 1920 * 1080)
     (('threads', '1'),)
     """
     usual = THREADS_FOR_LARGE_PICTURES if pixels > LARGE_PICTURE else ENCODER_THREADS
