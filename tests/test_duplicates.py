@@ -10,9 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
 from conversion_options import keeping_duplicates
+from hypothesis import given
+from hypothesis import strategies as st
 from test_pipeline import FakeSink, FakeSource
 from truth import affine, as_type, frozen, noise, prepared, waves
 
@@ -236,6 +239,26 @@ def test_motion_beyond_white_counts():
     """Highlights of float images move, too."""
     image0, image1 = (pan(position, dtype=np.float32) * np.float32(4) + np.float32(1) for position in (0, 2))
     assert DuplicateDetector().difference(*prepared(image0, image1)) > 5
+
+
+@given(
+    size=st.tuples(st.integers(1, 300), st.integers(1, 40)),
+    block=st.integers(1, 16),
+    share=st.sampled_from([0, 0.25]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_differences_are_those_of_whole_frames(size, block, share, seed):
+    """Bands miss no block, and none is left out unless the difference is sufficient."""
+    random = np.random.default_rng(seed)
+    image0, image1 = random.integers(0, 256, (2, *size, 1), dtype=np.uint8)
+    changed = np.zeros(size, bool)
+    row, column = random.integers(size)
+    changed[row : row + block, column : column + 4] = True
+    image1 = np.where(changed[..., None], image1, image0)
+    sums = cv2.boxFilter(cv2.absdiff(image0, image1), cv2.CV_32S, (block, block), normalize=False)
+    detector = DuplicateDetector(share=share, block=block)
+    found, whole = detector.difference(*prepared(image0, image1)), float(sums.max()) / block**2
+    assert found == whole or detector.sufficient_difference < found < whole
 
 
 @pytest.mark.parametrize("size", [2, 4, 8])

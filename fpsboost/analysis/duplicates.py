@@ -22,6 +22,9 @@ from fpsboost.ycbcr import YCbCrImage
 ROUNDING = 0.01
 """Maximum error of differences by the rounding of sums, 8-bit levels."""
 
+BAND_BLOCKS = 8
+"""Height of the bands that are compared one after the other, blocks."""
+
 
 @dataclass(frozen=True)
 class DuplicateDetector:
@@ -70,14 +73,32 @@ class DuplicateDetector:
         if self.block < 1 or self.most < 1 or self.longest < 0:
             raise OptionError("block and most must be at least 1, and longest not below 0; change the detector.")
 
+    @property
+    def sufficient_difference(self) -> float:
+        """Difference beyond which no decision depends on its size, nor on `noise` more or less, in 8-bit levels."""
+        largest_share = self.noise / self.share if self.share else math.inf
+        return self.noise + max(largest_share, self.smallest_step) + ROUNDING
+
     def difference(self, image0: FrameCache, image1: FrameCache) -> float:
-        """Return the mean difference of gray levels in the block where it is largest, in 8-bit levels."""
+        """Return the mean difference of gray levels in the block where it is largest, in 8-bit levels.
+
+        The rest of the frames is not looked at once a block differs by more than `sufficient_difference`.
+        """
         (levels0, unit), (levels1, _) = _gray_levels(image0), _gray_levels(image1)
-        difference = cv2.absdiff(levels0, levels1)
+        largest = 0.0
+        for first, last in _bands(levels0.shape[0], BAND_BLOCKS * self.block):
+            around = slice(max(0, first - self.block // 2), last + self.block // 2)
+            sums = self._block_sums(cv2.absdiff(levels0[around], levels1[around]))
+            largest = max(largest, float(sums[first - around.start :][: last - first].max()) / self.block**2 * unit)
+            if largest > self.sufficient_difference:
+                break
+        return largest
+
+    def _block_sums(self, difference: Components) -> Components:
+        """Return the sums over the blocks around all pixels."""
         whole = cv2.CV_16U if self.block**2 * 255 < 2**16 else cv2.CV_32S
         depth = whole if difference.dtype == np.uint8 else cv2.CV_32F
-        sums = cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)
-        return float(sums.max()) / self.block**2 * unit
+        return cv2.boxFilter(difference, depth, (self.block, self.block), normalize=False)
 
     def is_held(self, noise: float, before: float, after: float) -> bool:
         """Return whether frames show one held picture.
@@ -102,6 +123,12 @@ class DuplicateDetector:
             Difference from the previous picture; infinite if the clip begins with this one.
         """
         return noise <= (self.smallest_step if math.isinf(before) else min(self.noise, self.share * before))
+
+
+def _bands(rows: int, height: int) -> list[tuple[int, int]]:
+    """Return the first row of each band and the row after its last, from the middle on, where most things move."""
+    bands = [(first, min(first + height, rows)) for first in range(0, rows, height)]
+    return sorted(bands, key=lambda band: abs(band[0] + band[1] - rows))
 
 
 def _gray_levels(frame: FrameCache) -> tuple[Components, float]:
@@ -173,8 +200,7 @@ def find_synchronised(
     group. Grouping goes on from there by the difference from the group before, which is certain
 
     - if the earlier one begins a group, too: then it is the difference of the two;
-    - if it exceeds ``noise / share`` in any case, where it decides nothing. It is at least the difference of the two
-      less the noise.
+    - if the difference of the two exceeds `sufficient_difference`, for it is smaller by the noise at most.
 
     Parameters
     ----------
@@ -188,12 +214,11 @@ def find_synchronised(
         The frame, and the `step` for `group_duplicates` to begin with it.
     """
     apart = 2 * detector.noise + ROUNDING
-    decides_nothing = detector.noise + (detector.noise / detector.share if detector.share else math.inf) + ROUNDING
     begins_before = False
     for before, frame in pairwise(frames):
         difference = detector.difference(before.image, frame.image)
         begins = difference > apart
-        if begins and (begins_before or difference > decides_nothing):
+        if begins and (begins_before or difference > detector.sufficient_difference):
             yield frame, difference
         begins_before = begins
 
