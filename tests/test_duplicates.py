@@ -248,7 +248,7 @@ def test_motion_beyond_white_counts():
     seed=st.integers(0, 2**32 - 1),
 )
 def test_differences_are_those_of_whole_frames(size, block, share, seed):
-    """Bands miss no block, and none is left out unless the difference is sufficient."""
+    """Bands miss no block, and none is left out unless the limit is passed."""
     random = np.random.default_rng(seed)
     image0, image1 = random.integers(0, 256, (2, *size, 1), dtype=np.uint8)
     changed = np.zeros(size, bool)
@@ -258,7 +258,7 @@ def test_differences_are_those_of_whole_frames(size, block, share, seed):
     sums = cv2.boxFilter(cv2.absdiff(image0, image1), cv2.CV_32S, (block, block), normalize=False)
     detector = DuplicateDetector(share=share, block=block)
     found, whole = detector.difference(*prepared(image0, image1)), float(sums.max()) / block**2
-    assert found == whole or detector.sufficient_difference < found < whole
+    assert found == whole or detector.difference_limit < found < whole
 
 
 @pytest.mark.parametrize("size", [2, 4, 8])

@@ -74,7 +74,7 @@ class DuplicateDetector:
             raise OptionError("block and most must be at least 1, and longest not below 0; change the detector.")
 
     @property
-    def sufficient_difference(self) -> float:
+    def difference_limit(self) -> float:
         """Difference beyond which no decision depends on its size, nor on `noise` more or less, in 8-bit levels."""
         largest_share = self.noise / self.share if self.share else math.inf
         return self.noise + max(largest_share, self.smallest_step) + ROUNDING
@@ -82,7 +82,7 @@ class DuplicateDetector:
     def difference(self, image0: FrameCache, image1: FrameCache) -> float:
         """Return the mean difference of gray levels in the block where it is largest, in 8-bit levels.
 
-        The rest of the frames is not looked at once a block differs by more than `sufficient_difference`.
+        The rest of the frames is not looked at once a block differs by more than `difference_limit`.
         """
         (levels0, unit), (levels1, _) = _gray_levels(image0), _gray_levels(image1)
         largest = 0.0
@@ -90,7 +90,7 @@ class DuplicateDetector:
             around = slice(max(0, first - self.block // 2), last + self.block // 2)
             sums = self._block_sums(cv2.absdiff(levels0[around], levels1[around]))
             largest = max(largest, float(sums[first - around.start :][: last - first].max()) / self.block**2 * unit)
-            if largest > self.sufficient_difference:
+            if largest > self.difference_limit:
                 break
         return largest
 
@@ -200,7 +200,7 @@ def find_synchronised(
     group. Grouping goes on from there by the difference from the group before, which is certain
 
     - if the earlier one begins a group, too: then it is the difference of the two;
-    - if the difference of the two exceeds `sufficient_difference`, for it is smaller by the noise at most.
+    - if the difference of the two exceeds `difference_limit`, for it is smaller by the noise at most.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def find_synchronised(
     for before, frame in pairwise(frames):
         difference = detector.difference(before.image, frame.image)
         begins = difference > apart
-        if begins and (begins_before or difference > detector.sufficient_difference):
+        if begins and (begins_before or difference > detector.difference_limit):
             yield frame, difference
         begins_before = begins
 

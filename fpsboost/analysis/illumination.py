@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -132,7 +133,8 @@ def _search(small0: Image, small1: Image) -> MotionField:
 def _measure_colours(image: FrameCache) -> _Colours:
     """Measure the colours of an image's small copy."""
     small = image.cached(small_copy, SMALL_COPY_SIDE)
-    return _Colours(small.mean(axis=(0, 1)), small.std(axis=(0, 1)), float(small.max()))
+    mean, deviation = (each.ravel().astype(np.float32) for each in cv2.meanStdDev(small))
+    return _Colours(mean, deviation, float(small.max()))
 
 
 def _match_mean_and_deviation(colours0: _Colours, colours1: _Colours, white: np.float32) -> IlluminationModel:
