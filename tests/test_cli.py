@@ -196,6 +196,26 @@ def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, tmp_path_f
     assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
 
 
+def test_a_request_to_stop_is_repeated_if_a_destructor_swallows_it():
+    """Python reports what is raised there, and goes on."""
+    code = """if True:
+        import signal, threading
+        from fpsboost.interruption import stop_on
+        stop_on(signal.SIGTERM)
+        class Destroyed:
+            def __del__(self):
+                signal.raise_signal(signal.SIGTERM)
+        try:
+            Destroyed()
+            print("went on", flush=True)
+            threading.Event().wait(60)
+        except KeyboardInterrupt:
+            print("stopped")
+    """
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (result.stdout.split("\n"), result.stderr) == (["went on", "stopped", ""], "")
+
+
 @pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
 def test_it_can_be_stopped_while_llvm_calls_back(clip, tmp_path):
     """LLVM swallows exceptions, and where numba keeps kernels, it would then miss the compiled one."""

@@ -285,6 +285,22 @@ def test_both_sides_together_keep_the_order():
     assert written == list(range(0, 600, 2))
 
 
+@pytest.mark.parametrize("has_started", [True, False])
+@pytest.mark.parametrize("side", [partial(read_ahead, itertools.count(), 2), partial(write_behind, id, 2)])
+def test_no_thread_is_left_by_an_interruption_of_its_start(monkeypatch, side, has_started):
+    """Ctrl-C may arrive while the caller waits for the thread to start."""
+
+    class Interrupted(threading.Thread):
+        def start(self) -> None:
+            if has_started:
+                super().start()
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("fpsboost.io.prefetch.Thread", Interrupted)
+    with pytest.raises(KeyboardInterrupt), side():
+        pass
+
+
 @pytest.mark.parametrize("side", ["reader", "writer"])
 def test_both_sides_end_when_one_fails(side):
     """An error on either side surfaces once, and both threads end."""

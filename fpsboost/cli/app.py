@@ -20,7 +20,7 @@ from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
 from fpsboost.heap import limit_free_memory
-from fpsboost.interruption import interrupt
+from fpsboost.interruption import stop_on
 from fpsboost.io.part import part_folder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -193,9 +193,8 @@ def main() -> None:
     """Run the command line and exit; called by `fpsboost.__main__`."""
     limit_free_memory()  # before there is a second thread
     atexit.register(gc.freeze)  # or Python looks for cycles among all objects before it ends: half a second with numba
-    signal.signal(signal.SIGTERM, interrupt)
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # which nohup and a shell's & set
-        signal.signal(signal.SIGINT, interrupt)
+    is_ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as nohup and a shell's & have it
+    stop_on(signal.SIGTERM, *([] if is_ignored else [signal.SIGINT]))
     with LibraryTexts() as texts:
         run_command(texts)
 

@@ -17,7 +17,7 @@ from typing import Any, Self
 from fpsboost.cluster.conversion import convert_in_parts
 from fpsboost.cluster.scheduler import Done, Failed, Progress, Report
 from fpsboost.cluster.worker import PartTask, WorkerObserver, make_part, picklable
-from fpsboost.interruption import interrupt
+from fpsboost.interruption import stop_on
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.part import Part
 from fpsboost.io.prefetch import available_cores
@@ -196,7 +196,7 @@ class ProcessExecutor:
 def _work(tasks: Connection) -> None:
     """Make the parts that arrive until there are no more; called in a process of its own."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
-    signal.signal(signal.SIGTERM, interrupt)
+    stop_on(signal.SIGTERM)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
     Thread(target=_follow_parent, daemon=True).start()

@@ -80,14 +80,20 @@ def read_ahead(items: Iterable[T], depth: int, cancel: Callable[[], None] = noth
             raise errors[0]
 
     thread = Thread(target=run, name="fpsboost-ahead")
-    thread.start()
     try:
+        thread.start()
         yield received()
     except BaseException:
         cancel()
         raise
     finally:
         stopped.set()
+        _join(thread)
+
+
+def _join(thread: Thread) -> None:
+    """Wait for a thread to end, unless it has not started: Ctrl-C may arrive while it is about to."""
+    if thread.is_alive():
         thread.join()
 
 
@@ -191,8 +197,8 @@ def write_behind(
                 continue
 
     thread = Thread(target=run, name="fpsboost-write")
-    thread.start()
     try:
+        thread.start()
         yield send
         _put(queue, End(), stopped)
         thread.join()
@@ -201,6 +207,6 @@ def write_behind(
         raise
     finally:
         stopped.set()
-        thread.join()
+        _join(thread)
     if errors:
         raise errors[0]
