@@ -220,7 +220,7 @@ def _measure_consistency(thumbnail: Components, there: MotionField, back: Motion
     starts, flow = np.arange(height * width), there.flow.reshape(-1, 2)
     across = flow + back.flow.reshape(-1, 2).take(starts + _as_steps(flow, width), axis=0)
     looks_the_same = np.ones((height, width), np.float32)
-    elsewhere = np.flatnonzero(np.square(across).sum(axis=1) >= CONSISTENCY_TOLERANCE**2)
+    elsewhere = np.flatnonzero(across[:, 0] ** 2 + across[:, 1] ** 2 >= CONSISTENCY_TOLERANCE**2)
     if elsewhere.size:
         ends = elsewhere + _as_steps(across[elsewhere], width)
         apart = np.square(_sample_patches(thumbnail, ends) - _sample_patches(thumbnail, elsewhere)).sum(axis=3)
