@@ -21,6 +21,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
 from fpsboost.observer import SilentObserver
 from fpsboost.run_options import RunOptions
+from fpsboost.streaming import one_opencv_thread
 
 READY = "ready"
 
@@ -54,13 +55,14 @@ def main() -> None:
     limit_free_memory()  # as the command does
     observer = Starting()
     try:
-        summary = convert(
-            arguments.clip,
-            arguments.output,
-            method=arguments.method,
-            encoding=Encoding(preset="veryfast"),
-            run=RunOptions(observer=observer, overwrite=True, threads=arguments.workers),
-        )
+        with one_opencv_thread():  # likewise
+            summary = convert(
+                arguments.clip,
+                arguments.output,
+                method=arguments.method,
+                encoding=Encoding(preset="veryfast"),
+                run=RunOptions(observer=observer, overwrite=True, threads=arguments.workers),
+            )
     except FpsboostError as error:
         raise SystemExit(str(error)) from error
     # not getrusage's: that holds what the parent had when it started this process

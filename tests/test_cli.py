@@ -142,6 +142,19 @@ def test_verbose_shows_a_traceback(fpsboost_):
     assert result.lines[-1].startswith("fpsboost: none.mp4 does not exist")
 
 
+def test_opencv_has_one_thread_during_a_conversion(fpsboost_, clip, tmp_path, monkeypatch):
+    """Pairs of frames are worked on side by side instead; its setting is as before afterwards."""
+    seen = []
+    monkeypatch.setattr(Interpolator, "compile_for", lambda self, image: seen.append(cv2.getNumThreads()))
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    try:
+        assert fpsboost_("in.mp4", "out.mp4", *CHEAP).code == 0
+        assert (seen, cv2.getNumThreads()) == ([1], 2)
+    finally:
+        cv2.setNumThreads(before)
+
+
 def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, clip, tmp_path, monkeypatch):
     """Once, as soon as the first begins; not where all come from the cache, however long that takes."""
 

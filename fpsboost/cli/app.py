@@ -107,6 +107,7 @@ def convert(
     from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
     from fpsboost.cluster.engines import convert_where  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
+    from fpsboost.streaming import one_opencv_thread  # noqa: PLC0415
 
     interpolator = cuts.applied_to(motion.interpolator(tuning))
 
@@ -120,7 +121,7 @@ def convert(
             if messages.progress == "json"
             else Reporter(place + called, quiet=messages.quiet, verbose=messages.verbose)
         )
-        with reporter:
+        with reporter, one_opencv_thread():
             reporter.say_settings(motion.method, interpolator)
             job = ConversionJob(input, output, rate, interpolator, decoding, encoding)
             summary = convert_where(where, job, replace(run_options, observer=reporter))

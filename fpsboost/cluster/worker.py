@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-
-import cv2
 
 from fpsboost.conversion import convert_job
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InUseError
@@ -18,6 +15,7 @@ from fpsboost.io.part import Part, part_folder
 from fpsboost.observer import SilentObserver, Summary
 from fpsboost.preparation import ConversionJob
 from fpsboost.run_options import RunOptions
+from fpsboost.streaming import one_opencv_thread
 
 REPORT_INTERVAL = 0.5
 """Seconds between reports of a part's progress."""
@@ -94,7 +92,7 @@ def make_part(task: PartTask, observer: WorkerObserver) -> Path:
         See `fpsboost.conversion.convert`.
     """
     run = RunOptions(chunk=task.part, resume=True, threads=task.threads, limit=task.limit, observer=observer)
-    with opencv_threads(task.threads):
+    with one_opencv_thread():
         while True:
             try:
                 convert_job(task.job, run)
@@ -112,15 +110,3 @@ def picklable(error: Exception) -> Exception:
     if isinstance(error, FpsboostError):
         return error
     return RuntimeError("".join(traceback.format_exception(error)))
-
-
-@contextmanager
-def opencv_threads(count: int | None) -> Iterator[None]:
-    """Limit the threads of OpenCV in this process while the block lasts; None changes nothing."""
-    before = cv2.getNumThreads()
-    if count is not None:
-        cv2.setNumThreads(count)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
