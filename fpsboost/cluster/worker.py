@@ -33,7 +33,7 @@ class PartTask:
     job : ConversionJob
     part : Part
     threads : int or None
-        Threads of all kinds: for pairs of frames, for OpenCV and for the encoder.
+        Pairs of frames that are worked on at a time; see `fpsboost.run_options.RunOptions`.
     limit : MemoryLimit or None
     """
 
