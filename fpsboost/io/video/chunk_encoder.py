@@ -61,6 +61,7 @@ class ChunkEncoder:
         self._frames += 1
         if self._frames == self._chunk_frames:
             self.finish()
+            return_free_memory()  # of the encoder, which lived as long as its packets
 
     def finish(self) -> None:
         """Finish the current chunk, if there is one, so that the next one does not depend on its frames.
@@ -74,7 +75,6 @@ class ChunkEncoder:
             self._keep(self._writer, self._encoder.finish())
             self._chunks.append(self._writer.finish(self._frames))
             self._writer, self._frames = None, 0
-            return_free_memory()  # of the encoder, which lived as long as its packets
 
     def discard(self) -> None:
         """Discard the current chunk and close the encoder."""
