@@ -47,7 +47,7 @@ class Room(NamedTuple):
     """A row of the third plane at the resolution of chroma, (W,) uint8."""
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def as_level(value):
     """Return a value rounded and clipped to a byte."""
     return np.uint8(min(max(value + np.float32(0.5), np.float32(0)), np.float32(WHITE)))
@@ -63,7 +63,7 @@ def reflected(place, size):
     return place
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def write_high_pass(room, y, height, scale, middle, second):
     """Write row y of the second plane, twice the luma minus its local mean; must be called in order.
 
@@ -99,7 +99,7 @@ def write_high_pass(room, y, height, scale, middle, second):
         second[x] = as_level(twice * (luma[x] - np.float32(total * SHARE)) + middle)
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def repeat_edges(height, width, padding, planes):
     """Repeat the edges of the frame on all sides of the planes."""
     channels, _, columns = planes.shape

@@ -26,7 +26,7 @@ def _emit(context, builder, signature, arguments):
     return builder.fma(*arguments)
 
 
-@overload(fma, inline="always")
+@overload(fma)
 def _compiled(a, b, c):
     """Return the implementation of `fma` within kernels."""
     if not a == b == c == types.float32:

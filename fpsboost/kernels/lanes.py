@@ -54,7 +54,7 @@ def row_filter(length: int) -> Callable[..., None]:
     def in_vectors(typing, source, begin, step, w0, w1, w2, w3, out, target):
         return types.void(source, types.int64, types.int64, *(types.float32,) * 4, out, types.int64), emit
 
-    @overload(filter_row, inline="always")
+    @overload(filter_row)
     def compiled_filter(source, begin, step, w0, w1, w2, w3, out, target):
         def compiled(source, begin, step, w0, w1, w2, w3, out, target):
             in_vectors(source, begin, step, w0, w1, w2, w3, out, target)
@@ -157,7 +157,7 @@ def _emit_extension(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@overload(extend_paths, inline="always")
+@overload(extend_paths)
 def _compiled_extension(x, y, energy, costs, total, here, before, room, slope, limit):
     """Return the implementation of `extend_paths` within kernels."""
 

@@ -120,7 +120,7 @@ def _emit(context, builder, signature, arguments, *, one):
     return context.get_dummy_value()
 
 
-@overload(compare_sixteen, inline="always")
+@overload(compare_sixteen)
 def _compiled_pairs(first, place0, second, place1, plane, most, sums, before, after):
     """Return the implementation of `compare_sixteen` within kernels."""
 
@@ -130,7 +130,7 @@ def _compiled_pairs(first, place0, second, place1, plane, most, sums, before, af
     return compiled
 
 
-@overload(compare_one, inline="always")
+@overload(compare_one)
 def _compiled_one(first, place0, second, place1, plane, most, sums, before, after):
     """Return the implementation of `compare_one` within kernels."""
 

@@ -684,7 +684,7 @@ def locate_further(place, motion, down, across, scaled):
     return WindowPlace(y0, x0, y1, x1, place.t, place.within)
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def weigh_squares(prior, sharpness, similarity, patch_shares, weight, sums):
     """Compute the weights of a candidate from the similarities in its patches, and add them to the sums of the node."""
     weights, similarities, most_similar = sums
@@ -697,7 +697,7 @@ def weigh_squares(prior, sharpness, similarity, patch_shares, weight, sums):
         most_similar[i] = max(most_similar[i], alike)
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def add_samples(mixed, weight, across, down, upsampled, total):
     """Add the samples of a candidate, times their weights, to the sums of the node."""
     upsample_squares(weight, across, down, upsampled)
@@ -766,7 +766,7 @@ def sum_candidates(full, further, window, t, motions, priors, weighting, work, s
             add_samples(further_mixed, weight, further.across, further.down, upsampled, further_total)
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def weigh_window(shape, sums, weight):
     """Compute the weight of a node's window: larger where it is more similar than neighbouring windows.
 
@@ -776,7 +776,7 @@ def weigh_window(shape, sums, weight):
         weight[i] = shape[i] / math.sqrt(sums[i])
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def add_node(layer, window, weight, sums, upsampled, values):
     """Add the mean of a node's window to the band of a layer, and the sums of its weights and similarities."""
     channels, across, down = layer.mixed.shape[0], layer.across, layer.down
@@ -795,7 +795,7 @@ def add_node(layer, window, weight, sums, upsampled, values):
         add_window(upsampled, layer.wide, values, first_y, last_y, first_x, last_x, left, layer.band[channels + 1])
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def finish_layer(layer, first, last, top, rows, value_range, image):
     """Write rows of pixels of a layer that no further window contributes to, and shift its band up by `rows`."""
     down = layer.down

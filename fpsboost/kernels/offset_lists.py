@@ -97,7 +97,7 @@ def _emit(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@overload(insert_eight, inline="always")
+@overload(insert_eight)
 def _compiled(dx, dy, similarities, at, lists, size, capacity):
     """Return the implementation of `insert_eight` within kernels."""
 

@@ -28,7 +28,7 @@ def _emit(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@overload(prefetch, inline="always")
+@overload(prefetch)
 def _compiled(flat, place):
     """Return the implementation of `prefetch` within kernels."""
 

@@ -9,13 +9,13 @@ from fpsboost.kernels.jit import JIT, njit
 MAX_FLOAT32 = np.float32(np.finfo(np.float32).max)
 
 
-@njit(inline="always", **JIT)
+@njit(**JIT)
 def nearest_inside(value, size):
     """Return a value rounded half up and clamped to an index."""
     return min(max(int(np.floor(value + np.float32(0.5))), 0), size - 1)
 
 
-@njit(inline="always", **JIT)
+@njit(**JIT)
 def step_back(target, motion, size):
     """Return the pixel from which a motion leads to the target; half pixels round towards the target.
 
@@ -26,7 +26,7 @@ def step_back(target, motion, size):
     return min(max(target - distance if motion > 0 else target + distance, 0), size - 1)
 
 
-@njit(inline="always", **JIT)
+@njit(**JIT)
 def landing_error(flow, t, source_y, source_x, y, x):
     """Return the offset ``(dx, dy)`` of the source's landing position at time t from the target."""
     return (

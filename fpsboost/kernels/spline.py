@@ -35,7 +35,7 @@ def copy_row(source, out):
         out[x] = source[x]
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def filter_across(source, unit, weights, lines, out):
     """Filter a row of values times `unit`, with repeated edges, horizontally.
 
@@ -58,7 +58,7 @@ def filter_across(source, unit, weights, lines, out):
         filter_row(weights[k], line, line[distance:], line[2 * distance :], to)
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def filter_down(weights, rows, y, out):
     """Filter vertically what is known now that row y is there, as far as the filter reaches above it.
 

@@ -94,7 +94,7 @@ def gather_offsets(proposals, top, left, bottom, right, refine_radius, max_offse
     return count
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def sum_patches(column, size, step, across, totals):
     """Sum `size` columns around each of `across` points of a row, the first at step / 2."""
     if step > 1:
@@ -148,7 +148,7 @@ def keep_offset(dx, dy, value, row, column, lists):
     listed[row, column] = place + 1
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def clear_tile(points, size, entries, lists):
     """Clear the lists of a tile's points; if no offset leads into the frame, zero motion is the only entry."""
     listed, similarity, flow = lists
@@ -163,7 +163,7 @@ def clear_tile(points, size, entries, lists):
             entries[begin + size + i] = entries[begin + 2 * size + i] = np.float32(NOWHERE)
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def find_expected(points, step, expected, spacing, likely, kept):
     """Write the expected motion of each point of a tile to `likely`, and -1 to `kept`."""
     for p in range(points.down):

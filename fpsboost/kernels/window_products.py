@@ -130,7 +130,7 @@ def _horizontal_sum(builder, values):
     return builder.extract_element(values, ir.Constant(ir.IntType(32), 0))
 
 
-@overload(window_products, inline="always")
+@overload(window_products)
 def _compiled(first, start0, second, start1, stride, plane, tail, sums):
     """Return the implementation of `window_products` within kernels."""
 

@@ -201,7 +201,7 @@ def _spread_rows(typing, squares, near, far, out, target):
     return types.void(squares, types.int64, types.int64, out, types.int64), emit
 
 
-@overload(sum_five, inline="always")
+@overload(sum_five)
 def _compiled_sum(source, begin, step, out, target):
     def compiled(source, begin, step, out, target):
         _sum_five(source, begin, step, out, target)
@@ -209,7 +209,7 @@ def _compiled_sum(source, begin, step, out, target):
     return compiled
 
 
-@overload(pool_row, inline="always")
+@overload(pool_row)
 def _compiled_pool(values, begin, below, share, sums, target):
     def compiled(values, begin, below, share, sums, target):
         _pool_row(values, begin, below, share, sums, target)
@@ -217,7 +217,7 @@ def _compiled_pool(values, begin, below, share, sums, target):
     return compiled
 
 
-@overload(add_row, inline="always")
+@overload(add_row)
 def _compiled_add(weights, begin, values, here, sums, there):
     def compiled(weights, begin, values, here, sums, there):
         _add_row(weights, begin, values, here, sums, there)
@@ -225,7 +225,7 @@ def _compiled_add(weights, begin, values, here, sums, there):
     return compiled
 
 
-@overload(blend_rows, inline="always")
+@overload(blend_rows)
 def _compiled_blend(squares, near, far, out, target):
     def compiled(squares, near, far, out, target):
         _blend_rows(squares, near, far, out, target)
@@ -233,7 +233,7 @@ def _compiled_blend(squares, near, far, out, target):
     return compiled
 
 
-@overload(upsample_rows, inline="always")
+@overload(upsample_rows)
 def _compiled_spread(squares, near, far, out, target):
     def compiled(squares, near, far, out, target):
         _spread_rows(squares, near, far, out, target)
@@ -332,7 +332,7 @@ def columns_mixer(columns: int) -> Callable[..., None]:  # noqa: C901 (all its p
 
         return types.void(*kinds), emit
 
-    @overload(mix_columns, inline="always")
+    @overload(mix_columns)
     def compiled_mix(first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target):
         def compiled(first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target):
             in_vectors(first, begin0, second, begin1, stride, tall, taps, t, wide, mixed, distance, target)
