@@ -518,7 +518,8 @@ class Interpolator:
         rehearsal = self.without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
         with compiled_aside(partial(_rehearse_synthesis, rehearsal, noise)) if available_cores() > 1 else nullcontext():
-            _rehearse(replace(rehearsal, synthesizer=Nearest()), before, pair)  # all but what is aside
+            # all but what is aside
+            _rehearse(replace(rehearsal, synthesizer=Nearest(), overlays=False), before, pair)
         _rehearse(rehearsal, before, pair)
 
     def without_vectors(self) -> Interpolator:
@@ -535,15 +536,8 @@ def _rehearse(interpolator: Interpolator, before: Pair, pair: Pair) -> None:
 
 
 def _rehearse_synthesis(interpolator: Interpolator, image: FrameImage) -> None:
-    """Make an image between equal ones, and nothing else: half of all that is to compile."""
-    still = replace(
-        interpolator,
-        estimator=ZeroMotion(),
-        cuts=None,
-        compensate_illumination=False,
-        overlays=False,
-        match_grain=False,
-    )
+    """Make an image between equal ones, with overlays, and nothing else: half of all that is to compile."""
+    still = replace(interpolator, estimator=ZeroMotion(), cuts=None, compensate_illumination=False, match_grain=False)
     first, second, third = (FrameCache(image) for _ in range(3))
     _rehearse(still, still.pair(first, second), still.pair(second, third))
 

@@ -14,7 +14,7 @@ from truth import noise, waves
 from twins import refined
 
 from fpsboost.kernels.plane_pair import PlanePair
-from fpsboost.kernels.refine import refine_points
+from fpsboost.kernels.refine import refine_both_ways, refine_points
 
 PADDING = 40
 
@@ -24,17 +24,19 @@ UNIT = 4 / 255
 DAMPING, TAIL = 0.1 / UNIT**2, UNIT**2 / 32
 
 
-def refine(components0, components1, step, flow, damping=DAMPING, largest=1.0, steps=1, known=None):
-    """The kernel on a copy of the flow."""
-    height, width = components0.shape[:2]
+def plane_pair(components0, components1):
+    """Both frames as the kernels take them."""
     sides = (0, 0), (PADDING, PADDING), (PADDING, PADDING + 16)
     padded = [np.pad(each.transpose(2, 0, 1), sides, "edge") for each in (components0, components1)]
-    planes = [np.ascontiguousarray(each) for each in padded]
+    return PlanePair(*map(np.ascontiguousarray, padded), PADDING, *components0.shape[:2], 0)
+
+
+def refine(components0, components1, step, flow, damping=DAMPING, largest=1.0, steps=1, known=None):
+    """The kernel on a copy of the flow."""
     out = np.array(flow, np.float32)
     limits = np.float32(TAIL), np.float32(damping), np.float32(largest), steps
     unknown = np.full_like(out, 1e6)
-    pair = PlanePair(*planes, PADDING, height, width, 0)
-    refine_points(pair, step, *limits, unknown if known is None else known, out)
+    refine_points(plane_pair(components0, components1), step, *limits, unknown if known is None else known, out)
     return out
 
 
@@ -138,6 +140,18 @@ def test_what_is_known_is_not_refined_again():
     found = refine(*components, 6, flow, known=known)
     np.testing.assert_array_equal(found[1::2], known[1::2])
     np.testing.assert_array_equal(found[::2], refine(*components, 6, flow)[::2])
+
+
+def test_both_directions_are_refined_like_each_by_itself():
+    """From frame 0 to frame 1 and back, bit by bit, with what is known of each."""
+    components, random = moved((30, 50), (0.4, -0.3)), np.random.default_rng(3)
+    flow = random.integers(-1, 2, (2, *points((30, 50), 6), 2)).astype(np.float32)
+    known = flow + random.choice(np.float32([0.25, 3]), flow.shape)
+    found = flow.copy()
+    limits = np.float32(TAIL), np.float32(DAMPING), np.float32(1), 2
+    refine_both_ways(plane_pair(*components), 6, *limits, known, found)
+    for way, both in enumerate((components, components[::-1])):
+        np.testing.assert_array_equal(found[way], refine(*both, 6, flow[way], steps=2, known=known[way]))
 
 
 IN_A_FRESH_PROCESS = """

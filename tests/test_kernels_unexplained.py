@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,7 +11,13 @@ from twins import level_similarity
 
 from fpsboost.kernels.levels import SIXTEEN
 from fpsboost.kernels.plane_pair import PlanePair
-from fpsboost.kernels.residual_search import measure_point_similarity, search_residuals
+from fpsboost.kernels.points import measure_forward_backward_errors
+from fpsboost.kernels.residual_search import (
+    loosen_ties,
+    measure_point_similarity,
+    search_residuals,
+    search_residuals_both_ways,
+)
 
 PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
 
@@ -109,3 +116,41 @@ def test_what_is_explained_stays():
         limits = np.float32(0.6), np.float32(0.2)
         search_residuals(plane_pair(image0, image1), 4, 6, RADIUS, *shares, *limits, flow)
         np.testing.assert_array_equal(flow, before)
+
+
+@settings(max_examples=10)
+@given(st.integers(1, 14), st.integers(1, 17), st.integers(2, 4), st.integers(0, 2**32))
+def test_both_frames_are_searched_near_what_the_other_does_not_explain(height, width, step, seed):
+    """Each frame like by itself, at the places of the other where any neighbour is not explained."""
+    images = [noise(height, width, 3, np.uint8, seed + k) for k in (0, 1)]
+    shape = [rows.size for rows in places((height, width), step)]
+    before = np.random.default_rng(seed).uniform(-3, 3, (2, *shape, 2)).astype(np.float32)
+    enough, better, limit = np.float32(0.4), np.float32(0.02), 5
+    looked = before.copy()
+    search_residuals_both_ways(plane_pair(*images), step, limit, RADIUS, enough, better, looked)
+    known = [measured(*images, step, before[0]), measured(*images[::-1], step, before[1])]
+    around = [cv2.erode(each, np.ones((3, 3), np.uint8)) for each in known]
+    for way, pair in enumerate((plane_pair(*images), plane_pair(*images[::-1]))):
+        flow = before[way].copy()
+        search_residuals(pair, step, limit, RADIUS, known[way], around[1 - way], enough, better, flow)
+        np.testing.assert_array_equal(looked[way], flow)
+
+
+@settings(max_examples=20)
+@given(st.integers(1, 6), st.integers(1, 7), st.integers(1, 4), st.integers(0, 2**32))
+def test_ties_are_loose_where_the_other_frame_confirms_new_motion(rows, columns, step, seed):
+    """New motion differs by more than a pixel; the way back is that of the point nearest to its end."""
+    random = np.random.default_rng(seed)
+    before = random.uniform(-4, 4, (2, rows, columns, 2)).astype(np.float32)
+    looked = before + random.choice(np.float32([0, 0.5, 2]), before.shape)
+    looked[1] = np.where(random.random((rows, columns, 1)) < 0.5, -looked[0], looked[1])
+    ties = np.empty((2, rows, columns), np.float32)
+    loosen_ties(looked, before, np.float32(step), np.float32(1), np.float32(0.25), ties)
+    for way in (0, 1):
+        distance = np.empty((rows, columns), np.float32)
+        there, back = (looked[each] / np.float32(step) for each in (way, 1 - way))
+        y, x = np.arange(rows), np.arange(columns)
+        measure_forward_backward_errors(there, y, x, back, 1, rows, columns, distance)
+        is_new = np.abs(looked[way] - before[way]).max(axis=-1) > 1
+        expected = np.where(is_new & (distance * np.float32(step) <= 1), np.float32(0.25), np.float32(1))
+        np.testing.assert_array_equal(ties[way], expected)

@@ -32,7 +32,5 @@ def aligned_empty(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     itemsize = np.dtype(dtype).itemsize
     lanes = CACHE_LINE // itemsize
     rounded = (*shape[:-1], -(-shape[-1] // lanes) * lanes)
-    size = math.prod(rounded) * itemsize
-    raw = np.empty(size + CACHE_LINE, np.uint8)
-    start = -raw.ctypes.data % CACHE_LINE
-    return raw[start : start + size].view(dtype).reshape(rounded)
+    raw = np.empty(math.prod(rounded) * itemsize + CACHE_LINE, np.uint8)
+    return np.ndarray(rounded, dtype, raw, -raw.ctypes.data % CACHE_LINE)

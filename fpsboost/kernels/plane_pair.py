@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
+
+from fpsboost.kernels.jit import FINITE_JIT, njit
 
 
 class PlanePair(NamedTuple):
@@ -20,5 +23,11 @@ class PlanePair(NamedTuple):
     """Rows of the frames, H."""
     width: int
     """Columns of the frames, W."""
-    max_similarity: int
+    max_similarity: int | np.uint8
     """Similarity of two equal pixels: `fpsboost.kernels.levels.truncation` or `fpsboost.kernels.similarity.UNIT`."""
+
+
+@njit(**FINITE_JIT)
+def opposite(pair):
+    """Return the pair from frame 1 to frame 0."""
+    return PlanePair(pair.planes1, pair.planes0, pair.padding, pair.height, pair.width, pair.max_similarity)

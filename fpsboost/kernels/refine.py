@@ -10,11 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.plane_pair import opposite
 from fpsboost.kernels.prefetch import prefetch
 from fpsboost.kernels.window_products import PRODUCT_COUNT, WINDOW_SIDE, window_products
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def significance(explained, change):
     """Return how much of a step to trust, 0 to 1, given how much of the squared change it explains.
 
@@ -25,7 +26,7 @@ def significance(explained, change):
     return max(explained - rest, np.float32(0)) / max(explained, np.float32(1e-20))
 
 
-@njit(inline="always", **FINITE_JIT)
+@njit(**FINITE_JIT)
 def prefetch_rows(flat, place, stride, plane):
     """Prefetch a cache line of every row of a window, in all planes."""
     for _ in range(WINDOW_SIDE):
@@ -92,3 +93,11 @@ def refine_points(pair, step, tail, damping, largest, steps, known, flow):
                 if x == dx and y == dy:
                     break
                 dx, dy = x, y
+
+
+@njit(cache=True, **FINITE_JIT)
+def refine_both_ways(pair, step, tail, damping, largest, steps, known, flow):
+    """Refine the vectors of both frames like `refine_points`; `known` and `flow` have both directions."""
+    for way in range(2):
+        refine_points(pair, step, tail, damping, largest, steps, known[way], flow[way])
+        pair = opposite(pair)

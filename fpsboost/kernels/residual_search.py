@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.kernels.jit import FINITE_JIT, njit
+from fpsboost.kernels.jit import FINITE_JIT, JIT, njit
 from fpsboost.kernels.levels import SIXTEEN, compare_one, compare_sixteen
+from fpsboost.kernels.plane_pair import opposite
+from fpsboost.kernels.points import forward_backward_vector_error
 from fpsboost.kernels.tiles import Index
 
 
@@ -155,3 +157,72 @@ def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, min
                                 most = value
                                 flow[row, point, 0] = np.float32(first + i - x)
                                 flow[row, point, 1] = np.float32(there_y - y)
+
+
+@njit(**FINITE_JIT)
+def find_lowest_neighbours(values, lowest):
+    """Write the minimum of each value and its eight neighbours."""
+    rows, columns = values.shape
+    for row in range(rows):
+        for column in range(columns):
+            least = values[row, column]
+            for y in range(max(row - 1, 0), min(row + 2, rows)):
+                for x in range(max(column - 1, 0), min(column + 2, columns)):
+                    least = min(least, values[y, x])
+            lowest[row, column] = least
+
+
+@njit(cache=True, **FINITE_JIT)
+def search_residuals_both_ways(pair, step, max_offset, patch_radius, min_similarity, better, flow):
+    """Search both frames like `search_residuals`; `flow` has both directions and is updated in place.
+
+    A position in the other frame counts as unexplained if one of its neighbours is.
+    """
+    known = np.empty(flow.shape[:3], np.float32)
+    around = np.empty_like(known)
+    for way in range(2):
+        measure_point_similarity(pair, step, patch_radius, flow[way], known[way])
+        find_lowest_neighbours(known[way], around[way])
+        pair = opposite(pair)
+    for way in range(2):
+        here, there = known[way], around[1 - way]
+        search_residuals(pair, step, max_offset, patch_radius, here, there, min_similarity, better, flow[way])
+        pair = opposite(pair)
+
+
+@njit(cache=True, **JIT)
+def loosen_ties(looked, before, step, tolerance, weak, ties):
+    """Give points with new motion that the other frame confirms a smaller share of the smoothness.
+
+    Parameters
+    ----------
+    looked : (2, points down, points across, 2) float32
+        Motion in both directions after the residual search.
+    before : (2, points down, points across, 2) float32
+        Motion before it; new motion differs by more than a pixel along x or y.
+    step : float32
+        Distance between points, pixels.
+    tolerance : float32
+        Maximum forward-backward error of new motion, pixels.
+    weak : float32
+        Share of the smoothness that applies to points with such motion; 1 applies to all others.
+    ties : (2, points down, points across) float32 out
+    """
+    _, rows, columns = ties.shape
+    # in units of points: the way back is that of the point nearest to the end of a vector, not of its pixel
+    in_points = np.empty_like(looked)
+    for way in range(2):
+        for row in range(rows):
+            for point in range(columns):
+                in_points[way, row, point, 0] = looked[way, row, point, 0] / step
+                in_points[way, row, point, 1] = looked[way, row, point, 1] / step
+    for way in range(2):
+        there, back = in_points[way], in_points[1 - way]
+        for row in range(rows):
+            for point in range(columns):
+                change_x = abs(looked[way, row, point, 0] - before[way, row, point, 0])
+                change_y = abs(looked[way, row, point, 1] - before[way, row, point, 1])
+                dx, dy = there[row, point, 0], there[row, point, 1]
+                distance, _ = forward_backward_vector_error(dx, dy, back, 1, rows, columns, row, point)
+                is_trusted = max(change_x, change_y) > 1 and distance * step <= tolerance
+                ties[way, row, point] = weak if is_trusted else np.float32(1)

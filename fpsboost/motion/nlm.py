@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -27,29 +27,17 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.lanes import EIGHT
+from fpsboost.kernels.level_search import CoarseMotion, LevelSearch, Points, search_level
 from fpsboost.kernels.levels import level_scale, truncation
 from fpsboost.kernels.plane_pair import PlanePair
-from fpsboost.kernels.points import measure_forward_backward_errors
-from fpsboost.kernels.refine import refine_points
-from fpsboost.kernels.residual_search import measure_point_similarity, search_residuals
-from fpsboost.kernels.semi_global import choose_labels
+from fpsboost.kernels.refine import refine_both_ways
+from fpsboost.kernels.residual_search import loosen_ties, search_residuals_both_ways
 from fpsboost.kernels.similarity import colour_scale
-from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
+from fpsboost.kernels.tiles import PADDING
 from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
-from fpsboost.motion.field import MotionField, point_places, resample_points, spread_points
+from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
 from fpsboost.ycbcr import YCbCrImage
-
-
-class Points(NamedTuple):
-    """Motion at points several pixels apart."""
-
-    flow: NDArray[Any]
-    """Motion of each point, (rows, columns, 2) float32."""
-    similarity: NDArray[Any]
-    """Similarity of each point, (rows, columns) float32."""
-
 
 COARSEST_STEP = 2
 """Distance between points on the coarsest level, pixels."""
@@ -86,7 +74,7 @@ MIN_SIMILARITY = np.float32(0.75), np.float32(0.7)
 MIN_GAIN = np.float32(0.2)
 """Minimum increase of that similarity by another vector."""
 
-CONSISTENCY_TOLERANCE = 1
+CONSISTENCY_TOLERANCE = np.float32(1)
 """Maximum forward-backward error of a trusted vector of the residual search, pixels."""
 
 WEAK_SMOOTHNESS = np.float32(0.25)
@@ -164,149 +152,93 @@ class CoarseToFine:
         check_pair(image0.pixels, image1.pixels)
         levels0, levels1 = (image.cached_for_both_pairs(pyramid, self.coarsest_side) for image in (image0, image1))
         last = min(self.finest_level, len(levels0) - 1)
-        pairs = self._plane_pairs(levels0[-1], levels1[-1])
-        found, step = self._search_coarsest(levels0[-1], levels1[-1], pairs), COARSEST_STEP
+        pair = self._plane_pair(levels0[-1], levels1[-1])
+        found, step = self._search_coarsest(levels0[-1], levels1[-1], pair), COARSEST_STEP
         for level in range(len(levels0) - 2, last - 1, -1):
-            spacing, step = step * 2, self.step if level == last else COARSE_STEP
-            proposals: list[NDArray[Any]] = [points.flow for points in found]
-            ties: list[NDArray[Any]] | None = None
-            looks = len(levels0) - 2 - level
+            looks, flow = len(levels0) - 2 - level, found.flow
+            if looks == 1:
+                flow, step = _upsample_points(flow, pair), DENSE_STEP
             if 1 <= looks <= len(MIN_SIMILARITY):
-                if looks == 1:
-                    found = [_upsample_points(points, pairs[0]) for points in found]
-                    spacing = 2 * DENSE_STEP
-                proposals = [points.flow for points in found]
-                proposals, ties = self._search_residuals(pairs, proposals, spacing // 2, MIN_SIMILARITY[looks - 1])
-            pairs = self._plane_pairs(levels0[level], levels1[level])
-            found = self._search(
-                pairs,
-                [points.flow * 2 for points in found],
-                [flow * 2 for flow in proposals],
-                ties,
-                spacing,
-                step,
-                # on the second coarsest level, an error of a pixel grows; on the finest, no further level corrects it
-                refine_radius=int(level in (last, len(levels0) - 2)),
-                row_step=2 if level == last and step % 4 == 0 else 1,
-            )
-        (height, width), spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
+                coarse = self._search_residuals(pair, flow, step, MIN_SIMILARITY[looks - 1])
+            else:
+                coarse = CoarseMotion(flow, flow, np.ones(flow.shape[:3], np.float32))
+            spacing, step = step * 2, self.step if level == last else COARSE_STEP
+            pair = self._plane_pair(levels0[level], levels1[level])
+            # on the second coarsest level, an error of a pixel grows; on the finest, no further level corrects it
+            refine_radius = int(level in (last, len(levels0) - 2))
+            row_step = 2 if level == last and step % 4 == 0 else 1
+            found = self._search(pair, coarse, self._how(pair, 2, spacing, step, refine_radius, row_step))
+        size, spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
+        vectors, similarities = found.flow * scale, found.similarity.clip(0, 1)
         field01, field10 = (
-            MotionField(points.flow * scale, points.similarity.clip(0, 1), spacing=spacing, size=(height, width))
-            for points in found
+            MotionField(vectors[way], similarities[way], spacing=spacing, size=(size[0], size[1])) for way in (0, 1)
         )
         return field01, field10
 
-    def _search_coarsest(
-        self, image0: FrameCache, image1: FrameCache, pairs: tuple[PlanePair, PlanePair]
-    ) -> list[Points]:
+    def _search_coarsest(self, image0: FrameCache, image1: FrameCache, pair: PlanePair) -> Points:
         """Search for every offset at every pixel, then let all points of a tile compare the offsets found in it."""
         components = image0.cached(contrast_components), image1.cached(contrast_components)
-        fields = search_fused(*components, self._max_offset(pairs[0]), self.patch_radius, "box", self.v)
-        found = [field.flow for field in fields]
-        return self._search(
-            pairs, [np.zeros_like(flow) for flow in found], found, None, 1, COARSEST_STEP, refine_radius=0
+        fields = search_fused(*components, self._max_offset(pair), self.patch_radius, "box", self.v)
+        flow = np.stack([field.flow for field in fields])
+        coarse = CoarseMotion(flow, np.zeros_like(flow), np.ones(flow.shape[:3], np.float32))
+        return self._search(pair, coarse, self._how(pair, 1, 1, COARSEST_STEP, refine_radius=0, row_step=1))
+
+    def _how(
+        self, pair: PlanePair, scale: int, spacing: int, step: int, refine_radius: int, row_step: int
+    ) -> LevelSearch:
+        """Return how a level is searched."""
+        return LevelSearch(
+            np.float32(scale),
+            spacing,
+            step,
+            refine_radius,
+            self._max_offset(pair),
+            self.patch_radius,
+            row_step,
+            self.labels,
+            np.float32(self.smoothness),
+            np.float32(self.smoothness / (self.steepness * step)),
         )
 
-    def _search(
-        self,
-        pairs: tuple[PlanePair, PlanePair],
-        expected: list[NDArray[Any]],
-        proposals: list[NDArray[Any]],
-        ties: list[NDArray[Any]] | None,
-        spacing: int,
-        step: int,
-        refine_radius: int,
-        row_step: int = 1,
-    ) -> list[Points]:
-        """Search one level in both directions around proposals, at points `step` apart; see `search_tiles`.
-
-        `ties` is the share of the smoothness that applies to the points of each proposal; None for all of it.
-        """
-        size = pairs[0].height, pairs[0].width
-        shape = -(-size[0] // step), -(-size[1] // step)
-        found = []
-        for direction, (pair, proposed, likely) in enumerate(zip(pairs, proposals, expected, strict=True)):
-            count, similarity = np.empty(shape, np.int32), np.empty((*shape, self.labels), np.float32)
-            flows = np.empty((*shape, self.labels, 2), np.float32)
-            search_tiles(
-                pair,
-                Proposals(np.rint(proposed).astype(np.int32), np.rint(likely).astype(np.int32), spacing),
-                step,
-                refine_radius,
-                self._max_offset(pair),
-                self.patch_radius,
-                row_step,
-                OffsetLists(count, similarity, flows),
-            )
-            tie = resample_points(ties[direction], size, spacing, step) if ties else np.ones(shape, np.float32)
-            found.append(self._choose_labels(count, similarity, flows, tie, step))
-        unknown = np.full_like(found[0].flow, UNKNOWN_MOTION)
-        self._refine(pairs, [points.flow for points in found], [unknown, unknown], step)
+    def _search(self, pair: PlanePair, coarse: CoarseMotion, how: LevelSearch) -> Points:
+        """Search one level in both directions, and refine what is found to a fraction of a pixel."""
+        shape = 2, -(-pair.height // how.step), -(-pair.width // how.step)
+        found = Points(np.empty((*shape, 2), np.float32), np.empty(shape, np.float32))
+        search_level(pair, coarse, how, found)
+        self._refine(pair, np.full_like(found.flow, UNKNOWN_MOTION), found.flow, how.step)
         return found
 
-    def _choose_labels(
-        self, count: NDArray[Any], similarity: NDArray[Any], flows: NDArray[Any], ties: NDArray[Any], step: int
-    ) -> Points:
-        """Choose the offset of every point that is similar and consistent with the offsets of its neighbours."""
-        points = Points(np.empty((*count.shape, 2), np.float32), np.empty(count.shape, np.float32))
-        costs = np.empty((*count.shape, -(-self.labels // EIGHT) * EIGHT), np.float32)
-        slope = self.smoothness / (self.steepness * step)
-        choose_labels(count, flows, similarity, ties, np.float32(self.smoothness), np.float32(slope), costs, *points)
-        return points
-
     def _search_residuals(
-        self, pairs: tuple[PlanePair, PlanePair], flows: list[NDArray[Any]], step: int, enough: np.float32
-    ) -> tuple[list[NDArray[Any]], list[NDArray[Any]]]:
+        self, pair: PlanePair, flow: NDArray[Any], step: int, min_similarity: np.float32
+    ) -> CoarseMotion:
         """Return the motion including that of small objects that their surroundings do not explain, and its ties."""
-        known = [np.empty(flow.shape[:2], np.float32) for flow in flows]
-        for flow, pair, similarity in zip(flows, pairs, known, strict=True):
-            measure_point_similarity(pair, step, SMALL_RADIUS, flow, similarity)
-        looked = [flow.copy() for flow in flows]
-        around = [cv2.erode(similarity, np.ones((3, 3), np.uint8)) for similarity in known]  # minimum of neighbours
-        for flow, pair, here, there in zip(looked, pairs, known, around[::-1], strict=True):
-            search_residuals(pair, step, self._max_offset(pair), SMALL_RADIUS, here, there, enough, MIN_GAIN, flow)
-        self._refine(pairs, looked, flows, step)
-        ties = []
-        for flow, replaced, back in zip(flows, looked, looked[::-1], strict=True):
-            (rows, columns), apart = flow.shape[:2], np.float32(step)
-            places, distance = point_places((rows, columns), 1), np.empty((rows, columns), np.float32)
-            # in units of points: the way back is that of the point nearest to the end of a vector, not of its pixel
-            measure_forward_backward_errors(replaced / apart, *places, back / apart, 1, rows, columns, distance)
-            change = np.abs(replaced - flow)
-            is_replaced = np.maximum(change[..., 0], change[..., 1]) > 1
-            believed = is_replaced & (distance * apart <= CONSISTENCY_TOLERANCE)
-            ties.append(np.where(believed, WEAK_SMOOTHNESS, np.float32(1)))
-        return looked, ties
+        looked, ties = flow.copy(), np.empty(flow.shape[:3], np.float32)
+        search_residuals_both_ways(pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked)
+        self._refine(pair, flow, looked, step)
+        loosen_ties(looked, flow, np.float32(step), CONSISTENCY_TOLERANCE, WEAK_SMOOTHNESS, ties)
+        return CoarseMotion(looked, flow, ties)
 
-    def _refine(
-        self,
-        pairs: tuple[PlanePair, PlanePair],
-        flows: list[NDArray[Any]],
-        known: list[NDArray[Any]],
-        step: int,
-    ) -> None:
+    def _refine(self, pair: PlanePair, known: NDArray[Any], flow: NDArray[Any], step: int) -> None:
         """Refine the motion in both directions to a fraction of a pixel, in place."""
         squared = (level_scale(self.v) / colour_scale(self.v)) ** 2  # levels per bandwidth
         tail, damping = np.float32(WEIGHT_FALLOFF / squared), np.float32(DAMPING * squared)
-        for flow, refined, pair in zip(flows, known, pairs, strict=True):
-            refine_points(pair, step, tail, damping, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, refined, flow)
+        refine_both_ways(pair, step, tail, damping, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, known, flow)
 
-    def _plane_pairs(self, image0: FrameCache, image1: FrameCache) -> tuple[PlanePair, PlanePair]:
-        """Return the planes that the kernels compare, from frame 0 to frame 1 and back."""
-        planes0, planes1 = (
-            image.cached(contrast_planes, PADDING + self.patch_radius, self.v) for image in (image0, image1)
-        )
-        layout = PADDING + self.patch_radius, *image0.pixels.shape[:2], np.uint8(truncation(self.v))
-        return PlanePair(planes0, planes1, *layout), PlanePair(planes1, planes0, *layout)
+    def _plane_pair(self, image0: FrameCache, image1: FrameCache) -> PlanePair:
+        """Return the planes that the kernels compare."""
+        padding = PADDING + self.patch_radius
+        planes0, planes1 = (image.cached(contrast_planes, padding, self.v) for image in (image0, image1))
+        height, width = image0.pixels.shape[:2]
+        return PlanePair(planes0, planes1, padding, height, width, np.uint8(truncation(self.v)))
 
     def _max_offset(self, pair: PlanePair) -> int:
         return math.ceil(self.max_motion_share * max(pair.height, pair.width)) + 1
 
 
-def _upsample_points(points: Points, pair: PlanePair) -> Points:
-    """Return points COARSE_STEP apart as points DENSE_STEP apart."""
+def _upsample_points(flow: NDArray[Any], pair: PlanePair) -> NDArray[Any]:
+    """Return the motion of points COARSE_STEP apart for points DENSE_STEP apart."""
     shape = -(-pair.height // DENSE_STEP), -(-pair.width // DENSE_STEP)
-    return Points(*(spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in points))
+    return np.stack([spread_points(each, shape, COARSE_STEP // DENSE_STEP) for each in flow])
 
 
 def pyramid(image: Pixels, coarsest_side: int) -> list[FrameCache]:

@@ -1,0 +1,78 @@
+"""The search of a level in both directions, against its steps one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from truth import noise
+
+from fpsboost.kernels.lanes import EIGHT
+from fpsboost.kernels.level_search import CoarseMotion, LevelSearch, Points, search_level
+from fpsboost.kernels.levels import SIXTEEN
+from fpsboost.kernels.plane_pair import PlanePair
+from fpsboost.kernels.semi_global import choose_labels
+from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
+
+RADIUS, LABELS, MAX_OFFSET, MOST = 2, 3, 6, np.uint8(200)
+
+
+def planes(image):
+    """Padded planes in levels."""
+    padding = PADDING + RADIUS
+    padded = np.pad(image, ((padding, padding), (padding, padding + 2 * SIXTEEN), (0, 0)), "edge")
+    return np.ascontiguousarray(padded.transpose(2, 0, 1))
+
+
+def points_apart(size, step):
+    """How many points there are."""
+    return -(-size[0] // step), -(-size[1] // step)
+
+
+def resampled(values, size, spacing, step):
+    """The value of the place in which each point lies."""
+    rows, columns = (np.minimum(np.arange(0, length, step) + step // 2, length - 1) // spacing for length in size)
+    return np.ascontiguousarray(values[rows][:, columns])
+
+
+def searched_one_way(pair, size, proposed, expected, ties, how):
+    """Motion and similarity of the points in one direction, by the two kernels on whole pixels."""
+    shape = points_apart(size, how.step)
+    lists = OffsetLists(
+        np.empty(shape, np.int32), np.empty((*shape, LABELS), np.float32), np.empty((*shape, LABELS, 2), np.float32)
+    )
+    whole = (np.rint(each * how.scale).astype(np.int32) for each in (proposed, expected))
+    proposals = Proposals(*whole, how.spacing)
+    search_tiles(pair, proposals, how.step, how.refine_radius, MAX_OFFSET, RADIUS, how.row_step, lists)
+    shared = resampled(ties, size, how.spacing, how.step)
+    costs = np.empty((*shape, EIGHT), np.float32)
+    flow, chosen = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
+    count, similarity, offsets = lists
+    choose_labels(count, offsets, similarity, shared, how.smoothness, how.slope, costs, flow, chosen)
+    return flow, chosen
+
+
+@pytest.mark.parametrize(
+    ("scale", "spacing", "step", "refine_radius", "row_step"),
+    [(1, 1, 2, 0, 1), (2, 4, 4, 1, 1), (2, 8, 4, 0, 1), (2, 8, 8, 1, 2)],
+)
+def test_both_directions_are_searched_like_each_by_itself(scale, spacing, step, refine_radius, row_step):
+    """Every point has the motion, and the similarity, that rounding, tiles and semi-global matching give one by one."""
+    random, size = np.random.default_rng(3), (37, 45)
+    images = [noise(*size, 3, np.uint8, seed) for seed in (1, 2)]
+    there = PlanePair(*map(planes, images), PADDING + RADIUS, *size, MOST)
+    back = PlanePair(*map(planes, images[::-1]), PADDING + RADIUS, *size, MOST)
+    places = points_apart(size, spacing)
+    proposed, expected = random.uniform(-3, 3, (2, 2, *places, 2)).astype(np.float32)
+    ties = random.choice([0.25, 1], (2, *places)).astype(np.float32)
+    how = LevelSearch(
+        *(np.float32(scale), spacing, step, refine_radius, MAX_OFFSET, RADIUS, row_step, LABELS),
+        *(np.float32(0.3), np.float32(0.05)),
+    )
+    shape = points_apart(size, step)
+    found = Points(np.empty((2, *shape, 2), np.float32), np.empty((2, *shape), np.float32))
+    search_level(there, CoarseMotion(proposed, expected, ties), how, found)
+    for way, pair in enumerate((there, back)):
+        flow, similarity = searched_one_way(pair, size, proposed[way], expected[way], ties[way], how)
+        np.testing.assert_array_equal(found.flow[way], flow)
+        np.testing.assert_array_equal(found.similarity[way], similarity)
+    assert len(np.unique(found.flow)) > 3
