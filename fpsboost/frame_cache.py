@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from concurrent.futures import Future
 from fractions import Fraction
 from functools import cached_property
 from threading import Lock
@@ -28,8 +27,8 @@ class Results:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._futures: dict[Hashable, Future[Any]] = {}
-        self._known: dict[Hashable, Any] = {}  # results that can be had without a lock
+        self._known: dict[Hashable, Any] = {}
+        self._computing: dict[Hashable, Lock] = {}  # held by the thread that computes a result
 
     def cached(self, key: Hashable, compute: Callable[[], Result]) -> Result:
         """Return the result of `compute`, computed when the key is first asked for."""
@@ -37,42 +36,42 @@ class Results:
         if known is not self:
             return known
         with self._lock:
-            future = self._futures.get(key)
-            is_first = future is None
-            if future is None:
-                future = self._futures[key] = Future()
-        if is_first:
-            try:
-                future.set_result(compute())
-            except BaseException as error:
-                self.clear(key)
-                future.set_exception(error)
-        result: Result = future.result()
-        with self._lock:
-            if self._futures.get(key) is future:  # not discarded meanwhile
-                self._known[key] = result
+            known = self._known.get(key, self)
+            if known is not self:
+                return known
+            turn = self._computing.setdefault(key, Lock())
+        with turn:
+            known = self._known.get(key, self)
+            if known is not self:  # another thread has computed it meanwhile
+                return known
+            result = compute()
+            with self._lock:
+                if self._computing.get(key) is turn:  # not discarded meanwhile
+                    self._known[key] = result
+                    del self._computing[key]
         return result
 
     def clear(self, *keys: Hashable) -> None:
         """Discard these results, or all; they are computed again when asked for again."""
         with self._lock:
-            for key in keys or list(self._futures):
+            for key in keys or self._keys():
                 self._discard(key)
 
     def clear_all_but(self, *kept: Hashable) -> None:
         """Discard all results but these."""
         with self._lock:
-            for key in self._futures.keys() - set(kept):
+            for key in self._keys() - set(kept):
                 self._discard(key)
 
+    def _keys(self) -> set[Hashable]:
+        return self._known.keys() | self._computing.keys()
+
     def _discard(self, key: Hashable) -> None:
-        self._futures.pop(key, None)
         self._known.pop(key, None)
+        self._computing.pop(key, None)
 
     def __contains__(self, key: Hashable) -> bool:
-        with self._lock:
-            future = self._futures.get(key)
-        return future is not None and future.done()
+        return key in self._known
 
 
 class FrameCache:

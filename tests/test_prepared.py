@@ -219,3 +219,31 @@ def test_threads_that_ask_at_once_get_one_result():
         found = {id(future.result()) for future in futures}
     assert len(found) == len(calls) == 1
     assert "key" in results
+
+
+def test_what_is_discarded_while_it_is_computed_is_not_kept():
+    """The thread that computes it gets it, and who asks next gets a result of its own, which is kept."""
+    results, started, release = Results(), threading.Event(), threading.Event()
+
+    def compute() -> object:
+        started.set()
+        assert release.wait(10)
+        return object()
+
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(results.cached, "key", compute)
+        assert started.wait(10)
+        results.clear("key")
+        second = results.cached("key", object)
+        release.set()
+        assert first.result() is not second
+    assert results.cached("key", object) is second
+
+
+def test_what_could_not_be_computed_is_tried_again():
+    """An error is that of whoever asked."""
+    results = Results()
+    with pytest.raises(ZeroDivisionError):
+        results.cached("key", lambda: 1 // 0)
+    assert "key" not in results
+    assert results.cached("key", lambda: 1) == 1

@@ -55,7 +55,8 @@ def refine_points(pair, step, tail, damping, largest, steps, known, flow):
     steps : int
         Maximum number of steps: a vector whose rounded value changes is rounded and refined again.
     known : (points down, points across, 2) float32
-        Vectors that were refined before; a vector that rounds to the same whole pixels takes the known value.
+        Vectors that were refined before; a vector that rounds to the same whole pixels takes the known value. It may be
+        empty.
     flow : (points down, points across, 2) float32
         Motion, rounded to whole pixels at first; updated in place.
     """
@@ -68,7 +69,7 @@ def refine_points(pair, step, tail, damping, largest, steps, known, flow):
             y0 = min(row * step + step // 2, height - 1) - WINDOW_SIDE // 2 + padding
             x0 = min(point * step + step // 2, width - 1) - WINDOW_SIDE // 2 + padding
             dx, dy = np.rint(flow[row, point, 0]), np.rint(flow[row, point, 1])
-            if dx == np.rint(known[row, point, 0]) and dy == np.rint(known[row, point, 1]):
+            if known.size > 0 and dx == np.rint(known[row, point, 0]) and dy == np.rint(known[row, point, 1]):
                 flow[row, point, 0], flow[row, point, 1] = known[row, point, 0], known[row, point, 1]
                 continue
             for _ in range(steps):

@@ -6,6 +6,7 @@ candidate. Ties: if several offsets are equally similar (flat areas), the smalle
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Literal
 
 import cv2
@@ -76,8 +77,7 @@ def search_fused(
     ranks, offsets = rank_offsets(search_radius)
     search = exhaustive_kernel(patch_radius, taps)
     share = np.float32(1 / UNIT if taps else 1 / (UNIT * (2 * patch_radius + 1) ** 2))
-    lengths = np.abs(np.arange(-search_radius, search_radius + 1))
-    prices = ((lengths[:, np.newaxis] + lengths) * (penalty / share)).astype(score_type)
+    prices = _prices(search_radius, penalty / share, score_type)
     found01, found10 = BestOffsets(best01, winners01), BestOffsets(best10, winners10)
     search(planes0, planes1, height, width, ranks, prices, found01, found10)
     inside = slice(LANES, LANES + width)
@@ -85,6 +85,15 @@ def search_fused(
         MotionField(offsets.take(winners01[:, :width], axis=0), best01[:, :width].astype(np.float32) * share),
         MotionField(offsets.take(winners10[:, inside], axis=0), best10[:, inside].astype(np.float32) * share),
     )
+
+
+@lru_cache(maxsize=32)  # the same for every frame of a clip
+def _prices(search_radius: int, per_pixel: float, dtype: type[np.number[Any]]) -> NDArray[Any]:
+    """Return the price of every offset, by its length along x and y together. It cannot be written to."""
+    lengths = np.abs(np.arange(-search_radius, search_radius + 1))
+    prices: NDArray[Any] = ((lengths[:, np.newaxis] + lengths) * per_pixel).astype(dtype)
+    prices.flags.writeable = False
+    return prices
 
 
 def search_by_passes(

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import cv2
@@ -58,9 +59,6 @@ pixel is not known yet."""
 
 MAX_STEP_LENGTH = np.float32(1)
 """Maximum least-squares step along x and y, pixels."""
-
-UNKNOWN_MOTION = np.float32(1e6)
-"""Placeholder for motion that was not refined before; no vector has this value."""
 
 MAX_REFINEMENT_STEPS = 2
 """Maximum number of least-squares steps of a vector."""
@@ -205,7 +203,7 @@ class CoarseToFine:
         shape = 2, -(-pair.height // how.step), -(-pair.width // how.step)
         found = Points(np.empty((*shape, 2), np.float32), np.empty(shape, np.float32))
         search_level(pair, coarse, how, found)
-        self._refine(pair, np.full_like(found.flow, UNKNOWN_MOTION), found.flow, how.step)
+        self._refine(pair, np.empty((2, 0, 0, 2), np.float32), found.flow, how.step)
         return found
 
     def _search_residuals(
@@ -219,10 +217,14 @@ class CoarseToFine:
         return CoarseMotion(looked, flow, ties)
 
     def _refine(self, pair: PlanePair, known: NDArray[Any], flow: NDArray[Any], step: int) -> None:
-        """Refine the motion in both directions to a fraction of a pixel, in place."""
+        """Refine the motion in both directions to a fraction of a pixel, in place, unless it is known already."""
+        refine_both_ways(pair, step, *self._in_levels, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, known, flow)
+
+    @cached_property
+    def _in_levels(self) -> tuple[np.float32, np.float32]:
+        """WEIGHT_FALLOFF and DAMPING for differences in levels."""
         squared = (level_scale(self.v) / colour_scale(self.v)) ** 2  # levels per bandwidth
-        tail, damping = np.float32(WEIGHT_FALLOFF / squared), np.float32(DAMPING * squared)
-        refine_both_ways(pair, step, tail, damping, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, known, flow)
+        return np.float32(WEIGHT_FALLOFF / squared), np.float32(DAMPING * squared)
 
     def _plane_pair(self, image0: FrameCache, image1: FrameCache) -> PlanePair:
         """Return the planes that the kernels compare."""
