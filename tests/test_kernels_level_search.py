@@ -7,7 +7,7 @@ import pytest
 from truth import noise
 
 from fpsboost.kernels.lanes import EIGHT
-from fpsboost.kernels.level_search import CoarseMotion, LevelSearch, Points, search_level
+from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.levels import SIXTEEN
 from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.semi_global import choose_labels
@@ -34,20 +34,20 @@ def resampled(values, size, spacing, step):
     return np.ascontiguousarray(values[rows][:, columns])
 
 
-def searched_one_way(pair, size, proposed, expected, ties, how):
+def searched_in_one_direction(pair, size, proposed, expected, ties, settings):
     """Motion and similarity of the points in one direction, by the two kernels on whole pixels."""
-    shape = points_apart(size, how.step)
+    shape = points_apart(size, settings.step)
     lists = OffsetLists(
         np.empty(shape, np.int32), np.empty((*shape, LABELS), np.float32), np.empty((*shape, LABELS, 2), np.float32)
     )
-    whole = (np.rint(each * how.scale).astype(np.int32) for each in (proposed, expected))
-    proposals = Proposals(*whole, how.spacing)
-    search_tiles(pair, proposals, how.step, how.refine_radius, MAX_OFFSET, RADIUS, how.row_step, lists)
-    shared = resampled(ties, size, how.spacing, how.step)
+    whole = (np.rint(each * settings.scale).astype(np.int32) for each in (proposed, expected))
+    proposals = Proposals(*whole, settings.spacing)
+    search_tiles(pair, proposals, settings.step, settings.refine_radius, MAX_OFFSET, RADIUS, settings.row_step, lists)
+    shared = resampled(ties, size, settings.spacing, settings.step)
     costs = np.empty((*shape, EIGHT), np.float32)
     flow, chosen = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
     count, similarity, offsets = lists
-    choose_labels(count, offsets, similarity, shared, how.smoothness, how.slope, costs, flow, chosen)
+    choose_labels(count, offsets, similarity, shared, settings.smoothness, settings.slope, costs, flow, chosen)
     return flow, chosen
 
 
@@ -64,15 +64,17 @@ def test_both_directions_are_searched_like_each_by_itself(scale, spacing, step, 
     places = points_apart(size, spacing)
     proposed, expected = random.uniform(-3, 3, (2, 2, *places, 2)).astype(np.float32)
     ties = random.choice([0.25, 1], (2, *places)).astype(np.float32)
-    how = LevelSearch(
+    settings = LevelSettings(
         *(np.float32(scale), spacing, step, refine_radius, MAX_OFFSET, RADIUS, row_step, LABELS),
         *(np.float32(0.3), np.float32(0.05)),
     )
     shape = points_apart(size, step)
     found = Points(np.empty((2, *shape, 2), np.float32), np.empty((2, *shape), np.float32))
-    search_level(there, CoarseMotion(proposed, expected, ties), how, found)
-    for way, pair in enumerate((there, back)):
-        flow, similarity = searched_one_way(pair, size, proposed[way], expected[way], ties[way], how)
-        np.testing.assert_array_equal(found.flow[way], flow)
-        np.testing.assert_array_equal(found.similarity[way], similarity)
+    search_level(there, CoarseMotion(proposed, expected, ties), settings, found)
+    for direction, pair in enumerate((there, back)):
+        flow, similarity = searched_in_one_direction(
+            pair, size, proposed[direction], expected[direction], ties[direction], settings
+        )
+        np.testing.assert_array_equal(found.flow[direction], flow)
+        np.testing.assert_array_equal(found.similarity[direction], similarity)
     assert len(np.unique(found.flow)) > 3

@@ -14,7 +14,7 @@ from truth import noise, waves
 from twins import refined
 
 from fpsboost.kernels.plane_pair import PlanePair
-from fpsboost.kernels.refine import refine_both_ways, refine_points
+from fpsboost.kernels.refine import refine_bidirectional, refine_points
 
 PADDING = 40
 
@@ -149,9 +149,11 @@ def test_both_directions_are_refined_like_each_by_itself():
     known = flow + random.choice(np.float32([0.25, 3]), flow.shape)
     found = flow.copy()
     limits = np.float32(TAIL), np.float32(DAMPING), np.float32(1), 2
-    refine_both_ways(plane_pair(*components), 6, *limits, known, found)
-    for way, both in enumerate((components, components[::-1])):
-        np.testing.assert_array_equal(found[way], refine(*both, 6, flow[way], steps=2, known=known[way]))
+    refine_bidirectional(plane_pair(*components), 6, *limits, known, found)
+    for direction, both in enumerate((components, components[::-1])):
+        np.testing.assert_array_equal(
+            found[direction], refine(*both, 6, flow[direction], steps=2, known=known[direction])
+        )
 
 
 IN_A_FRESH_PROCESS = """

@@ -16,7 +16,7 @@ from fpsboost.kernels.residual_search import (
     loosen_ties,
     measure_point_similarity,
     search_residuals,
-    search_residuals_both_ways,
+    search_residuals_bidirectional,
 )
 
 PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
@@ -127,13 +127,13 @@ def test_both_frames_are_searched_near_what_the_other_does_not_explain(height, w
     before = np.random.default_rng(seed).uniform(-3, 3, (2, *shape, 2)).astype(np.float32)
     enough, better, limit = np.float32(0.4), np.float32(0.02), 5
     looked = before.copy()
-    search_residuals_both_ways(plane_pair(*images), step, limit, RADIUS, enough, better, looked)
+    search_residuals_bidirectional(plane_pair(*images), step, limit, RADIUS, enough, better, looked)
     known = [measured(*images, step, before[0]), measured(*images[::-1], step, before[1])]
     around = [cv2.erode(each, np.ones((3, 3), np.uint8)) for each in known]
-    for way, pair in enumerate((plane_pair(*images), plane_pair(*images[::-1]))):
-        flow = before[way].copy()
-        search_residuals(pair, step, limit, RADIUS, known[way], around[1 - way], enough, better, flow)
-        np.testing.assert_array_equal(looked[way], flow)
+    for direction, pair in enumerate((plane_pair(*images), plane_pair(*images[::-1]))):
+        flow = before[direction].copy()
+        search_residuals(pair, step, limit, RADIUS, known[direction], around[1 - direction], enough, better, flow)
+        np.testing.assert_array_equal(looked[direction], flow)
 
 
 @settings(max_examples=20)
@@ -146,11 +146,11 @@ def test_ties_are_loose_where_the_other_frame_confirms_new_motion(rows, columns,
     looked[1] = np.where(random.random((rows, columns, 1)) < 0.5, -looked[0], looked[1])
     ties = np.empty((2, rows, columns), np.float32)
     loosen_ties(looked, before, np.float32(step), np.float32(1), np.float32(0.25), ties)
-    for way in (0, 1):
+    for direction in (0, 1):
         distance = np.empty((rows, columns), np.float32)
-        there, back = (looked[each] / np.float32(step) for each in (way, 1 - way))
+        there, back = (looked[each] / np.float32(step) for each in (direction, 1 - direction))
         y, x = np.arange(rows), np.arange(columns)
         measure_forward_backward_errors(there, y, x, back, 1, rows, columns, distance)
-        is_new = np.abs(looked[way] - before[way]).max(axis=-1) > 1
+        is_new = np.abs(looked[direction] - before[direction]).max(axis=-1) > 1
         expected = np.where(is_new & (distance * np.float32(step) <= 1), np.float32(0.25), np.float32(1))
-        np.testing.assert_array_equal(ties[way], expected)
+        np.testing.assert_array_equal(ties[direction], expected)

@@ -18,7 +18,7 @@ from fpsboost.kernels.tiles import OffsetLists, Proposals, search_tiles
 
 
 class CoarseMotion(NamedTuple):
-    """Motion that a coarser level proposes in both directions, at places some pixels apart, the first in the middle."""
+    """Motion in both directions that a coarser level proposes, at places `spacing` pixels apart, from half of it on."""
 
     proposed: NDArray[Any]
     """Motion in pixels of that level, (2, places down, places across, 2) float32."""
@@ -28,7 +28,7 @@ class CoarseMotion(NamedTuple):
     """Share of the smoothness that applies to the points there, (2, places down, places across) float32."""
 
 
-class LevelSearch(NamedTuple):
+class LevelSettings(NamedTuple):
     """How a level is searched."""
 
     scale: np.float32
@@ -50,7 +50,7 @@ class LevelSearch(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Motion in both directions at points several pixels apart, the first in the middle."""
+    """Motion in both directions at points `step` pixels apart, from half of it on."""
 
     flow: NDArray[Any]
     """Motion of each point, (2, points down, points across, 2) float32."""
@@ -79,7 +79,7 @@ def share_ties(ties, spacing, step, height, width, shared):
 
 
 @njit(cache=True, **FINITE_JIT)
-def search_level(pair, coarse, how, points):
+def search_level(pair, coarse, settings, points):
     """Find the motion of points in both directions, in whole pixels, around what a coarser level proposes.
 
     Parameters
@@ -87,31 +87,31 @@ def search_level(pair, coarse, how, points):
     pair : PlanePair
         As for `fpsboost.kernels.tiles.search_tiles`.
     coarse : CoarseMotion
-    how : LevelSearch
+    settings : LevelSettings
     points : Points out
-        Points `how.step` pixels apart.
+        Points `settings.step` pixels apart.
     """
     _, rows, columns = points.similarity.shape
     count, ties = np.empty((rows, columns), np.int32), np.empty((rows, columns), np.float32)
-    similarity = np.empty((rows, columns, how.labels), np.float32)
-    offsets = np.empty((rows, columns, how.labels, 2), np.float32)
-    costs = np.empty((rows, columns, (how.labels + EIGHT - 1) // EIGHT * EIGHT), np.float32)
-    for way in range(2):
+    similarity = np.empty((rows, columns, settings.labels), np.float32)
+    offsets = np.empty((rows, columns, settings.labels, 2), np.float32)
+    costs = np.empty((rows, columns, (settings.labels + EIGHT - 1) // EIGHT * EIGHT), np.float32)
+    for direction in range(2):
         proposed, expected = (
-            whole_pixels(coarse.proposed[way], how.scale),
-            whole_pixels(coarse.expected[way], how.scale),
+            whole_pixels(coarse.proposed[direction], settings.scale),
+            whole_pixels(coarse.expected[direction], settings.scale),
         )
         search_tiles(
             pair,
-            Proposals(proposed, expected, how.spacing),
-            how.step,
-            how.refine_radius,
-            how.max_offset,
-            how.patch_radius,
-            how.row_step,
+            Proposals(proposed, expected, settings.spacing),
+            settings.step,
+            settings.refine_radius,
+            settings.max_offset,
+            settings.patch_radius,
+            settings.row_step,
             OffsetLists(count, similarity, offsets),
         )
-        share_ties(coarse.ties[way], how.spacing, how.step, pair.height, pair.width, ties)
-        flow, chosen = points.flow[way], points.similarity[way]
-        choose_labels(count, offsets, similarity, ties, how.smoothness, how.slope, costs, flow, chosen)
+        share_ties(coarse.ties[direction], settings.spacing, settings.step, pair.height, pair.width, ties)
+        flow, chosen = points.flow[direction], points.similarity[direction]
+        choose_labels(count, offsets, similarity, ties, settings.smoothness, settings.slope, costs, flow, chosen)
         pair = opposite(pair)

@@ -97,8 +97,8 @@ def refine_points(pair, step, tail, damping, largest, steps, known, flow):
 
 
 @njit(cache=True, **FINITE_JIT)
-def refine_both_ways(pair, step, tail, damping, largest, steps, known, flow):
+def refine_bidirectional(pair, step, tail, damping, largest, steps, known, flow):
     """Refine the vectors of both frames like `refine_points`; `known` and `flow` have both directions."""
-    for way in range(2):
-        refine_points(pair, step, tail, damping, largest, steps, known[way], flow[way])
+    for direction in range(2):
+        refine_points(pair, step, tail, damping, largest, steps, known[direction], flow[direction])
         pair = opposite(pair)

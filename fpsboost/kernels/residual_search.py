@@ -173,20 +173,20 @@ def find_lowest_neighbours(values, lowest):
 
 
 @njit(cache=True, **FINITE_JIT)
-def search_residuals_both_ways(pair, step, max_offset, patch_radius, min_similarity, better, flow):
+def search_residuals_bidirectional(pair, step, max_offset, patch_radius, min_similarity, better, flow):
     """Search both frames like `search_residuals`; `flow` has both directions and is updated in place.
 
     A position in the other frame counts as unexplained if one of its neighbours is.
     """
     known = np.empty(flow.shape[:3], np.float32)
     around = np.empty_like(known)
-    for way in range(2):
-        measure_point_similarity(pair, step, patch_radius, flow[way], known[way])
-        find_lowest_neighbours(known[way], around[way])
+    for direction in range(2):
+        measure_point_similarity(pair, step, patch_radius, flow[direction], known[direction])
+        find_lowest_neighbours(known[direction], around[direction])
         pair = opposite(pair)
-    for way in range(2):
-        here, there = known[way], around[1 - way]
-        search_residuals(pair, step, max_offset, patch_radius, here, there, min_similarity, better, flow[way])
+    for direction in range(2):
+        here, there = known[direction], around[1 - direction]
+        search_residuals(pair, step, max_offset, patch_radius, here, there, min_similarity, better, flow[direction])
         pair = opposite(pair)
 
 
@@ -211,18 +211,18 @@ def loosen_ties(looked, before, step, tolerance, weak, ties):
     _, rows, columns = ties.shape
     # in units of points: the way back is that of the point nearest to the end of a vector, not of its pixel
     in_points = np.empty_like(looked)
-    for way in range(2):
+    for direction in range(2):
         for row in range(rows):
             for point in range(columns):
-                in_points[way, row, point, 0] = looked[way, row, point, 0] / step
-                in_points[way, row, point, 1] = looked[way, row, point, 1] / step
-    for way in range(2):
-        there, back = in_points[way], in_points[1 - way]
+                in_points[direction, row, point, 0] = looked[direction, row, point, 0] / step
+                in_points[direction, row, point, 1] = looked[direction, row, point, 1] / step
+    for direction in range(2):
+        there, back = in_points[direction], in_points[1 - direction]
         for row in range(rows):
             for point in range(columns):
-                change_x = abs(looked[way, row, point, 0] - before[way, row, point, 0])
-                change_y = abs(looked[way, row, point, 1] - before[way, row, point, 1])
+                change_x = abs(looked[direction, row, point, 0] - before[direction, row, point, 0])
+                change_y = abs(looked[direction, row, point, 1] - before[direction, row, point, 1])
                 dx, dy = there[row, point, 0], there[row, point, 1]
                 distance, _ = forward_backward_vector_error(dx, dy, back, 1, rows, columns, row, point)
                 is_trusted = max(change_x, change_y) > 1 and distance * step <= tolerance
-                ties[way, row, point] = weak if is_trusted else np.float32(1)
+                ties[direction, row, point] = weak if is_trusted else np.float32(1)

@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.kernels.level_search import CoarseMotion, LevelSearch, Points, search_level
+from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.levels import level_scale, truncation
 from fpsboost.kernels.plane_pair import PlanePair
-from fpsboost.kernels.refine import refine_both_ways
-from fpsboost.kernels.residual_search import loosen_ties, search_residuals_both_ways
+from fpsboost.kernels.refine import refine_bidirectional
+from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING
 from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
@@ -165,11 +165,12 @@ class CoarseToFine:
             # on the second coarsest level, an error of a pixel grows; on the finest, no further level corrects it
             refine_radius = int(level in (last, len(levels0) - 2))
             row_step = 2 if level == last and step % 4 == 0 else 1
-            found = self._search(pair, coarse, self._how(pair, 2, spacing, step, refine_radius, row_step))
+            found = self._search(pair, coarse, self._level_settings(pair, 2, spacing, step, refine_radius, row_step))
         size, spacing, scale = image0.pixels.shape[:2], step * 2**last, np.float32(2**last)
         vectors, similarities = found.flow * scale, found.similarity.clip(0, 1)
         field01, field10 = (
-            MotionField(vectors[way], similarities[way], spacing=spacing, size=(size[0], size[1])) for way in (0, 1)
+            MotionField(vectors[direction], similarities[direction], spacing=spacing, size=(size[0], size[1]))
+            for direction in (0, 1)
         )
         return field01, field10
 
@@ -179,13 +180,13 @@ class CoarseToFine:
         fields = search_fused(*components, self._max_offset(pair), self.patch_radius, "box", self.v)
         flow = np.stack([field.flow for field in fields])
         coarse = CoarseMotion(flow, np.zeros_like(flow), np.ones(flow.shape[:3], np.float32))
-        return self._search(pair, coarse, self._how(pair, 1, 1, COARSEST_STEP, refine_radius=0, row_step=1))
+        return self._search(pair, coarse, self._level_settings(pair, 1, 1, COARSEST_STEP, refine_radius=0, row_step=1))
 
-    def _how(
+    def _level_settings(
         self, pair: PlanePair, scale: int, spacing: int, step: int, refine_radius: int, row_step: int
-    ) -> LevelSearch:
+    ) -> LevelSettings:
         """Return how a level is searched."""
-        return LevelSearch(
+        return LevelSettings(
             np.float32(scale),
             spacing,
             step,
@@ -198,12 +199,12 @@ class CoarseToFine:
             np.float32(self.smoothness / (self.steepness * step)),
         )
 
-    def _search(self, pair: PlanePair, coarse: CoarseMotion, how: LevelSearch) -> Points:
+    def _search(self, pair: PlanePair, coarse: CoarseMotion, settings: LevelSettings) -> Points:
         """Search one level in both directions, and refine what is found to a fraction of a pixel."""
-        shape = 2, -(-pair.height // how.step), -(-pair.width // how.step)
+        shape = 2, -(-pair.height // settings.step), -(-pair.width // settings.step)
         found = Points(np.empty((*shape, 2), np.float32), np.empty(shape, np.float32))
-        search_level(pair, coarse, how, found)
-        self._refine(pair, np.empty((2, 0, 0, 2), np.float32), found.flow, how.step)
+        search_level(pair, coarse, settings, found)
+        self._refine(pair, np.empty((2, 0, 0, 2), np.float32), found.flow, settings.step)
         return found
 
     def _search_residuals(
@@ -211,14 +212,16 @@ class CoarseToFine:
     ) -> CoarseMotion:
         """Return the motion including that of small objects that their surroundings do not explain, and its ties."""
         looked, ties = flow.copy(), np.empty(flow.shape[:3], np.float32)
-        search_residuals_both_ways(pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked)
+        search_residuals_bidirectional(
+            pair, step, self._max_offset(pair), SMALL_RADIUS, min_similarity, MIN_GAIN, looked
+        )
         self._refine(pair, flow, looked, step)
         loosen_ties(looked, flow, np.float32(step), CONSISTENCY_TOLERANCE, WEAK_SMOOTHNESS, ties)
         return CoarseMotion(looked, flow, ties)
 
     def _refine(self, pair: PlanePair, known: NDArray[Any], flow: NDArray[Any], step: int) -> None:
         """Refine the motion in both directions to a fraction of a pixel, in place, unless it is known already."""
-        refine_both_ways(pair, step, *self._in_levels, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, known, flow)
+        refine_bidirectional(pair, step, *self._in_levels, MAX_STEP_LENGTH, MAX_REFINEMENT_STEPS, known, flow)
 
     @cached_property
     def _in_levels(self) -> tuple[np.float32, np.float32]:
