@@ -88,7 +88,7 @@ def _emit_keep_best(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@overload(keep_best_of_four)
+@overload(keep_best_of_four, inline="always")
 def _compiled_keep_best(totals, at, apart, ranks, first, best, winners, place, count):
     """Return the implementation of `keep_best_of_four` within kernels."""
 
@@ -125,7 +125,7 @@ def _emit_hide_outside(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@overload(hide_outside)
+@overload(hide_outside, inline="always")
 def _compiled_hide_outside(totals, first, last):
     """Return the implementation of `hide_outside` within kernels."""
 

@@ -24,7 +24,7 @@ class Frames(NamedTuple):
     """The frame after the pair."""
 
 
-@njit(**JIT)
+@njit(inline="always", **JIT)
 def apart(one, other, as_code):
     """Return the absolute difference of two code values in their own type: a vector holds more of them than of int64.
 
@@ -37,13 +37,13 @@ def apart(one, other, as_code):
     return as_code(max(one, other) - min(one, other))
 
 
-@njit(**JIT)
+@njit(inline="always", **JIT)
 def motion_of_block(vector, shortest):
     """Return whether a motion is so short that its block counts as static, and the motion in whole pixels."""
     return max(abs(vector[0]), abs(vector[1])) < shortest, int(np.rint(vector[0])), int(np.rint(vector[1]))
 
 
-@njit(**JIT)
+@njit(inline="always", **JIT)
 def find_smallest_change(frames, y, left, right, dx, dy, smallest):
     """Write how much some pixels of row y would change at least if they had moved along, from `left` to `right`.
 
@@ -74,7 +74,7 @@ def find_smallest_change(frames, y, left, right, dx, dy, smallest):
             )
 
 
-@njit(**JIT)
+@njit(inline="always", **JIT)
 def mark_static(frames, y, most, row):
     """Write STAYS for the pixels of row y that change by at most `most` code values, else 0."""
     image0, image1, before, after = frames

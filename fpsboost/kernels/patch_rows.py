@@ -335,7 +335,7 @@ def _emit_fma(builder, first, second, third):
     return builder.call(function, [first, second, third])
 
 
-@overload(slide_boxes, prefer_literal=True)
+@overload(slide_boxes, inline="always", prefer_literal=True)
 def _compiled_slide_boxes(
     planes0, place0, plane0, planes1, place1, plane1, step, count, width, size, ring, oldest, newest, totals, at
 ):
@@ -351,7 +351,7 @@ def _compiled_slide_boxes(
     return compiled
 
 
-@overload(sum_windows_across, prefer_literal=True)
+@overload(sum_windows_across, inline="always", prefer_literal=True)
 def _compiled_sum_windows_across(
     planes0, place0, plane0, planes1, place1, plane1, step, count, width, size, weights, ring, newest
 ):
@@ -365,7 +365,7 @@ def _compiled_sum_windows_across(
     return compiled
 
 
-@overload(sum_windows_down, prefer_literal=True)
+@overload(sum_windows_down, inline="always", prefer_literal=True)
 def _compiled_sum_windows_down(ring, start, slot, apart, weights, size, price, totals, at, totals_apart, width):
     """Return the implementation of `sum_windows_down` within kernels."""
 

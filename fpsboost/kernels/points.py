@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fpsboost.kernels.jit import BORROWING, FINITE_JIT, JIT, njit
 
 
-@njit(**FINITE_JIT)
+@njit(inline="always", **FINITE_JIT)
 def minmod(before, after):
     """Return the smaller in magnitude of two numbers of the same sign, else 0.
 
@@ -47,7 +47,7 @@ def find_gradients(vectors, spacing, gradients):
                     gradients[i, j, 1, axis] = minmod(before / spacing, after / spacing)
 
 
-@njit(**JIT)
+@njit(inline="always", **JIT)
 def forward_backward_vector_error(dx, dy, back, spacing, height, width, y, x):
     """Return the forward-backward error of a pixel's vector, and whether the vector ends within the frame."""
     landing_y, landing_x = np.rint(np.float64(y) + dy), np.rint(np.float64(x) + dx)

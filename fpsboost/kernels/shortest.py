@@ -16,7 +16,7 @@ from fpsboost.kernels.similarity import similarity
 from fpsboost.kernels.tiles import Index
 
 
-@njit(**FINITE_JIT)
+@njit(inline="always", **FINITE_JIT)
 def compare_patches(flat0, flat1, plane, stride, start0, start1, radius, lanes, columns):
     """Sum the similarities of two patches, given the indices of their first pixels.
 
@@ -67,7 +67,7 @@ class ShortestMotion(NamedTuple):
     """Larger component of the shortest motion whose similarity is sufficient, pixels."""
 
 
-@njit(**FINITE_JIT)
+@njit(inline="always", **FINITE_JIT)
 def compare_along(flat0, flat1, layout, y, x, dy, dx, radius, columns):
     """Return the sum of the similarities of the patches at both ends of a motion; -1 if it leads out of the frame."""
     plane, stride, padding, height, width = layout

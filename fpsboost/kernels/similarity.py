@@ -38,7 +38,7 @@ def colour_scale(bandwidth: float) -> float:
     return math.sqrt(math.log2(math.e) / 2) / bandwidth
 
 
-@njit(**FINITE_JIT)
+@njit(inline="always", **FINITE_JIT)
 def similarity(a0, a1, a2, b0, b1, b2):
     """Return the fixed-point similarity of two pixels given as three scaled components each."""
     d0 = a0 - b0
