@@ -4,46 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from planes import plane_pair, points
 from truth import noise
 
 from fpsboost.kernels.lanes import EIGHT
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
-from fpsboost.kernels.levels import SIXTEEN
-from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.semi_global import choose_labels
 from fpsboost.kernels.tiles import PADDING, OffsetLists, Proposals, search_tiles
+from fpsboost.motion.field import resample_points
 
 RADIUS, LABELS, MAX_OFFSET, MOST = 2, 3, 6, np.uint8(200)
 
 
-def planes(image):
-    """Padded planes in levels."""
-    padding = PADDING + RADIUS
-    padded = np.pad(image, ((padding, padding), (padding, padding + 2 * SIXTEEN), (0, 0)), "edge")
-    return np.ascontiguousarray(padded.transpose(2, 0, 1))
-
-
-def points_apart(size, step):
-    """How many points there are."""
-    return -(-size[0] // step), -(-size[1] // step)
-
-
-def resampled(values, size, spacing, step):
-    """The value of the place in which each point lies."""
-    rows, columns = (np.minimum(np.arange(0, length, step) + step // 2, length - 1) // spacing for length in size)
-    return np.ascontiguousarray(values[rows][:, columns])
-
-
 def searched_in_one_direction(pair, size, proposed, expected, ties, settings):
     """Motion and similarity of the points in one direction, by the two kernels on whole pixels."""
-    shape = points_apart(size, settings.step)
+    shape = points(size, settings.step)
     lists = OffsetLists(
         np.empty(shape, np.int32), np.empty((*shape, LABELS), np.float32), np.empty((*shape, LABELS, 2), np.float32)
     )
     whole = (np.rint(each * settings.scale).astype(np.int32) for each in (proposed, expected))
     proposals = Proposals(*whole, settings.spacing)
     search_tiles(pair, proposals, settings.step, settings.refine_radius, MAX_OFFSET, RADIUS, settings.row_step, lists)
-    shared = resampled(ties, size, settings.spacing, settings.step)
+    shared = np.ascontiguousarray(resample_points(ties, size, settings.spacing, settings.step))
     costs = np.empty((*shape, EIGHT), np.float32)
     flow, chosen = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
     count, similarity, offsets = lists
@@ -59,16 +41,15 @@ def test_both_directions_are_searched_like_each_by_itself(scale, spacing, step, 
     """Every point has the motion, and the similarity, that rounding, tiles and semi-global matching give one by one."""
     random, size = np.random.default_rng(3), (37, 45)
     images = [noise(*size, 3, np.uint8, seed) for seed in (1, 2)]
-    there = PlanePair(*map(planes, images), PADDING + RADIUS, *size, MOST)
-    back = PlanePair(*map(planes, images[::-1]), PADDING + RADIUS, *size, MOST)
-    places = points_apart(size, spacing)
+    there, back = (plane_pair(*both, PADDING + RADIUS, MOST) for both in (images, images[::-1]))
+    places = points(size, spacing)
     proposed, expected = random.uniform(-3, 3, (2, 2, *places, 2)).astype(np.float32)
     ties = random.choice([0.25, 1], (2, *places)).astype(np.float32)
     settings = LevelSettings(
         *(np.float32(scale), spacing, step, refine_radius, MAX_OFFSET, RADIUS, row_step, LABELS),
         *(np.float32(0.3), np.float32(0.05)),
     )
-    shape = points_apart(size, step)
+    shape = points(size, step)
     found = Points(np.empty((2, *shape, 2), np.float32), np.empty((2, *shape), np.float32))
     search_level(there, CoarseMotion(proposed, expected, ties), settings, found)
     for direction, pair in enumerate((there, back)):

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planes import plane_pair, points
 from truth import noise, waves
 from twins import refined
 
-from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.refine import refine_bidirectional, refine_points
 
 PADDING = 40
@@ -24,19 +24,13 @@ UNIT = 4 / 255
 DAMPING, TAIL = 0.1 / UNIT**2, UNIT**2 / 32
 
 
-def plane_pair(components0, components1):
-    """Both frames as the kernels take them."""
-    sides = (0, 0), (PADDING, PADDING), (PADDING, PADDING + 16)
-    padded = [np.pad(each.transpose(2, 0, 1), sides, "edge") for each in (components0, components1)]
-    return PlanePair(*map(np.ascontiguousarray, padded), PADDING, *components0.shape[:2], 0)
-
-
 def refine(components0, components1, step, flow, damping=DAMPING, largest=1.0, steps=1, known=None):
     """The kernel on a copy of the flow."""
     out = np.array(flow, np.float32)
     limits = np.float32(TAIL), np.float32(damping), np.float32(largest), steps
     unknown = np.full_like(out, 1e6)
-    refine_points(plane_pair(components0, components1), step, *limits, unknown if known is None else known, out)
+    pair = plane_pair(components0, components1, PADDING, 0)
+    refine_points(pair, step, *limits, unknown if known is None else known, out)
     return out
 
 
@@ -45,11 +39,6 @@ def moved(size, shift, seed=5):
     y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
     frames = [waves(x - k * shift[0], y - k * shift[1], seed=seed) for k in (0, 1)]
     return [np.rint(255 * frame).clip(0, 255).astype(np.uint8) for frame in frames]
-
-
-def points(size, step):
-    """How many points there are."""
-    return -(-size[0] // step), -(-size[1] // step)
 
 
 @settings(max_examples=8)
@@ -149,7 +138,7 @@ def test_both_directions_are_refined_like_each_by_itself():
     known = flow + random.choice(np.float32([0.25, 3]), flow.shape)
     found = flow.copy()
     limits = np.float32(TAIL), np.float32(DAMPING), np.float32(1), 2
-    refine_bidirectional(plane_pair(*components), 6, *limits, known, found)
+    refine_bidirectional(plane_pair(*components, PADDING, 0), 6, *limits, known, found)
     for direction, both in enumerate((components, components[::-1])):
         np.testing.assert_array_equal(
             found[direction], refine(*both, 6, flow[direction], steps=2, known=known[direction])
@@ -159,7 +148,8 @@ def test_both_directions_are_refined_like_each_by_itself():
 IN_A_FRESH_PROCESS = """
 import sys
 sys.path.insert(0, "tests")
-from test_kernels_refine import moved, points, refine
+from planes import points
+from test_kernels_refine import moved, refine
 import hashlib, numpy
 flow = numpy.zeros((*points((30, 50), 6), 2), numpy.float32)
 print(hashlib.sha256(refine(*moved((30, 50), (0.4, -0.3)), 6, flow).tobytes()).hexdigest())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from planes import plane_pair
 from truth import noise, translation
 from twins import (
     best_offset,
@@ -15,8 +16,6 @@ from twins import (
     uncompiled,
 )
 
-from fpsboost.kernels.jit import LANES
-from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.search import STRIP_WIDTH, rank_offsets
 from fpsboost.kernels.similarity import FRACTION_BITS, UNIT, colour_scale, similarity
 from fpsboost.kernels.tiles import PADDING, TILE, OffsetLists, Proposals
@@ -178,12 +177,6 @@ def level_image(height: int, width: int, seed: int) -> np.ndarray:
     return np.uint8(255 * colours(height, width, seed))
 
 
-def level_planes(image: np.ndarray, padding: int) -> np.ndarray:
-    """Planes in bytes with repeated edges."""
-    padded = np.pad(image, ((padding, padding), (padding, padding + LANES), (0, 0)), "edge")
-    return np.ascontiguousarray(padded.transpose(2, 0, 1))
-
-
 def level_scores(image0, image1, radius, patch_radius, most):
     """What the twin finds for every offset."""
     return patch_scores(image0, image1, radius, box_weights(patch_radius), most, True, level_similarity)
@@ -192,12 +185,11 @@ def level_scores(image0, image1, radius, patch_radius, most):
 def list_tiles(image0, image1, radius, patch_radius, most, step=1, capacity=1, expected=(99, 99), every=1):
     """The tile kernel for all offsets of a square: how many each point has, their values, and the offsets."""
     height, width = image0.shape[:2]
-    planes0, planes1 = (level_planes(image, PADDING + patch_radius) for image in (image0, image1))
     still = np.zeros((height, width, 2), np.int32)
     points = -(-height // step), -(-width // step)
     count, best = np.empty(points, np.int32), np.empty((*points, capacity), np.float32)
     flows = np.empty((*points, capacity, 2), np.float32)
-    pair = PlanePair(planes0, planes1, PADDING + patch_radius, height, width, np.uint8(most))
+    pair = plane_pair(image0, image1, PADDING + patch_radius, np.uint8(most))
     proposals = Proposals(still, np.full_like(still, expected), 1)
     lists = OffsetLists(count, best, flows)
     run_tiles(pair, proposals, step, 2 * radius, radius, patch_radius, every, lists)
@@ -319,13 +311,12 @@ def test_every_second_row_of_the_patches_may_do(step):
 def test_tiles_that_lead_far_outside_read_nothing_else(motion, step):
     """The last, partial tiles stay within the planes at the largest offsets; uncompiled, a stray index would raise."""
     height, width, radius = TILE + 1, TILE + 1, 2
-    padding = PADDING + radius
-    planes = level_planes(level_image(height, width, 13), padding)
+    image = level_image(height, width, 13)
     proposals = np.full((1, 1, 2), motion, np.int32)
     points = -(-height // step), -(-width // step)
     count, best = np.empty(points, np.int32), np.empty((*points, 2), np.float32)
     flows = np.empty((*points, 2, 2), np.float32)
-    pair = PlanePair(planes, planes, padding, height, width, np.uint8(200))
+    pair = plane_pair(image, image, PADDING + radius, np.uint8(200))
     lists = OffsetLists(count, best, flows)
     run_tiles(pair, Proposals(proposals, proposals, 2 * TILE), step, 0, TILE, radius, 1, lists)
     assert np.isfinite(best).all()

@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planes import plane_pair
 from truth import noise
 from twins import level_similarity
 
-from fpsboost.kernels.levels import SIXTEEN
-from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.points import measure_forward_backward_errors
 from fpsboost.kernels.residual_search import (
     loosen_ties,
@@ -20,12 +19,6 @@ from fpsboost.kernels.residual_search import (
 )
 
 PADDING, RADIUS, MOST = 12, 1, np.uint8(255)
-
-
-def planes(image):
-    """Padded planes in levels."""
-    padded = np.pad(image, ((PADDING, PADDING), (PADDING, PADDING + SIXTEEN), (0, 0)), "edge")
-    return np.ascontiguousarray(padded.transpose(2, 0, 1))
 
 
 def places(size, step):
@@ -45,15 +38,10 @@ def patch_similarity(image0, image1, here, there):
     return total / (2 * RADIUS + 1) ** 2
 
 
-def plane_pair(image0, image1):
-    """Both frames as the kernels take them."""
-    return PlanePair(planes(image0), planes(image1), PADDING, *image0.shape[:2], MOST)
-
-
 def measured(image0, image1, step, flow):
     """What the kernel measures."""
     known = np.empty(flow.shape[:2], np.float32)
-    measure_point_similarity(plane_pair(image0, image1), step, RADIUS, flow, known)
+    measure_point_similarity(plane_pair(image0, image1, PADDING, MOST), step, RADIUS, flow, known)
     return known
 
 
@@ -84,7 +72,7 @@ def test_the_best_unexplained_place_is_found(height, width, step, seed):
     known, elsewhere = random.random(shape).astype(np.float32), random.random(shape).astype(np.float32)
     flow = np.full((*shape, 2), 99, np.float32)
     enough, better, limit = np.float32(0.6), np.float32(0.02), 5
-    pair, known_here = plane_pair(image0, image1), known * np.float32(0.1)
+    pair, known_here = plane_pair(image0, image1, PADDING, MOST), known * np.float32(0.1)
     search_residuals(pair, step, limit, RADIUS, known_here, elsewhere, enough, better, flow)
     for row, y in enumerate(rows):
         for column, x in enumerate(columns):
@@ -114,7 +102,7 @@ def test_what_is_explained_stays():
         before = flow.copy()
         shares = (np.full((5, 6), share, np.float32) for share in (known, elsewhere))
         limits = np.float32(0.6), np.float32(0.2)
-        search_residuals(plane_pair(image0, image1), 4, 6, RADIUS, *shares, *limits, flow)
+        search_residuals(plane_pair(image0, image1, PADDING, MOST), 4, 6, RADIUS, *shares, *limits, flow)
         np.testing.assert_array_equal(flow, before)
 
 
@@ -127,10 +115,10 @@ def test_both_frames_are_searched_near_what_the_other_does_not_explain(height, w
     before = np.random.default_rng(seed).uniform(-3, 3, (2, *shape, 2)).astype(np.float32)
     enough, better, limit = np.float32(0.4), np.float32(0.02), 5
     looked = before.copy()
-    search_residuals_bidirectional(plane_pair(*images), step, limit, RADIUS, enough, better, looked)
+    search_residuals_bidirectional(plane_pair(*images, PADDING, MOST), step, limit, RADIUS, enough, better, looked)
     known = [measured(*images, step, before[0]), measured(*images[::-1], step, before[1])]
     around = [cv2.erode(each, np.ones((3, 3), np.uint8)) for each in known]
-    for direction, pair in enumerate((plane_pair(*images), plane_pair(*images[::-1]))):
+    for direction, pair in enumerate((plane_pair(*images, PADDING, MOST), plane_pair(*images[::-1], PADDING, MOST))):
         flow = before[direction].copy()
         search_residuals(pair, step, limit, RADIUS, known[direction], around[1 - direction], enough, better, flow)
         np.testing.assert_array_equal(looked[direction], flow)
