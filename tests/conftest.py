@@ -7,13 +7,13 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from command_line import COLOUR_VARIABLES, Command, Result
 from hypothesis import settings
 from numpy.typing import NDArray
 from video_truth import scene
@@ -23,10 +23,12 @@ from fpsboost.io.images.exr import write_exr
 
 collect_ignore = ["blender_round_trip.py"]  # runs in Blender
 
-COLOUR_VARIABLES = ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "NO_COLOR", "COLUMNS")
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # the threads of FLIP would spin while they wait
 cv2.setNumThreads(1)  # so would OpenCV's, for images of a few pixels; in the processes that tests start they may
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as nohup has it; processes that tests start would inherit it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("fpsboost", deadline=None)  # the first case may compile, and no test asserts a time
 settings.load_profile("fpsboost")
@@ -89,20 +91,6 @@ def chromium() -> Iterator[Any]:
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""
     monkeypatch.setattr("fpsboost.io.prefetch.POLL_INTERVAL", 0.005)
-
-
-@dataclass(frozen=True)
-class Result:
-    code: int
-    out: str
-    err: str
-
-    @property
-    def lines(self) -> list[str]:
-        return self.err.splitlines()
-
-
-Command = Callable[..., Result]
 
 
 @pytest.fixture

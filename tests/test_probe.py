@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from animation_truth import disc, write_animation
-from test_duplicates import CADENCES, encode, held, pan
+from held_frames import CADENCES, encode, held, pan
 from video_truth import QUARTER_TURN, png, spoil_packets, write_clip
 
 from fpsboost.conversion import convert

@@ -14,8 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import Result
-from test_cli import environment
+from command_line import Result, environment
 from video_truth import pictures_of, write_clip
 
 import fpsboost

@@ -1,0 +1,342 @@
+"""Frames shown again: found up to the noise of an encoder, interpolated across, and left alone where nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from conversion_options import keeping_duplicates
+from held_frames import CADENCES, HEIGHT, RATE, SPEED, WIDTH, encode, held, pan
+from hypothesis import given
+from hypothesis import strategies as st
+from test_pipeline import FakeSink, FakeSource
+from truth import affine, frozen, noise, prepared
+
+from fpsboost.analysis.duplicates import DuplicateDetector, SourceFrame, find_pictures, group_duplicates
+from fpsboost.conversion import convert
+from fpsboost.errors import OptionError
+from fpsboost.frame import Frame
+from fpsboost.frame_cache import FrameCache
+from fpsboost.io.opening import open_source
+from fpsboost.method_table import methods
+from fpsboost.motion.rendered import RenderedMotion
+from fpsboost.observer import Summary
+from fpsboost.streaming import run_conversion
+from fpsboost.synthesis.blend import Blend
+from fpsboost.synthesis.scene_assisted import SceneAssisted
+from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
+
+
+def run(
+    frames: list[Frame],
+    schedule: Schedule | None = None,
+    method: str = "nlm",
+    *,
+    looks_for_duplicates: bool = True,
+) -> tuple[list[Frame], Summary]:
+    sink = FakeSink()
+    source = FakeSource(frames, RATE)
+    interpolator = methods[method] if looks_for_duplicates else keeping_duplicates(method)
+    return sink.frames, run_conversion(source, interpolator, sink, schedule or ByFactor(Fraction(2)))
+
+
+def lengths(frames: Sequence[Frame], detector: DuplicateDetector | None = None) -> list[int]:
+    """How many frames each held picture consists of."""
+    shown = (SourceFrame(frame, FrameCache(frame.image)) for frame in frames)
+    return [len(each) for each in group_duplicates(shown, detector or DuplicateDetector())]
+
+
+def error(image: Any, truth: Any) -> float:
+    """Mean difference in levels, without the edges, where a pan brings in what nobody has seen."""
+    return float(np.abs(image[8:-8, 12:-12].astype(float) - truth[8:-8, 12:-12]).mean())
+
+
+# ------------------------------------------------------------------------------------------------------------- the loop
+
+
+@pytest.mark.parametrize("schedule", [ByFactor(Fraction(2)), ByRate(Fraction(60)), ByFactor(Fraction(1))], ids=str)
+@pytest.mark.parametrize("cadence", CADENCES)
+def test_held_frames_become_an_even_motion(cadence, schedule):
+    """Every output frame, those at the times of duplicates too, shows what was there at its very time."""
+    source = held(CADENCES[cadence])
+    frames, summary = run(source, schedule)
+    assert summary.duplicates == len(source) - 1 - len(CADENCES[cadence])
+    for frame in frames:
+        position = min(frame.time * RATE, len(source) - 1)
+        assert error(frame.image, pan(SPEED * float(position))) < 2
+
+
+@pytest.mark.parametrize("schedule", [ByFactor(Fraction(2)), ByFactor(Fraction(5, 2)), ByRate(Fraction(60))], ids=str)
+def test_number_and_times_stay(schedule):
+    """As many frames at the same times as without looking for duplicates, and the clip is as long."""
+    source = held(CADENCES["threes"])
+    frames, summary = run(source, schedule)
+    plain, plain_summary = run(source, schedule, looks_for_duplicates=False)
+    assert [(frame.time, frame.duration) for frame in frames] == [(frame.time, frame.duration) for frame in plain]
+    assert (summary.frames_in, summary.frames_out) == (plain_summary.frames_in, plain_summary.frames_out)
+    assert plain_summary.duplicates == 0
+
+
+def test_the_first_of_its_kind_passes_as_it_is():
+    """The first frame of each held picture is the source's own; those that repeat it give way."""
+    source = held([3, 3, 3])
+    frames, summary = run(source)
+    by_time = {frame.time: frame for frame in frames}
+    passed = [by_time[frame.time].original is frame.original for frame in source]
+    assert passed == [True, False, False] * 3 + [True]
+    assert summary.frames_made == len(frames) - 4
+
+
+def test_uneven_times_keep_their_rhythm():
+    """Where the source's intervals differ, its clock says how far a picture has moved."""
+    ticks = [0, 1, 4, 5, 8, 10]  # a picture from 0 to 4, one from 4 to 8, and 8 and 10
+    images = [pan(SPEED * tick) for tick in (0, 0, 4, 4, 8, 10)]
+    times = [tick / RATE for tick in ticks]
+    source = [
+        Frame(image, time, b - time) for image, time, b in zip(images, times, [*times[1:], 11 / RATE], strict=True)
+    ]
+    frames, summary = run(source)
+    assert summary.duplicates == 2
+    assert [frame.time * RATE for frame in frames[:4]] == [0, Fraction(1, 2), 1, Fraction(5, 2)]
+    for frame in frames[:-1]:
+        assert error(frame.image, pan(SPEED * float(frame.time * RATE))) < 2
+
+
+@pytest.mark.parametrize("method", ["nlm", "blend"])
+def test_to_keep_them_is_to_interpolate_each_pair(method):
+    """With duplicates kept, a repeat passes as it is, and between two alike lies a third."""
+    source = held([2, 2, 2])
+    frames, summary = run(source, method=method, looks_for_duplicates=False)
+    assert [frame.original for frame in frames[::2][: len(source)]] == [frame.original for frame in source]
+    np.testing.assert_array_equal(frames[1].image, source[0].image)
+    assert summary.frames_made == len(frames) - len(source)
+
+
+@pytest.mark.parametrize("method", ["nlm", "blend"])
+def test_a_clip_without_duplicates_is_the_same_either_way(method):
+    """Bit by bit."""
+    source = held([1] * 5)
+    frames, summary = run(source, method=method)
+    plain, _ = run(source, method=method, looks_for_duplicates=False)
+    assert summary.duplicates == 0
+    for one, other in zip(frames, plain, strict=True):
+        np.testing.assert_array_equal(one.image, other.image)
+        assert one.original is other.original
+
+
+def test_a_still_is_left_alone():
+    """A picture that stands for longer than a quarter of a second passes frame by frame, and so does its end."""
+    source = held([1, 1, 12, 1, 1])
+    frames, summary = run(source)
+    assert summary.duplicates == 0
+    assert [frame.original for frame in frames[::2]] == [frame.original for frame in source]
+    for frame in frames[4:26]:
+        assert np.abs(frame.image.astype(int) - source[2].image).max() <= 1
+
+
+def test_what_ends_in_a_cut_stays_held():
+    """Nothing is interpolated across a cut, also from the first frame of a held picture."""
+    source = held([2, 2, 3, 2, 2], lambda first: pan(SPEED * first, seed=1 if first < 7 else 2))
+    frames, summary = run(source)
+    assert summary.scene_cuts == 1
+    assert summary.duplicates == 4
+    before = [frame for frame in frames if Fraction(4) <= frame.time * RATE < Fraction(13, 2)]
+    assert len(before) == 5
+    for frame in before:
+        np.testing.assert_array_equal(frame.image, source[4].image)
+    assert [frame.original for frame in before[::2]] == [frame.original for frame in source[4:7]]
+    np.testing.assert_array_equal(frames[14].image, source[7].image)
+
+
+def test_what_the_clip_ends_with_stays_held():
+    """After the last motion nothing leads on, so every frame passes as it is."""
+    source = held([1, 1, 1, 3])[:-1]
+    frames, summary = run(source)
+    assert summary.duplicates == 0
+    assert [frame.original for frame in frames[::2]] == [frame.original for frame in source]
+
+
+def test_rendered_motion_needs_every_frame(monkeypatch):
+    """A renderer's vectors lead from each frame to the very next, so there duplicates are not looked for."""
+    no_vectors: Any = None
+    rendered = replace(methods["blend"], synthesizer=SceneAssisted(no_vectors))
+    assert rendered.needs_every_frame
+    assert replace(methods["blend"], estimator=RenderedMotion(no_vectors)).needs_every_frame
+    assert not any(method.needs_every_frame for method in methods.values())
+    monkeypatch.setattr(SceneAssisted, "synthesize", lambda self, *arguments: Blend().synthesize(*arguments))
+    assert run_conversion(FakeSource(held([2, 2]), RATE), rendered, FakeSink(), ByFactor(Fraction(2))).duplicates == 0
+
+
+def test_nothing_but_a_still():
+    """A clip in which nothing moves comes out as it went in."""
+    source = held([9], lambda first: pan(0))
+    frames, summary = run(source)
+    assert (summary.frames_out, summary.duplicates, summary.scene_cuts) == (20, 0, 0)
+    assert all((frame.image == source[0].image).all() for frame in frames)
+
+
+# --------------------------------------------------------------------------------------------------------- finding them
+
+
+def test_frames_are_found_however_long_they_are_held():
+    """Twos, threes, fours and what a capture missed."""
+    for cadence in ([2, 2, 2], [3, 3, 3], [4, 4], [1, 1, 2, 1], [6, 1], [3, 2, 3, 2]):
+        assert lengths(held(cadence)) == [*cadence, 1]
+
+
+@pytest.mark.parametrize("count", [7, 8, 9, 30])
+def test_a_still_comes_one_by_one(count):
+    """Beyond a quarter of a second a picture is not held any more but stands, and so it does to its end."""
+    assert lengths(held([1, count, 2, 1])) == [1, *[1] * count, 2, 1, 1]
+
+
+def test_no_more_frames_wait_than_allowed():
+    """At any rate, as the detector says."""
+    frames = [Frame(frame.image, frame.time / 100) for frame in held([8, 9, 2])]
+    assert lengths(frames) == [8, *[1] * 9, 2, 1]
+    assert lengths(frames, DuplicateDetector(most=9)) == [8, 9, 2, 1]
+
+
+@pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)])
+def test_images_of_every_kind(channels, dtype):
+    """Gray, with alpha, deep and float, noise of half a level included; and motion is none of them."""
+    clip = affine(HEIGHT, WIDTH, shift=(2, 0), channels=channels, dtype=dtype)
+    one = DuplicateDetector().difference(*prepared(clip.image0, clip.image0))
+    other = DuplicateDetector().difference(*prepared(clip.image0, clip.image1))
+    assert one == 0
+    assert 5 < other < 100
+
+
+def test_motion_beyond_white_counts():
+    """Highlights of float images move, too."""
+    image0, image1 = (pan(position, dtype=np.float32) * np.float32(4) + np.float32(1) for position in (0, 2))
+    assert DuplicateDetector().difference(*prepared(image0, image1)) > 5
+
+
+@given(
+    size=st.tuples(st.integers(1, 300), st.integers(1, 40)),
+    block=st.integers(1, 16),
+    share=st.sampled_from([0, 0.25]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_differences_are_those_of_whole_frames(size, block, share, seed):
+    """Bands miss no block, and none is left out unless the limit is passed."""
+    random = np.random.default_rng(seed)
+    image0, image1 = random.integers(0, 256, (2, *size, 1), dtype=np.uint8)
+    changed = np.zeros(size, bool)
+    row, column = random.integers(size)
+    changed[row : row + block, column : column + 4] = True
+    image1 = np.where(changed[..., None], image1, image0)
+    sums = cv2.boxFilter(cv2.absdiff(image0, image1), cv2.CV_32S, (block, block), normalize=False)
+    detector = DuplicateDetector(share=share, block=block)
+    found, whole = detector.difference(*prepared(image0, image1)), float(sums.max()) / block**2
+    assert found == whole or detector.difference_limit < found < whole
+
+
+@pytest.mark.parametrize("size", [2, 4, 8])
+def test_a_small_thing_that_moves_is_no_duplicate(size):
+    """In a large picture that stands still, something of a few pixels moves along."""
+    ground = pan(0)
+
+    def picture(time: float) -> Any:
+        image = ground.copy()
+        left = 10 + size * int(time)
+        image[30 : 30 + size, left : left + size] = 255 - image[30 : 30 + size, left : left + size] // 2
+        return frozen(image)
+
+    assert lengths(held([1] * 8, picture)) == [1] * 9
+
+
+@pytest.mark.parametrize("levels", [0.3, 1, 2, 4])
+def test_a_slow_fade_is_no_duplicate(levels):
+    """Every frame differs a little, by less than an encoder's noise, and it adds up."""
+    frames = held([1] * 20, lambda time: np.rint(pan(0) * 0.5 + levels * time).astype(np.uint8))
+    assert lengths(frames) == [1] * 21
+
+
+@pytest.mark.parametrize("step", [0.1, 0.3, 1])
+def test_a_slow_pan_is_no_duplicate(step):
+    """Even one by a tenth of a pixel per frame."""
+    assert lengths(held([1] * 12, lambda time: pan(step * time))) == [1] * 13
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (8, 12), (16, 16)])
+def test_tiny_images(size):
+    """Smaller than a block is fine."""
+    dark, bright = (np.full((*size, 3), value, np.uint8) for value in (20, 90))
+    assert DuplicateDetector().difference(*prepared(dark, bright)) == 70
+
+
+@pytest.mark.parametrize(
+    "options", [{"noise": -1}, {"share": 1}, {"smallest_step": 0}, {"block": 0}, {"most": 0}, {"longest": Fraction(-1)}]
+)
+def test_values_are_checked(options):
+    """One sentence."""
+    with pytest.raises(OptionError):
+        DuplicateDetector(**options)
+
+
+@pytest.mark.parametrize("crf", [18, 23, 28])
+@pytest.mark.parametrize("cadence", CADENCES)
+def test_encoded_duplicates_are_found(tmp_path, cadence, crf):
+    """Repeated frames are not the same any more after encoding, and are found all the same."""
+    grain = noise(HEIGHT, WIDTH, seed=5).astype(float) - 127.5
+
+    def picture(time: float) -> Any:
+        return (pan(SPEED * time) + 0.06 * np.roll(grain, int(7 * time), axis=1)).clip(0, 255).astype(np.uint8)
+
+    source = held(CADENCES[cadence], picture)
+    clip = encode(tmp_path / "clip.mp4", [frame.image for frame in source], crf)
+    with open_source(str(clip)) as opened:
+        frames = list(opened)
+    assert any((a.image != b.image).any() for a, b in pairwise(frames))
+    assert lengths(frames) == [*CADENCES[cadence], 1]
+
+
+@pytest.mark.parametrize("crf", [18, 28])
+def test_encoded_motion_is_no_duplicate(tmp_path, crf):
+    """The same clip with every frame a new one."""
+    source = held([1] * 20)
+    clip = encode(tmp_path / "clip.mp4", [frame.image for frame in source], crf)
+    with open_source(str(clip)) as opened:
+        assert lengths(list(opened)) == [1] * 21
+
+
+def test_a_conversion_counts_them(tmp_path):
+    """From file to file, and nothing where they are to be kept."""
+    source = held(CADENCES["twos"])
+    clip = encode(tmp_path / "clip.mp4", [frame.image for frame in source], 18)
+    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="blend")
+    kept = convert(str(clip), str(tmp_path / "kept.mp4"), method=keeping_duplicates("blend"))
+    assert (summary.duplicates, kept.duplicates) == (7, 0)
+    assert summary.frames_out == kept.frames_out == 2 * len(source)
+
+
+# ------------------------------------------------------------------------------------------------- what repeats what
+
+
+def repeats(frames: Sequence[Frame]) -> list[tuple[int, bool, int]]:
+    """Of each picture: how many frames are told together, whether it is a still, and how many repeat another."""
+    shown = (SourceFrame(frame, FrameCache(frame.image)) for frame in frames)
+    return [(len(each.frames), each.is_still, each.repeats) for each in find_pictures(shown, DuplicateDetector())]
+
+
+def test_every_repeat_is_told_in_stills_too() -> None:
+    """Of a picture held between moves all frames but the first; of a still, told in pieces, as well."""
+    found = repeats(held([1, 2, 1, 12, 1, 3]))
+    assert found[:3] == [(1, False, 0), (2, False, 1), (1, False, 0)]
+    assert sum(count for count, _, _ in found) == 21
+    assert sum(again for *_, again in found) == 1 + 11 + 2
+    assert [again for _, is_still, again in found if is_still][-1] == 0  # the clip's last frame, which is a new one
+
+
+def test_frames_that_move_slowly_to_the_end_repeat_nothing() -> None:
+    """They are as much alike as an encoder's repeats, but so were those before."""
+    frames = held([1] * 12, lambda time: pan(0.3 * time))
+    assert sum(again for *_, again in repeats(frames)) == 0

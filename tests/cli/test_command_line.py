@@ -1,0 +1,761 @@
+"""The command line: exit codes, one sentence on stderr, nothing on stdout, and no trace of a run that was stopped."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import tomllib
+from dataclasses import is_dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from command_line import SUMMARY, Result, assert_refused, environment
+from numba import config, njit
+from video_truth import packets_of, pictures_of, spoil_packets, write_clip
+
+import fpsboost
+from fpsboost.cli import app
+from fpsboost.cli.compare import choose
+from fpsboost.interpolator import Interpolator
+from fpsboost.method_table import methods, vector_methods
+from fpsboost.timing.schedule import parse_number, parse_rate
+
+ROOT = Path(__file__).parents[2]
+ORBIT = ROOT / "samples" / "orbit.mp4"
+CHEAP = ("--method", "nearest")
+SAY_COMPILING = app.Reporter._say_compiling  # before a fixture silences it
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),  # said only under pytest
+]
+
+
+@pytest.fixture
+def clip(tmp_path) -> Path:
+    """Six frames at 25 per second."""
+    return write_clip(tmp_path / "in.mp4", times=range(6))
+
+
+def start(folder: Path, *arguments: object) -> subprocess.CompletedProcess[bytes]:
+    """Run the command line in a process of its own, with its output piped."""
+    command = [sys.executable, "-m", "fpsboost", *map(str, arguments)]
+    return subprocess.run(command, cwd=folder, env=environment(), capture_output=True, timeout=100, check=False)
+
+
+# ----------------------------------------------------------------------------------------------------------- what works
+
+
+def test_plain_run_says_one_line(fpsboost_, clip, tmp_path):
+    """Success is exit code 0, one line about it on stderr, and a file."""
+    result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
+    assert (result.code, result.out) == (0, "")
+    assert len(result.lines) == 1
+    assert re.fullmatch(SUMMARY.format(r"out\.mp4", 6, 12), result.lines[0])
+    assert len(packets_of(tmp_path / "out.mp4", "video")) == 12
+
+
+def test_piped_run_is_plain_text(clip, tmp_path):
+    """A whole process that nobody watches: no bar, no colour, no control characters, one line."""
+    done = start(tmp_path, "in.mp4", "out.mp4", *CHEAP)
+    assert (done.returncode, done.stdout) == (0, b"")
+    assert re.fullmatch(SUMMARY.format(r"out\.mp4", 6, 12) + "\r?\n", done.stderr.decode())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mp4", "out.mp4"]
+
+
+def test_a_terminal_gets_a_bar(fpsboost_, clip, monkeypatch):
+    """On a terminal there is a bar with numbers, and the same line at the end."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "100")
+    result = fpsboost_("in.mp4", "[bold]out.mp4", *CHEAP)
+    assert result.code == 0
+    plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", result.err)
+    assert re.search(r"\[bold\]out\.mp4 .*[0-9]+/12", plain)
+    assert re.search(SUMMARY.format(r"\[bold\]out\.mp4", 6, 12), plain)
+    assert "\x1b[?25h" in result.err.split("\x1b[?25l")[-1]  # the cursor is back
+
+
+def test_a_terminal_without_a_frame_count(fpsboost_, tmp_path, monkeypatch):
+    """A file that does not say how many frames it has gets a bar too."""
+    write_clip(tmp_path / "in.h264", times=range(6), container="h264")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    result = fpsboost_("in.h264", "out.mp4", *CHEAP)
+    assert result.code == 0
+    assert "/?" in result.err
+
+
+@pytest.mark.parametrize("option", ["--quiet", "-q"])
+def test_quiet_prints_nothing(fpsboost_, tmp_path, option):
+    """Not even about damage."""
+    spoil_packets(write_clip(tmp_path / "in.mp4", times=range(30)), [8, 9])
+    assert fpsboost_("in.mp4", "out.mp4", option, *CHEAP) == Result(0, "", "")
+    assert (tmp_path / "out.mp4").exists()
+
+
+def test_quiet_still_prints_errors(fpsboost_):
+    """A quiet run that fails says why."""
+    assert_refused(fpsboost_("none.mp4", "out.mp4", "--quiet"), 1, "none.mp4")
+
+
+def test_verbose_says_what_is_used(fpsboost_, clip):
+    """Version, method with its options, and what the input is; the summary stays the last line."""
+    result = fpsboost_("in.mp4", "out.mp4", "--verbose", "--method", "blend", "--cut-threshold", "0.25")
+    assert result.code == 0
+    assert fpsboost.__version__ in result.lines[0]
+    assert "Blend()" in result.err
+    assert "threshold=0.25" in result.err
+    assert "in.mp4: 64x48, 6 frames at 25 fps" in result.lines
+    assert result.lines[-3].startswith("out.mp4: libx264, yuv420p, preset=medium")
+    assert re.fullmatch(r"On average [\d.]+ of \d+ cores were busy\.", result.lines[-2])
+    assert re.fullmatch(SUMMARY.format(r"out\.mp4", 6, 12), result.lines[-1])
+
+
+def test_verbose_shows_a_traceback(fpsboost_):
+    """Someone who looks for a fault gets all of it, and the same sentence and exit code."""
+    result = fpsboost_("none.mp4", "out.mp4", "--verbose")
+    assert (result.code, result.out) == (1, "")
+    assert "Traceback" in result.err
+    assert result.lines[-1].startswith("fpsboost: none.mp4 does not exist")
+
+
+def test_opencv_has_one_thread_during_a_conversion(fpsboost_, clip, tmp_path, monkeypatch):
+    """Pairs of frames are worked on side by side instead; its setting is as before afterwards."""
+    seen = []
+    monkeypatch.setattr(Interpolator, "compile_for", lambda self, image: seen.append(cv2.getNumThreads()))
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    try:
+        assert fpsboost_("in.mp4", "out.mp4", *CHEAP).code == 0
+        assert (seen, cv2.getNumThreads()) == ([1], 2)
+    finally:
+        cv2.setNumThreads(before)
+
+
+def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, clip, tmp_path, monkeypatch):
+    """Once, as soon as the first begins; not where all come from the cache, however long that takes."""
+
+    def compile_two(interpolator: Interpolator, image: np.ndarray) -> None:
+        for kernel in (njit(lambda x: x + 1), njit(lambda x: x + 2)):
+            kernel(1)
+
+    monkeypatch.setattr(app.Reporter, "_say_compiling", SAY_COMPILING)
+    monkeypatch.setattr(Interpolator, "compile_for", compile_two)
+    result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
+    assert len(result.lines) == 2
+    assert "Compiling" in result.lines[0]
+
+    kernel = tmp_path / "kernel.py"
+    kernel.write_text("from numba import njit\n@njit(cache=True)\ndef kernel(x):\n    return x + 1\n")
+    spec = importlib.util.spec_from_file_location("kernel", kernel)
+    lines = []
+    for _ in range(2):
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        monkeypatch.setattr(Interpolator, "compile_for", lambda self, image, run=module.kernel: run(1))
+        lines.append(len(fpsboost_("in.mp4", "out.mp4", *CHEAP, "--overwrite").lines))
+    assert lines == [2, 1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["fpsboost.cli.app", "cyclopts", "numba", "fpsboost.io"])
+def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, tmp_path_factory, number, module):
+    """One sentence and exit code 130, whichever module is about to be imported when it happens.
+
+    numba is imported in the middle of the conversion, as no kernel is kept; compiling may have been announced by then.
+    """
+    code = f"""if True:
+        import os, sys
+        class Stopping:
+            def find_spec(self, name, path=None, target=None):
+                if name == {module!r}:
+                    sys.meta_path.remove(self)
+                    os.kill(os.getpid(), {int(number)})
+        sys.meta_path.insert(0, Stopping())
+        sys.argv = ["fpsboost", "in.mp4", "out.mp4"]
+        from fpsboost.__main__ import main
+        main()
+    """
+    kept = environment() | {"NUMBA_CACHE_DIR": str(tmp_path_factory.mktemp("cache"))}
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=kept, capture_output=True, timeout=100, check=False
+    )
+    said = result.stderr.splitlines()
+    assert (result.returncode, result.stdout, said[-1]) == (130, b"", b"Stopped; nothing was written.")
+    assert all(line.startswith(b"Compiling") for line in said[:-1])
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
+
+
+def test_a_request_to_stop_is_repeated_if_a_destructor_swallows_it():
+    """Python reports what is raised there, and goes on."""
+    code = """if True:
+        import signal, threading
+        from fpsboost.interruption import stop_on
+        stop_on(signal.SIGTERM)
+        class Destroyed:
+            def __del__(self):
+                signal.raise_signal(signal.SIGTERM)
+        try:
+            Destroyed()
+            print("went on", flush=True)
+            threading.Event().wait(60)
+        except KeyboardInterrupt:
+            print("stopped")
+    """
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (result.stdout.split("\n"), result.stderr) == (["went on", "stopped", ""], "")
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+def test_it_can_be_stopped_while_llvm_calls_back(clip, tmp_path):
+    """LLVM swallows exceptions, and where numba keeps kernels, it would then miss the compiled one."""
+    code = f"""if True:
+        import os, sys
+        from numba.core.codegen import JITCodeLibrary
+        from fpsboost.kernels import machine_code
+        machine_code.KeptKernel = machine_code.Kernel
+        keep = JITCodeLibrary._object_compiled_hook
+        def keep_and_stop(module, code):
+            os.kill(os.getpid(), {int(signal.SIGINT)})
+            keep(module, code)
+        JITCodeLibrary._object_compiled_hook = keep_and_stop
+        sys.argv = ["fpsboost", "in.mp4", "out.mp4"]
+        from fpsboost.__main__ import main
+        main()
+    """
+    kept = environment() | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=kept, capture_output=True, timeout=100, check=False
+    )
+    assert (result.returncode, result.stdout) == (130, b"")
+    assert result.stderr.splitlines()[-1] == b"Stopped; nothing was written."
+    assert b"Traceback" not in result.stderr
+
+
+def test_both_ways_to_start_begin_where_they_can_be_stopped():
+    """The console script is the same function as ``python -m fpsboost``."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["scripts"]["fpsboost"] == "fpsboost.__main__:main"
+
+
+def test_without_arguments_there_is_the_help(fpsboost_):
+    """On standard output, as with --help, and exit code 0."""
+    alone = fpsboost_()
+    assert (alone.code, alone.err) == (0, "")
+    assert alone.out == fpsboost_("--help").out
+    assert "Usage: fpsboost" in alone.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "frames"),
+    [
+        (["--factor", "3"], 18),
+        (["-f", "5/2"], 15),
+        (["--factor", "1.5"], 9),
+        (["--fps", "60000/1001"], 15),
+        (["--fps", "59.94"], 15),
+        (["--fps=50"], 12),
+    ],
+)
+def test_rates_as_people_write_them(fpsboost_, clip, tmp_path, arguments, frames):
+    """Whole numbers, decimals and fractions, in all ways to give an option."""
+    assert fpsboost_("in.mp4", "out.mp4", *CHEAP, *arguments).code == 0
+    assert len(packets_of(tmp_path / "out.mp4", "video")) == frames
+
+
+def test_options_may_stand_anywhere(fpsboost_, clip, tmp_path):
+    """Before, between and behind the two names."""
+    assert fpsboost_("-m", "nearest", "in.mp4", "--factor", "3", "out.mp4", "-q") == Result(0, "", "")
+    assert len(packets_of(tmp_path / "out.mp4", "video")) == 18
+
+
+def test_images_in_and_out(fpsboost_, tmp_path, save_images):
+    """A folder to a folder, to a video and to a pattern."""
+    save_images(tmp_path / "in", count=4)
+    assert fpsboost_("in", "out", *CHEAP).code == 0
+    assert len(list((tmp_path / "out").iterdir())) == 7
+    assert fpsboost_("in/shot_####.png", "out.mp4", "--input-fps", "24", *CHEAP).code == 0
+    assert len(packets_of(tmp_path / "out.mp4", "video")) == 8
+    assert fpsboost_("in", "new_%03d.jpg", *CHEAP).code == 0
+    assert len(list(tmp_path.glob("new_*.jpg"))) == 7
+
+
+def test_video_options_reach_the_encoder(fpsboost_, tmp_path):
+    """Codec, quality, speed, and sound left out."""
+    write_clip(tmp_path / "in.mp4", times=range(4), sound="aac")
+    result = fpsboost_(
+        "in.mp4", "out.webm", "--codec", "vp9", "--crf", "40", "--preset", "8", "--no-audio", "--no-subtitles", *CHEAP
+    )
+    assert result.code == 0, result.err
+    assert len(packets_of(tmp_path / "out.webm", "video")) == 8
+
+
+def test_more_video_options_reach_the_encoder(fpsboost_, clip, tmp_path):
+    """Pixel format, losslessness, and options of the encoder's own, which may be several."""
+    options = ("--pix-fmt", "yuv444p", "--lossless", "--encoder-option", "g=4", "--encoder-option", "bf=0")
+    assert fpsboost_("in.mp4", "out.mp4", *options, *CHEAP).code == 0
+    pictures = pictures_of(tmp_path / "out.mp4")
+    assert {picture.format.name for picture in pictures} == {"yuv444p"}
+    assert [k for k, picture in enumerate(pictures) if picture.key_frame] == [0, 4, 8]
+
+
+def test_overwriting(fpsboost_, clip, tmp_path):
+    """An existing file is replaced when that is asked for, with the long and the short option."""
+    for option in ("--overwrite", "-y"):
+        (tmp_path / "out.mp4").write_bytes(b"old")
+        assert fpsboost_("in.mp4", "out.mp4", option, *CHEAP).code == 0
+        assert len(packets_of(tmp_path / "out.mp4", "video")) == 12
+
+
+def test_cuts_are_told(fpsboost_):
+    """The summary counts scene cuts where there are any."""
+    result = fpsboost_(ORBIT, "out.mp4", "--method", "blend", "--preset", "ultrafast")
+    assert re.search(r"72 -> 144 frames, 1 scene cut in ", result.err)
+
+
+# ---------------------------------------------------------------------------------------------------- what is refused
+
+# Everything below is done in a folder that `material` fills.
+FAILURES: dict[str, tuple[str, str]] = {
+    "missing file": ("none.mp4 out.mp4", "none.mp4"),
+    "missing folder": ("none/ out", "none"),
+    "missing sequence": ("none_####.png out", "none_####.png"),
+    "not a video": ("text.mp4 out.mp4", "text.mp4"),
+    "zero bytes": ("zero.mp4 out.mp4", "zero.mp4"),
+    "one frame": ("one.mp4 out.mp4", "one.mp4"),
+    "one image": ("single out.mp4 --input-fps 24", "single"),
+    "one image by name": ("single/shot_0001.png out.mp4", "shot_0001.png"),
+    "empty folder": ("empty out", "empty"),
+    "different sizes": ("mixed out", "mixed/shot_0003.png"),
+    "different sizes to video": ("mixed out.mp4 --input-fps 24", "mixed/shot_0003.png"),
+    "output exists": ("in.mp4 there.mp4", "there.mp4"),
+    "output exists as a folder": ("in.mp4 single", "single"),
+    "output exists as a pattern": ("in.mp4 single/shot_####.png", "shot_0001.png"),
+    "output folder missing": ("in.mp4 none/out.mp4", "none/out.mp4"),
+    "output folder missing for images": ("in.mp4 none/out", "none"),
+    "output is input": ("in.mp4 in.mp4", "in.mp4"),
+    "output is input by another name": ("in.mp4 ./empty/../in.mp4 --overwrite", "in.mp4"),
+    "output is input folder": ("single single/ --overwrite", "single"),
+    "sound that does not fit": ("sound.mp4 out.webm", "--no-audio"),
+}
+
+MISTAKES: dict[str, tuple[str, str]] = {
+    "codec for images": ("in.mp4 frames --codec h264", "--codec"),
+    "crf for images": ("in.mp4 frames --crf 20", "--crf"),
+    "preset for images": ("in.mp4 frames --preset slow", "--preset"),
+    "bitrate for images": ("in.mp4 frames --bitrate 8M", "--bitrate"),
+    "lossless for images": ("in.mp4 frames --lossless", "--lossless"),
+    "pixel format for images": ("in.mp4 frames --pix-fmt yuv444p", "--pix-fmt"),
+    "encoder option for images": ("in.mp4 frames --encoder-option g=3", "--encoder-option"),
+    "unknown ending": ("in.mp4 out.xyz", "out.xyz"),
+    "a single image as output": ("in.mp4 out.png", "out.png"),
+    "unknown method": ("in.mp4 out.mp4 --method magic", "magic"),
+    "factor 0": ("in.mp4 out.mp4 --factor 0", "--factor"),
+    "factor -1": ("in.mp4 out.mp4 --factor -1", "--factor"),
+    "factor=-1": ("in.mp4 out.mp4 --factor=-1", "--factor"),
+    "factor abc": ("in.mp4 out.mp4 --factor abc", "--factor"),
+    "factor 1e9": ("in.mp4 out.mp4 --factor 1e9", "--factor"),
+    "factor 1e5000": ("in.mp4 out.mp4 --factor 1e5000", "--factor"),
+    "factor nan": ("in.mp4 out.mp4 --factor nan", "--factor"),
+    "factor 1/0": ("in.mp4 out.mp4 --factor 1/0", "--factor"),
+    "factor empty": ("in.mp4 out.mp4 --factor ''", "--factor"),
+    "fps 0": ("in.mp4 out.mp4 --fps 0", "--fps"),
+    "fps -24": ("in.mp4 out.mp4 --fps -24", "--fps"),
+    "fps too high": ("in.mp4 out.mp4 --fps 1e6", "--fps"),
+    "fps fast": ("in.mp4 out.mp4 --fps fast", "--fps"),
+    "factor and fps": ("in.mp4 out.mp4 --factor 2 --fps 50", "--fps"),
+    "images without a rate": ("single out.mp4", "--input-fps"),
+    "images without a rate for --fps": ("single out --fps 60", "--input-fps"),
+    "input-fps 0": ("single out.mp4 --input-fps 0", "--input-fps"),
+    "input-fps abc": ("single out.mp4 --input-fps abc", "--input-fps"),
+    "input-fps of a video": ("in.mp4 out.mp4 --input-fps 24", "--input-fps"),
+    "option of another method": ("in.mp4 out.mp4 --method dis --search-radius 8", "--search-radius"),
+    "option of another method 2": ("in.mp4 out.mp4 --implementation passes", "--implementation"),
+    "search radius 0": ("in.mp4 out.mp4 --method nlm-exhaustive --search-radius 0", "--search-radius"),
+    "bad crf": ("in.mp4 out.mp4 --crf 99", "--crf"),
+    "bad preset": ("in.mp4 out.mp4 --preset turbo", "--preset"),
+    "bad codec": ("in.mp4 out.mp4 --codec magic", "--codec"),
+    "bad bitrate": ("in.mp4 out.mp4 --bitrate fast", "--bitrate"),
+    "bitrate and crf": ("in.mp4 out.mp4 --bitrate 8M --crf 20", "--bitrate"),
+    "lossless and crf": ("in.mp4 out.mp4 --lossless --crf 20", "--lossless"),
+    "lossless and bitrate": ("in.mp4 out.mp4 --lossless --bitrate 8M", "--lossless"),
+    "bad pixel format": ("in.mp4 out.mp4 --pix-fmt magic", "--pix-fmt"),
+    "unknown encoder option": ("in.mp4 out.mp4 --encoder-option magic=1", "magic"),
+    "encoder option without a value": ("in.mp4 out.mp4 --encoder-option tune", "tune"),
+    "codec in the wrong place": ("in.mp4 out.webm --codec h264", "--codec"),
+    "cut options": ("in.mp4 out.mp4 --no-cuts --cut-threshold 0.4", "--no-cuts"),
+    "cut threshold": ("in.mp4 out.mp4 --method blend --cut-threshold 3", "--cut-threshold"),
+    # the parser's own
+    "crf is no number": ("in.mp4 out.mp4 --crf low", "--crf"),
+    "search radius is no number": ("in.mp4 out.mp4 --search-radius far", "--search-radius"),
+    "at-cuts": ("in.mp4 out.mp4 --at-cuts jump", "--at-cuts"),
+    "unknown option": ("in.mp4 out.mp4 --speed 2", "--speed"),
+    "option without value": ("in.mp4 out.mp4 --fps", "--fps"),
+    "three names": ("in.mp4 out.mp4 more.mp4", "more.mp4"),
+    "no output": ("in.mp4", "OUT"),
+}
+
+
+@pytest.fixture
+def material(tmp_path, save_images) -> None:
+    """Good and bad inputs of every kind."""
+    write_clip(tmp_path / "in.mp4", times=range(3))
+    write_clip(tmp_path / "sound.mp4", times=range(3), sound="aac")
+    write_clip(tmp_path / "one.mp4", times=[0])
+    (tmp_path / "text.mp4").write_text("not a video\n" * 100)
+    (tmp_path / "zero.mp4").touch()
+    (tmp_path / "there.mp4").write_bytes(b"precious")
+    (tmp_path / "empty").mkdir()
+    save_images(tmp_path / "single", count=1)
+    save_images(tmp_path / "other", count=2)
+    save_images(tmp_path / "mixed", count=3)
+    low = cv2.imencode(".png", np.zeros((32, 64, 3), np.uint8))[1]
+    (tmp_path / "mixed" / "shot_0003.png").write_bytes(low.tobytes())
+
+
+@pytest.mark.usefixtures("material")
+@pytest.mark.parametrize("case", FAILURES)
+def test_failures(fpsboost_, tmp_path, snapshot, case):
+    """What the files do not allow: exit code 1, one sentence that names the file, nothing changed."""
+    before = snapshot(tmp_path)
+    arguments, word = FAILURES[case]
+    method = () if "--method" in arguments else CHEAP
+    assert_refused(fpsboost_(*shlex.split(arguments), *method), 1, word)
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.usefixtures("material")
+@pytest.mark.parametrize("case", MISTAKES)
+def test_mistakes(fpsboost_, tmp_path, snapshot, case):
+    """What can never work: exit code 2, one sentence that names the option, nothing changed."""
+    before = snapshot(tmp_path)
+    arguments, word = MISTAKES[case]
+    assert_refused(fpsboost_(*shlex.split(arguments)), 2, word)
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.usefixtures("material")
+def test_exit_codes_of_a_process(tmp_path):
+    """The same through a real process: 1 for what fails, 2 for what is wrong, and no traceback."""
+    for arguments, code in ((["none.mp4", "out.mp4"], 1), (["in.mp4", "out.mp4", "--factor", "0"], 2)):
+        done = start(tmp_path, *arguments)
+        assert (done.returncode, done.stdout) == (code, b"")
+        assert re.fullmatch(rb"fpsboost: [^\x00-\x1f]+\.\r?\n", done.stderr)
+
+
+def test_the_message_says_the_value_that_was_given(fpsboost_, clip):
+    """A tiny rate is not shown as 0, which nobody wrote."""
+    result = fpsboost_("in.mp4", "out.mp4", "--fps", "0.001", *CHEAP)
+    assert result.code == 0 or "0.001" in result.err or "1/1000" in result.err
+
+
+@pytest.mark.usefixtures("material")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "in.mp4 out.mp4 --fps 14.985014985014985",  # 15000/1001, as a program prints it
+        "in.mp4 out.mkv --fps 14.985014985014985",
+        "in.mp4 out.mp4 --factor 1.2345678901234",
+        "in.mp4 out.mp4 --fps 1/3000000000",
+        "other out.mp4 --input-fps 14.985014985014985",
+        "other out.mp4 --input-fps 1e12",
+        "other out.mp4 --input-fps 1e-12",
+    ],
+)
+def test_rates_beyond_32_bits(fpsboost_, tmp_path, arguments):
+    """A rate that no container can write exactly is approximated or refused as an option, never a crash."""
+    result = fpsboost_(*shlex.split(arguments), *CHEAP)
+    if result.code == 0:
+        assert len(result.lines) == 1
+    else:
+        assert_refused(result, 2, arguments.split()[-2])
+
+
+# ------------------------------------------------------------------------------------------------------------- damage
+
+
+def test_a_truncated_video_is_converted_with_a_note(fpsboost_, tmp_path):
+    """What can be read is converted, and a note tells how much that is."""
+    clip = write_clip(tmp_path / "in.mkv", times=range(60))
+    clip.write_bytes(clip.read_bytes()[: clip.stat().st_size // 2])
+    result = fpsboost_("in.mkv", "out.mp4", *CHEAP)
+    assert (result.code, result.out, len(result.lines)) == (0, "", 2)
+    assert re.fullmatch(r"Note: in\.mkv ends after .*\.", result.lines[1])
+    assert 20 < len(packets_of(tmp_path / "out.mp4", "video")) < 120
+
+
+def test_a_corrupt_video_is_converted_with_a_note(fpsboost_, tmp_path):
+    """Broken packets in the middle are told and not fatal, and FFmpeg prints nothing of its own."""
+    spoil_packets(write_clip(tmp_path / "in.mp4", times=range(30)), [8, 9])
+    result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
+    assert (result.code, result.out, len(result.lines)) == (0, "", 3)
+    assert re.fullmatch(r"Note: in\.mp4 is damaged: .*\.", result.lines[1])
+    assert re.fullmatch(r"Note: in\.mp4 varies from .*\.", result.lines[2])
+
+
+def test_a_video_cut_before_its_index_is_refused(fpsboost_, tmp_path):
+    """An mp4 whose index is gone cannot be read at all, and the sentence says so."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(30))
+    clip.write_bytes(clip.read_bytes()[: clip.stat().st_size // 2])
+    assert_refused(fpsboost_("in.mp4", "out.mp4", *CHEAP), 1, "in.mp4")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mp4"]
+
+
+# ------------------------------------------------------------------------------------------------------- being stopped
+
+
+WAITING = """
+import sys
+from fpsboost.__main__ import main
+from fpsboost.cli.progress import Reporter
+
+
+def wrote(self, summary):
+    if summary.frames_out == 270:
+        print("270 frames are on their way", file=sys.stderr, flush=True)
+        sys.stdin.read()  # which nobody ends
+
+
+Reporter.wrote = wrote
+main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
+@pytest.mark.parametrize(
+    ("number", "output"),
+    [(signal.SIGINT, "out.mp4"), (signal.SIGINT, "frames"), (signal.SIGTERM, "out.mov"), (signal.SIGTERM, "f_#.png")],
+)
+def test_a_stopped_run_says_what_it_leaves(tmp_path, number, output):
+    """Ctrl-C and a request to end, in the middle: exit code 130, no output, and one line that says what can go on."""
+    write_clip(tmp_path / "in.mp4", times=range(8))
+    # a job in the background of a shell has Ctrl-C switched off, and hands that on to its children
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-c", WAITING, "in.mp4", output, "--factor", "40", "--duplicates", "keep", *CHEAP],
+            cwd=tmp_path,
+            env=environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    with process:
+        try:
+            assert process.stderr is not None
+            assert process.stderr.readline() == b"270 frames are on their way\n"
+            process.send_signal(number)
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert (process.returncode, out) == (130, b"")
+    finished = rb"240 of 320" if output.startswith("out") else rb"2[0-9]{2} of 281"
+    assert re.fullmatch(rb"Stopped; " + finished + rb" frames are finished, and --resume goes on from there\.\n", err)
+    assert {path.name for path in tmp_path.iterdir()} == {"in.mp4", f".{output}.unfinished"}
+
+
+def test_ctrl_c_keeps_what_was_there(fpsboost_, clip, tmp_path, snapshot, monkeypatch):
+    """Stopping a run that would overwrite leaves the old file, and says that nothing was written."""
+    (tmp_path / "out.mp4").write_bytes(b"precious")
+    before = snapshot(tmp_path)
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(app.Reporter, "wrote", interrupt)
+    result = fpsboost_("in.mp4", "out.mp4", "--overwrite", *CHEAP)
+    assert (result.code, result.out) == (130, "")
+    assert snapshot(tmp_path) == before
+    assert result.err == "Stopped; nothing was written.\n"
+
+
+def test_errors_of_the_program_itself_are_not_hidden(fpsboost_, clip, tmp_path, snapshot, monkeypatch):
+    """A bug is no sentence about a file: it comes through whole, and leaves no trace either."""
+    before = snapshot(tmp_path)
+    monkeypatch.setattr(Interpolator, "between", lambda *_: 1 / 0)
+    monkeypatch.setattr(Interpolator, "compile_for", lambda *_: None)
+    with pytest.raises(ZeroDivisionError):
+        fpsboost_("in.mp4", "out.mp4", *CHEAP)
+    assert snapshot(tmp_path) == before
+
+
+# ----------------------------------------------------------------------------------------------------------- file names
+
+ODD_NAMES = [
+    "with space",
+    "Zoë 映画",
+    "100% done",
+    "50%d",
+    "take #2",
+    "[red]x[",
+    "it's",
+    'say "hi"',
+    "a;b&c",
+    "-x",
+    "~",
+]
+
+
+@pytest.mark.parametrize("name", [n for n in ODD_NAMES if os.name != "nt" or not set(n) & set('"')])
+def test_odd_names(fpsboost_, tmp_path, name):
+    """They are taken as they are, as input and output, and printed as they are."""
+    write_clip(tmp_path / f"{name}.mp4", times=range(3))
+    result = fpsboost_(*CHEAP, "--", f"{name}.mp4", f"{name} out.mkv")
+    assert (result.code, result.out) == (0, "")
+    assert result.err.startswith(f"{name} out.mkv: 3 -> 6 frames")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([f"{name}.mp4", f"{name} out.mkv"])
+
+
+def test_leading_dashes(fpsboost_, tmp_path):
+    """They need ``./`` or ``--`` before them, as everywhere."""
+    write_clip(tmp_path / "-x.mp4", times=range(3))
+    assert fpsboost_("./-x.mp4", "./-y.mp4", *CHEAP).code == 0
+    assert fpsboost_(*CHEAP, "--", "-x.mp4", "-z.mp4").code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["-x.mp4", "-y.mp4", "-z.mp4"]
+
+
+@pytest.mark.parametrize("name", ["[red]gone[", "go\\ne", "100%", "go'ne"])
+def test_odd_names_in_errors(fpsboost_, name):
+    """A message prints a name as it was given, brackets and backslashes included."""
+    assert_refused(fpsboost_(f"{name}.mp4", "out.mp4"), 1, f"{name}.mp4 does not exist")
+
+
+def test_long_names_stay_on_one_line(fpsboost_, tmp_path):
+    """Messages are not wrapped at 80 columns, so that scripts can read them."""
+    name = "a" * 120
+    write_clip(tmp_path / f"{name}.mp4", times=range(3))
+    assert fpsboost_(f"{name}.mp4", f"{name}.mkv", *CHEAP).lines[0].startswith(f"{name}.mkv: ")
+    assert_refused(fpsboost_(f"{name}.webm", "out.mp4"), 1, f"{name}.webm")
+
+
+# ------------------------------------------------------------------------------------------------------ help and import
+
+
+def examples() -> list[str]:
+    """Every command in the help and in the README, without its remark."""
+    readme = ROOT / "README.md"
+    text = app.EXAMPLES + (readme.read_text("utf-8") if readme.exists() else "")
+    lines = [line.strip().removeprefix("$ ") for line in text.replace("\\\n", " ").splitlines()]
+    lines = [re.split(r"\s#\s|\s{2,}", line)[0].strip() for line in lines if re.match(r"fpsboost\s+[^\s=]", line)]
+    return list(dict.fromkeys(lines))
+
+
+@pytest.mark.parametrize("line", examples())
+def test_examples_parse(line):
+    """What the help and the README show can be typed."""
+    tokens = shlex.split(line)[1:]
+    if {"--help", "-h", "--version"} & set(tokens):
+        return
+    _, bound, *_ = app.app.parse_args(tokens, exit_on_error=False, print_error=False)
+    given = dict(bound.arguments)
+    for group in filter(is_dataclass, bound.arguments.values()):
+        given |= vars(group)
+    if "methods" in given:
+        choose(given["methods"], None)
+    else:
+        assert given.get("method", "nlm") in (vector_methods if given.get("vectors") else methods)
+    if given.get("factor"):
+        parse_number(given["factor"], "--factor")
+    for option in ("fps", "input_fps"):
+        if given.get(option):
+            parse_rate(given[option])
+
+
+def test_there_are_examples():
+    """The help shows the common uses."""
+    assert len(examples()) >= 5
+
+
+def options() -> list[str]:
+    names = [argument.name for argument in app.app.assemble_argument_collection() if argument.parse]
+    return [name for name in names if name.startswith("--")]
+
+
+def test_help_shows_everything(fpsboost_, monkeypatch):
+    """Every option with a sentence, every method and every example, on stdout."""
+    monkeypatch.setenv("COLUMNS", "120")
+    result = fpsboost_("--help")
+    assert (result.code, result.err) == (0, "")
+    for option in options():
+        assert re.search(rf"{option}\b.*\s[A-Za-z].*", result.out), option
+    for name in (*methods, *vector_methods):
+        assert name in result.out
+    flat = re.sub(r"\s+", " ", result.out)
+    for line in app.EXAMPLES.splitlines()[2:]:
+        assert re.sub(r"\s+", " ", line.strip()) in flat
+
+
+def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
+    """At 80 columns every option but --method has one line, groups come as people think, and no example is broken."""
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = fpsboost_("--help").out.splitlines()
+    first = next(number for number, line in enumerate(lines) if "─ Input ─" in line)
+    rows = [line for line in lines[first:] if line.startswith("│")]
+    broken = [row for row in rows if row.startswith("│    ")]
+    method = next(number for number, row in enumerate(rows) if "--method" in row)
+    assert broken == rows[method + 1 : method + 6]
+    groups = re.findall(r"^╭─ (.*?) ─", "\n".join(lines), re.MULTILINE)
+    assert groups == [
+        "Arguments",
+        *("Input", "Rate", "Method", "Scenes", "Encoding", "Streams", "Side outputs", "Run"),
+        "Method options",
+        "Commands",
+    ]
+    shown = [line.rstrip() for line in lines]
+    assert all(line in shown for line in app.EXAMPLES.splitlines()[2:])
+
+
+def test_help_is_shown_by_a_process(tmp_path):
+    """Piped help is plain text without control characters."""
+    done = start(tmp_path, "--help")
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\x1b" not in done.stdout
+    assert "--factor" in done.stdout.decode()
+
+
+def test_version(fpsboost_):
+    """Name and version, nothing else."""
+    assert fpsboost_("--version") == Result(0, f"fpsboost {fpsboost.__version__}\n", "")
+
+
+def test_importing_is_light(tmp_path):
+    """Neither the package nor its command line loads OpenCV, numba or FFmpeg before there is work."""
+    heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
+    code = f"import sys, fpsboost, fpsboost.cli.app; print(*sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == ""
+
+
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_what_needs_no_work_is_light(tmp_path, option):
+    """Nor do they for the help, whose options know what the library makes of them, and for the version."""
+    heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
+    run = f"app.app(['{option}'], result_action='return_value')"
+    code = (
+        f"import sys; from fpsboost.cli import app; {run}; print(*sorted({heavy} & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stderr.strip() == ""
+
+
+@pytest.mark.parametrize("name", fpsboost.__all__)
+def test_public_names_resolve(name):
+    """Everything that the package promises is there."""
+    assert getattr(fpsboost, name) is not None
+
+
+def test_unknown_names_do_not_resolve():
+    """A misspelled name is an AttributeError that says it."""
+    with pytest.raises(AttributeError, match="intrepolate"):
+        _ = fpsboost.intrepolate

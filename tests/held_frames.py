@@ -1,0 +1,47 @@
+"""Frames that are shown several times, as arrays and as encoded clips."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from truth import as_type, frozen, waves
+
+from fpsboost.frame import Frame
+
+HEIGHT, WIDTH = 64, 96
+RATE = Fraction(24)
+SPEED = 1.5
+"""Pixels per source interval of the pan."""
+
+CADENCES = {"twos": [2] * 7, "threes": [3] * 5, "missed": [1, 1, 2, 1, 1, 3, 1, 1, 2, 1, 1], "pulldown": [3, 2] * 3}
+
+
+def pan(position: float, seed: int = 0, dtype: type = np.uint8) -> Any:
+    """A smooth texture moved by so many pixels."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    return as_type(waves(x - position, y, seed=seed), dtype)
+
+
+def held(cadence: Sequence[int], picture: Callable[[float], Any] = lambda time: pan(SPEED * time)) -> list[Frame]:
+    """Each picture for so many frames, taken at the time that the first one is shown; the last one is shown once."""
+    firsts = [0, *accumulate(cadence)]
+    pictures = [(picture(first), count) for first, count in zip(firsts, [*cadence, 1], strict=True)]
+    images = [frozen(image + 0) for image, count in pictures for _ in range(count)]
+    return [Frame(image, k / RATE, 1 / RATE, original=object()) for k, image in enumerate(images)]
+
+
+def encode(path: Path, images: Sequence[Any], crf: int) -> Path:
+    """A clip as people keep them."""
+    with av.open(str(path), "w") as output:
+        stream = output.add_stream("libx264", rate=RATE, width=WIDTH, height=HEIGHT)
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": str(crf), "preset": "medium", "g": "10"}
+        for image in images:
+            output.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="bgr24")))
+        output.mux(stream.encode(None))
+    return path

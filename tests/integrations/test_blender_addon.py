@@ -1,0 +1,572 @@
+"""The Blender extension under integrations/blender, with a module that stands for Blender, and in Blender itself.
+
+The last test needs a Python that has Blender's module bpy: this one, or that named by PYTHON_WITH_BPY.
+"""
+
+from __future__ import annotations
+
+import doctest
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_bpy import forget, make_bpy, make_context, make_scene
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fpsboost.version import __version__
+
+TESTS = Path(__file__).parents[1]
+INTEGRATIONS = TESTS.parent / "integrations"
+EXTENSION = INTEGRATIONS / "blender"
+MANIFEST = tomllib.loads((EXTENSION / "blender_manifest.toml").read_text())
+
+sys.path.insert(0, str(EXTENSION))
+from round_trip import commands, folders, regions, settings  # noqa: E402
+from round_trip.errors import RoundTripError  # noqa: E402
+
+PLAN = {
+    "width": 64,
+    "height": 36,
+    "frames": [
+        {"number": 2, "whole": False, "regions": [[8, 4, 20, 12], [40, 20, 24, 16]]},
+        {"number": 4, "whole": True, "regions": [[0, 0, 64, 36]]},
+    ],
+}
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    """A program that answers like fpsboost."""
+    path = tmp_path / "bin" / "fpsboost"
+    path.parent.mkdir()
+    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{TESTS / "fake_fpsboost.py"}" "$@"\n')
+    path.chmod(0o755)
+    return path
+
+
+@pytest.fixture
+def bpy(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The module that stands for Blender, imported."""
+    module = make_bpy()
+    monkeypatch.setitem(sys.modules, "bpy", module)
+    return module
+
+
+@pytest.fixture
+def extension(bpy: ModuleType) -> Iterator[ModuleType]:
+    """The extension, imported from its folder and not yet registered."""
+    name = "blender_extension"
+    spec = importlib.util.spec_from_file_location(
+        name, EXTENSION / "__init__.py", submodule_search_locations=[str(EXTENSION)]
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    yield module
+    forget(name)
+
+
+@pytest.fixture
+def rendered(tmp_path: Path) -> Path:
+    """A folder for a round trip in which frames 1, 3 and 5 are rendered."""
+    renders = tmp_path / "trip" / "renders"
+    renders.mkdir(parents=True)
+    for number in (1, 3, 5):
+        (renders / f"{number:04d}.exr").write_bytes(b"pixels")
+    return renders.parent
+
+
+# ------------------------------------------------------------------------------------------------- without Blender
+
+
+def test_commands_are_those_of_the_documentation():
+    """Each step is one command line; a plan and a merge want a new folder."""
+    trip = folders.Folders(Path("trip"))
+    made, plan = [str(Path("trip", name)) for name in ("made", "plan")]
+    passes = [str(trip.renders), made, "--factor", "3", "--passes", "all", "--confidence", str(trip.confidence)]
+    follow, progress = ["--vectors", str(trip.renders), "--vectors-as", "blender"], ["--progress", "json", "-y"]
+    assert commands.convert_command("fpsboost", trip, 3, vectors=False)[1:] == passes + progress
+    assert commands.convert_command("fpsboost", trip, 3, vectors=True)[1:] == passes + follow + progress
+    assert commands.plan_command("fpsboost", trip, 7.5)[1:] == [
+        *("plan", str(trip.renders), plan + "-unfinished", "--budget", "7.5%"),
+    ]
+    assert commands.merge_command("fpsboost", trip)[1:] == [
+        *("merge", made, str(trip.regions), str(trip.merged) + "-unfinished", "--plan", plan),
+    ]
+
+
+@pytest.mark.parametrize("line", ["", "Note: text", "[1]", "3", '{"frames": "many"}', '{"other": 1}', '{"frames": 1'])
+def test_other_lines_are_no_progress(line):
+    """Anything but a JSON object with a number of frames is a message."""
+    assert commands.parse_progress(line) is None
+
+
+@pytest.mark.parametrize(
+    ("line", "fraction", "text"),
+    [
+        ('{"frame": 3, "frames": 12}', 0.25, "3 of 12 frames"),
+        ('{"frame": 3, "frames": null}', 0, "3 of ? frames"),
+        ('{"frame": 13, "frames": 12}', 1, "13 of 12 frames"),
+    ],
+)
+def test_progress_is_a_fraction_and_a_text(line, fraction, text):
+    """Which a bar shows; more frames than expected fill it."""
+    progress = commands.parse_progress(line)
+    assert progress.fraction == fraction
+    assert str(progress) == text
+
+
+def test_a_failure_is_told_in_the_programs_words():
+    """Its last sentence counts; a program that knows an option not yet is said to be old, in one sentence."""
+    assert commands.explain_failure(["Note: x.", "fpsboost: a is not there; name a folder."], 1) == (
+        "a is not there; name a folder."
+    )
+    old = commands.explain_failure(["fpsboost: Unknown option: --passes. Did you mean --x? See fpsboost --help."], 2)
+    assert "too old, it does not know --passes" in old
+    assert commands.explain_failure(["Traceback", "KeyError: 3", ""], 1).endswith("exit code 1: KeyError: 3")
+    assert commands.explain_failure([], -9).endswith("exit code -9: it said nothing.")
+
+
+def test_a_program_that_is_not_there_is_named(tmp_path, monkeypatch):
+    """A wrong path from the preferences, and an empty PATH, are two sentences."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(RoundTripError, match="not on PATH"):
+        commands.find_program("")
+    with pytest.raises(RoundTripError, match="is not a program; correct the path"):
+        commands.find_program(str(tmp_path / "fpsboost"))
+
+
+def test_a_file_that_is_no_program_cannot_be_started(tmp_path):
+    """The system's reason is part of the sentence."""
+    path = tmp_path / "fpsboost"
+    path.write_text("text")
+    with pytest.raises(RoundTripError, match=r"cannot be started \(Permission denied\)"):
+        commands.Run([str(path)])
+
+
+def test_a_run_collects_progress_and_remarks(program, rendered):
+    """What the program says is read while it runs; its last progress and its remarks are there at the end."""
+    run = commands.Run(commands.convert_command(str(program), folders.Folders(rendered), 2, vectors=True))
+    run.finish()
+    assert run.progress == commands.Progress(5, 5)
+    assert commands.remarks_in(run.lines) == ["1 pass is left out."]
+    assert not run.is_running
+
+
+def test_a_run_can_be_stopped(program, tmp_path):
+    """The program ends, and that it was stopped is known."""
+    run = commands.Run([str(program), str(tmp_path / "slow"), "out", "--factor", "2"])
+    run.stop()
+    with pytest.raises(RoundTripError, match="exit code"):
+        run.finish()
+    assert run.is_stopped
+
+
+def test_renders_must_be_the_frames_of_the_range(rendered):
+    """Frames that are missing and frames of another step are counted, and the first is named."""
+    renders = rendered / "renders"
+    folders.check_renders(renders, range(1, 6, 2))
+    with pytest.raises(RoundTripError, match="lacks 2 frames, the first of them 7; render"):
+        folders.check_renders(renders, range(1, 10, 2))
+    with pytest.raises(RoundTripError, match="also holds frame 3"):
+        folders.check_renders(renders, range(1, 6, 4))
+    with pytest.raises(RoundTripError, match="lacks 3 frames"):
+        folders.check_renders(rendered / "nothing", range(1, 6, 2))
+
+
+def test_a_plan_names_a_file_for_every_region():
+    """Several regions of a frame count from 1, in the plan's order; a whole frame keeps its name."""
+    plan = regions.parse_plan(PLAN)
+    assert [(each.frame, each.name) for each in plan.regions] == [(2, "0002_1"), (2, "0002_2"), (4, "0004")]
+    assert plan.regions[2] == regions.Region(4, "0004", 0, 0, 64, 36)
+
+
+@pytest.mark.parametrize("module", [commands, folders, regions, settings], ids=lambda module: module.__name__)
+def test_examples_in_docstrings_are_true(module):
+    """Of the modules that need no Blender."""
+    assert doctest.testmod(module).failed == 0
+
+
+@given(st.data())
+def test_a_border_renders_exactly_the_pixels_of_its_region(data):
+    """Blender keeps borders as 32-bit floats, multiplies them by the size and drops the fraction; its y points up."""
+    width, height = (data.draw(st.integers(1, 16384)) for _ in range(2))
+    x, y = data.draw(st.integers(0, width - 1)), data.draw(st.integers(0, height - 1))
+    region = regions.Region(2, "", x, y, data.draw(st.integers(1, width - x)), data.draw(st.integers(1, height - y)))
+    border = regions.Plan(width, height, ()).border_of(region)
+    left, right = (int(np.float32(each) * np.float32(width)) for each in border[:2])
+    bottom, top = (int(np.float32(each) * np.float32(height)) for each in border[2:])
+    assert (left, height - top, right - left, top - bottom) == (region.x, region.y, region.width, region.height)
+
+
+def test_what_is_no_plan_is_said(tmp_path):
+    """A missing file and one of another shape are a sentence each."""
+    with pytest.raises(RoundTripError, match=r"plan\.json is not there; plan first"):
+        regions.read_plan(tmp_path)
+    for text in ("no json", "[]", '{"width": 4, "height": 4, "frames": [{"number": 1}]}'):
+        (tmp_path / "plan.json").write_text(text)
+        with pytest.raises(RoundTripError, match="is no plan"):
+            regions.read_plan(tmp_path)
+
+
+def test_a_plan_of_another_size_is_refused():
+    """Borders are fractions, so they would mean other pixels."""
+    with pytest.raises(RoundTripError, match="64x36, but the scene renders 64x40"):
+        regions.check_size(regions.parse_plan(PLAN), 64, 40)
+
+
+def test_regions_of_an_earlier_plan_are_removed_and_those_rendered_are_kept(tmp_path):
+    """So that a run goes on where it was interrupted; images with other names stay."""
+    plan = regions.parse_plan(PLAN)
+    for name, when in (("0002_1", 200), ("0002_2", 50), ("0006", 50), ("holiday", 50)):
+        (tmp_path / f"{name}.exr").write_bytes(b"")
+        os.utime(tmp_path / f"{name}.exr", (when, when))
+    assert [path.stem for path in regions.remove_outdated(tmp_path, 100)] == ["0002_2", "0006"]
+    assert [region.name for region in regions.unrendered(plan, tmp_path)] == ["0002_2", "0004"]
+    assert (tmp_path / "holiday.exr").exists()
+    assert regions.remove_outdated(tmp_path / "missing", 100) == []
+
+
+def test_an_earlier_output_is_replaced_when_the_new_one_is_finished(tmp_path):
+    """And what an interrupted run has left goes; a folder that cannot be replaced is named."""
+    plan = tmp_path / "plan"
+    for folder, text in ((plan, "old"), (folders.unfinished(plan), "new")):
+        folder.mkdir()
+        (folder / "plan.json").write_text(text)
+    folders.replace_folder(plan)
+    assert (plan / "plan.json").read_text() == "new"
+    assert [path.name for path in tmp_path.iterdir()] == ["plan"]
+    folders.unfinished(plan).mkdir()
+    folders.remove_unfinished(plan)
+    assert not folders.unfinished(plan).exists()
+    with pytest.raises(RoundTripError, match="cannot be replaced"):
+        folders.replace_folder(plan)
+    assert (plan / "plan.json").read_text() == "new"
+
+
+def test_settings_are_put_back():
+    """Through text, in their order, as they were."""
+    owners = {"render": SimpleNamespace(filepath="/tmp/", use_border=True)}
+    wanted = [settings.Setting("render", "filepath", "/out/"), settings.Setting("render", "use_border", False)]
+    text = settings.to_text(settings.change(owners, wanted))
+    assert vars(owners["render"]) == {"filepath": "/out/", "use_border": False}
+    assert settings.restore(owners, settings.from_text(text)) == []
+    assert vars(owners["render"]) == {"filepath": "/tmp/", "use_border": True}
+    assert settings.from_text("") == []
+
+
+def test_settings_that_were_changed_since_are_left_alone():
+    """They are the user's now; so are those of an owner that is gone."""
+    owners = {"render": SimpleNamespace(filepath="/tmp/"), "layer": SimpleNamespace(use=False)}
+    wanted = [settings.Setting("render", "filepath", "/out/"), settings.Setting("layer", "use", True)]
+    changes = settings.change(owners, wanted)
+    owners["render"].filepath = "/mine/"
+    del owners["layer"]
+    assert settings.restore(owners, changes) == wanted
+    assert owners["render"].filepath == "/mine/"
+
+
+# ----------------------------------------------------------------------------------------------------- the extension
+
+
+def test_the_manifest_keeps_to_blenders_rules():
+    """What Blender checks when it builds and installs an extension: names, versions, lengths, licences, reasons."""
+    assert MANIFEST["schema_version"] == "1.0.0"
+    assert re.fullmatch(r"[a-z][a-z0-9_]*", MANIFEST["id"])
+    assert MANIFEST["version"] == __version__
+    assert MANIFEST["type"] == "add-on"
+    assert MANIFEST["blender_version_min"] == "4.2.0"
+    assert MANIFEST["license"] == ["SPDX:BSD-3-Clause"]
+    assert MANIFEST["maintainer"] == "the fpsboost authors"
+    assert MANIFEST["permissions"].keys() == {"files"}
+    for text in (MANIFEST["tagline"], *MANIFEST["permissions"].values()):
+        assert 0 < len(text) <= 64
+        assert text[-1].isalnum()
+
+
+def test_the_zip_file_holds_the_manifest_and_the_modules(tmp_path):
+    """At its root, as Blender wants it, and the same bytes every time."""
+    script = INTEGRATIONS / "build_blender_extension.py"
+    archives = []
+    for name in ("first", "second"):
+        told = subprocess.run([sys.executable, script, tmp_path / name], check=True, capture_output=True, text=True)
+        archives.append(Path(told.stdout.strip()))
+    assert archives[0].read_bytes() == archives[1].read_bytes()
+    with zipfile.ZipFile(archives[0]) as archive:
+        names = set(archive.namelist())
+    assert names == {
+        path.relative_to(EXTENSION).as_posix() for kind in ("*.py", "*.toml") for path in EXTENSION.rglob(kind)
+    }
+    assert {"blender_manifest.toml", "__init__.py", "round_trip/commands.py"} <= names
+
+
+def test_only_the_thin_part_knows_blender():
+    """Blender's process gets nothing but Python's own library and bpy; round_trip not even that."""
+    for path in EXTENSION.rglob("*.py"):
+        imported = set(re.findall(r"^(?:import|from) (\w+)", path.read_text(), re.MULTILINE))
+        allowed = sys.stdlib_module_names | (set() if path.parent.name == "round_trip" else {"bpy"})
+        assert imported <= allowed, path
+
+
+def test_registering_adds_all_classes_and_takes_them_away(extension, bpy):
+    """Every class of every module, and the scene's settings."""
+    extension.register()
+    assert set(bpy.utils.registered) == set(extension.classes)
+    assert hasattr(bpy.types.Scene, "fpsboost")
+    extension.unregister()
+    assert bpy.utils.registered == []
+    assert not hasattr(bpy.types.Scene, "fpsboost")
+
+
+def test_preparing_sets_the_scene_and_putting_back_undoes_it(extension, tmp_path):
+    """Twice prepared counts once: what is put back is what was before the first time."""
+    scene = make_scene(tmp_path)
+    before = repr(scene)
+    context = make_context(scene, None)
+    for _ in range(2):
+        assert extension.preparing.FPSBOOST_OT_prepare().execute(context) == {"FINISHED"}
+    image = scene.render.image_settings
+    assert (image.file_format, image.color_depth, scene.frame_step) == ("OPEN_EXR_MULTILAYER", "16", 2)
+    assert (Path(scene.render.filepath), scene.render.use_sequencer) == (tmp_path / "renders", False)
+    assert scene.view_layers["ViewLayer"].use_pass_vector
+    assert extension.preparing.FPSBOOST_OT_restore.poll(context)
+    assert extension.preparing.FPSBOOST_OT_restore().execute(context) == {"FINISHED"}
+    assert repr(scene) == before
+
+
+def test_since_blender_5_the_type_of_medium_comes_first(extension, tmp_path):
+    """Before it is set, the format of several layers cannot be."""
+    scene = make_scene(tmp_path)
+    scene.render.image_settings.media_type = "IMAGE"
+    names = [each.name for each in extension.preparing.wanted_settings(scene, "out")]
+    assert names.index("media_type") < names.index("file_format") < names.index("color_depth")
+
+
+def refusal_of(operator: Any, context: Any) -> str:
+    """What an operator says when it refuses to work."""
+    assert operator.execute(context) == {"CANCELLED"}
+    kind, text = operator.reports[-1]
+    assert kind == "ERROR"
+    return text
+
+
+def test_scenes_that_cannot_be_prepared_are_refused(extension, tmp_path):
+    """Negative numbers, one frame, stereoscopy, and a folder beside a file that is not saved."""
+    for attributes, words in (({"frame_start": -2}, "at least 0"), ({"frame_end": 2}, "Only frame 1 would")):
+        scene = make_scene(tmp_path)
+        vars(scene).update(attributes)
+        assert words in refusal_of(extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None))
+    scene = make_scene(tmp_path)
+    scene.render.use_multiview = True
+    assert "Stereoscopy" in refusal_of(extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None))
+    scene = make_scene(Path("//trip"))
+    scene.fpsboost.folder = "//trip/"
+    assert "save it" in refusal_of(extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None))
+    scene.fpsboost.folder = ""
+    assert "folder of the round trip is missing" in refusal_of(
+        extension.preparing.FPSBOOST_OT_prepare(), make_context(scene, None)
+    )
+
+
+def test_what_will_be_missing_is_said_before_rendering(extension, tmp_path):
+    """Frames after the last rendered one, and vectors under motion blur."""
+    scene = make_scene(tmp_path)
+    scene.frame_end, scene.render.use_motion_blur = 6, True
+    operator = extension.preparing.FPSBOOST_OT_prepare()
+    operator.execute(make_context(scene, None))
+    warnings = [text for kind, text in operator.reports if kind == "WARNING"]
+    assert len(warnings) == 2
+    assert "frame that comes out is 5" in warnings[0]
+    assert "no Vector pass" in warnings[1]
+
+
+def follow(operator: Any, context: Any) -> set[str]:
+    """Send timer events to an operator until it ends."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        answer = operator.modal(context, SimpleNamespace(type="TIMER", value="NOTHING"))
+        if answer <= {"FINISHED", "CANCELLED"}:
+            return answer
+    raise AssertionError("the operator does not end")
+
+
+def test_a_button_runs_the_command_beside_blender(extension, program, rendered):
+    """Blender goes on meanwhile, no second command can start, and nothing is left of the timer and the bar."""
+    commanding = extension.commanding
+    context = make_context(make_scene(rendered), program)
+    operator = commanding.FPSBOOST_OT_convert()
+    assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+    assert commanding.Commanding.current[0] == "Convert"
+    assert not commanding.FPSBOOST_OT_plan.poll(context)
+    assert operator.modal(context, SimpleNamespace(type="MOUSEMOVE", value="NOTHING")) == {"PASS_THROUGH"}
+    assert follow(operator, context) == {"FINISHED"}
+    assert operator.reports == [
+        ("WARNING", "1 pass is left out."),
+        ("INFO", f"All frames are in {rendered / 'made'}."),
+    ]
+    assert context.window_manager.events == []
+    assert commanding.FPSBOOST_OT_plan.poll(context)
+    assert len(list((rendered / "made").iterdir())) == 5
+
+
+def test_escape_stops_the_command(extension, program, rendered, monkeypatch):
+    """That is no error, and the bar is gone."""
+    slow = [str(program), str(rendered / "slow"), "out", "--factor", "2"]
+    monkeypatch.setattr(extension.commanding, "convert_command", lambda *_, **__: slow)
+    context = make_context(make_scene(rendered), program)
+    operator = extension.commanding.FPSBOOST_OT_convert()
+    operator.invoke(context, None)
+    assert operator.modal(context, SimpleNamespace(type="ESC", value="PRESS")) == {"RUNNING_MODAL"}
+    assert follow(operator, context) == {"CANCELLED"}
+    assert operator.reports == [("INFO", "Convert: stopped, nothing was replaced.")]
+    assert context.window_manager.events == []
+
+
+def test_errors_are_reports_with_the_programs_sentence(extension, program, rendered, monkeypatch):
+    """Whether the program says it, or the extension before it starts the program."""
+    context = make_context(make_scene(rendered), program)
+    old = [str(program), "a", "b", "--new-option", "x"]
+    monkeypatch.setattr(extension.commanding, "convert_command", lambda *_, **__: old)
+    assert "does not know --new-option" in refusal_of(extension.commanding.FPSBOOST_OT_convert(), context)
+    operator = extension.commanding.FPSBOOST_OT_convert()
+    operator.invoke(context, None)
+    assert follow(operator, context) == {"CANCELLED"}
+    assert "does not know --new-option" in operator.reports[-1][1]
+    assert "plan first" in refusal_of(extension.commanding.FPSBOOST_OT_merge(), context)
+    (rendered / "renders" / "0003.exr").unlink()
+    operator = extension.commanding.FPSBOOST_OT_convert()
+    assert operator.invoke(context, None) == {"CANCELLED"}
+    assert "lacks frame 3" in operator.reports[-1][1]
+
+
+@pytest.fixture
+def planned(rendered: Path) -> Path:
+    """A round trip with a plan."""
+    (rendered / "plan").mkdir()
+    (rendered / "plan" / "plan.json").write_text(json.dumps(PLAN))
+    (rendered / "regions").mkdir()
+    return rendered
+
+
+@pytest.fixture
+def renders(bpy: ModuleType) -> list[Any]:
+    """What was rendered: frame, file and border; each render writes its file at once."""
+    done: list[Any] = []
+
+    def render(*how: str, write_still: bool, scene: str) -> set[str]:
+        render.scene.frames.append(render.scene.frame_current)
+        settings = render.scene.render
+        Path(settings.filepath + ".exr").write_bytes(b"")
+        done.append((render.scene.frame_current, Path(settings.filepath).name, settings.border_min_x))
+        return {"RUNNING_MODAL"} if how else {"FINISHED"}
+
+    bpy.ops.render.render = render
+    return done
+
+
+@pytest.mark.parametrize("by", ["script", "button"])
+def test_the_planned_regions_are_rendered_and_the_scene_is_as_before(extension, bpy, planned, renders, by):
+    """One render a region, into a file of its own; frame, border and path are put back."""
+    scene = make_scene(planned, remembered="[]")
+    scene.frames = []
+    bpy.ops.render.render.scene = scene
+    context, before = make_context(scene, None), repr(scene.render)
+    operator = extension.rendering.FPSBOOST_OT_render_regions()
+    if by == "script":
+        assert operator.execute(context) == {"FINISHED"}
+    else:
+        assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+        assert follow(operator, context) == {"FINISHED"}
+    assert renders == [(2, "0002_1", 8.5 / 64), (2, "0002_2", 40.5 / 64), (4, "0004", 0)]
+    assert repr(scene.render) == before
+    assert scene.frame_current == 1
+    assert (context.window_manager.events, bpy.app.handlers.render_cancel) == ([], [])
+
+
+def test_a_render_that_was_stopped_goes_on(extension, bpy, planned, renders):
+    """After Esc within a render nothing else starts; the next call renders what is missing."""
+    scene = make_scene(planned, remembered="[]")
+    scene.frames = []
+    bpy.ops.render.render.scene = scene
+    context = make_context(scene, None)
+    operator = extension.rendering.FPSBOOST_OT_render_regions()
+    operator.invoke(context, None)
+    operator.modal(context, SimpleNamespace(type="TIMER", value="NOTHING"))
+    for handler in bpy.app.handlers.render_cancel:
+        handler(scene, None)
+    assert follow(operator, context) == {"CANCELLED"}
+    assert "2 regions are not rendered yet" in operator.reports[-1][1]
+    assert "2 regions are not rendered yet" in refusal_of(extension.commanding.FPSBOOST_OT_merge(), context)
+    assert extension.rendering.FPSBOOST_OT_render_regions().execute(context) == {"FINISHED"}
+    assert [name for _, name, _ in renders] == ["0002_1", "0002_2", "0004"]
+
+
+def test_a_render_that_fails_is_reported(extension, bpy, planned):
+    """With Blender's own words, and with the scene as before."""
+    scene = make_scene(planned, remembered="[]")
+
+    def render(*how: str, **options: Any) -> set[str]:
+        raise RuntimeError("Error: Cannot render, no camera")
+
+    bpy.ops.render.render = render
+    for by in ("execute", "invoke"):
+        context = make_context(scene, None)
+        operator = extension.rendering.FPSBOOST_OT_render_regions()
+        if by == "execute":
+            assert operator.execute(context) == {"CANCELLED"}
+        else:
+            operator.invoke(context, None)
+            assert follow(operator, context) == {"CANCELLED"}
+        assert ("ERROR", "Error: Cannot render, no camera") in operator.reports
+        assert not scene.render.use_border
+
+
+def test_regions_need_the_prepared_scene(extension, planned):
+    """Regions in other passes or another format could not be merged."""
+    context = make_context(make_scene(planned), None)
+    assert "prepare" in refusal_of(extension.rendering.FPSBOOST_OT_render_regions(), context)
+
+
+# ------------------------------------------------------------------------------------------------------- in Blender
+
+
+def python_with_bpy() -> str | None:
+    """The path of a Python that has Blender's module."""
+    here = sys.executable if importlib.util.find_spec("bpy") else None
+    return os.environ.get("PYTHON_WITH_BPY", here)
+
+
+@pytest.mark.skipif(python_with_bpy() is None, reason="there is no module bpy; see PYTHON_WITH_BPY")
+def test_the_round_trip_in_blender(program, tmp_path):
+    """A small scene goes all the way without a window, and all its settings are as before."""
+    script = TESTS / "blender_round_trip.py"
+    told = subprocess.run(
+        [str(python_with_bpy()), script, EXTENSION, program, tmp_path / "trip"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    found = re.search(r"^RESULT (.*)$", told.stdout, re.MULTILINE)
+    assert found, told.stdout + told.stderr
+    result = json.loads(found[1])
+    assert set(map(tuple, result["said"].values())) == {("FINISHED",)}
+    assert result["restored"]
+    assert result["strip"] == [1, 5, 5]
+    assert result["rate"] == [24, 24]
+    assert result["confidence"] == "SEQUENCE"
+    assert len(list((tmp_path / "trip" / "regions").glob("*.exr"))) == 3

@@ -1,0 +1,721 @@
+"""Runs that are stopped: what stays, who may go on with it, and that nobody can tell from the result."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from dataclasses import fields, replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conversion_options import output_of
+from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
+
+import fpsboost
+from fpsboost.conversion import Job, convert
+from fpsboost.errors import CompleteAlreadyError, OutputError
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.interpolator import Interpolator
+from fpsboost.io.images.numbered import ImageSink, ImageSource
+from fpsboost.io.staging import JobFingerprint, StagingDirectory, fingerprint_options
+from fpsboost.io.vectors.flow_files import write_flow
+from fpsboost.io.vectors.folder import VectorFolder
+from fpsboost.io.video.assembly import decoding_times_of
+from fpsboost.io.video.chunk_encoder import ChunkEncoder
+from fpsboost.io.video.chunks import Times, find_chunks
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.source import VideoSource
+from fpsboost.method_table import find_method, methods
+from fpsboost.motion.zero import ZeroMotion
+from fpsboost.observer import Summary
+from fpsboost.streaming import OutputRange, run_conversion
+from fpsboost.synthesis.blend import Blend
+from fpsboost.timing.rate import OutputRate
+from fpsboost.timing.schedule import ByFactor, OutputTiming
+
+FRAMES = 25
+CHUNK = 10
+FACTOR = ByFactor(Fraction(2))
+FAST = Encoding(preset="ultrafast")
+B_FRAMES = Encoding(preset="veryfast")
+
+
+class StoppedError(Exception):
+    """Raised on purpose."""
+
+
+class Stop:
+    """An observer that stops the run after so many frames."""
+
+    def __init__(self, after: int | None) -> None:
+        self._after = after
+
+    def opened(self, info: ClipInfo, expected_frames: int | None) -> None: ...
+
+    def ready(self) -> None: ...
+
+    def wrote(self, summary: Summary) -> None:
+        if summary.frames_out == self._after:
+            raise StoppedError
+
+
+class Counting:
+    """A synthesizer that counts the images that it makes."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def synthesize(self, frame_pair: Any, times: Any) -> Any:
+        for image in Blend().synthesize(frame_pair, times):
+            self.count += 1
+            yield image
+
+
+def run(
+    clip: Path,
+    target: Path,
+    *,
+    resume: bool = False,
+    stop_after: int | None = None,
+    encoding: Encoding = FAST,
+    overwrite: bool = False,
+    interpolator: Interpolator | None = None,
+    facts: dict[str, str] | None = None,
+) -> Summary:
+    """Double a clip in chunks of ten frames."""
+    job = JobFingerprint(facts or fingerprint_options(encoding=encoding), resume)
+    with VideoSource(clip) as source:
+        info = source.info
+        timing = OutputTiming(FACTOR.rate(info.rate), FACTOR.time_base(info.time_base))
+        sink = VideoSink(
+            output_of(target, source, timing, encoding=encoding, overwrite=overwrite, job=job), chunk_frames=CHUNK
+        )
+        with sink:
+            interpolator = interpolator or replace(find_method("blend"), cuts=None)
+            return run_conversion(
+                source, interpolator, sink, FACTOR, Stop(stop_after), outputs=OutputRange(skip=sink.completed_frames)
+            )
+
+
+def stop(clip: Path, target: Path, after: int, **options: Any) -> str:
+    """Stop a run, and return what it says about going on."""
+    with pytest.raises(StoppedError) as caught:
+        run(clip, target, stop_after=after, **options)
+    return " ".join(getattr(caught.value, "__notes__", ()))
+
+
+def contents(path: Path) -> tuple[Any, ...]:
+    """Everything of a video: its packets with their times, its decoded samples, and the sound."""
+    pictures = pictures_of(path)
+    samples = [[plane.tobytes() for plane in samples_of(picture)] for picture in pictures]
+    times = [(picture.pts, picture.duration, picture.time_base) for picture in pictures]
+    with_sound = VideoSource(path).file.companions == ["sound"]
+    return packets_of(path, "video"), samples, times, packets_of(path, "audio") if with_sound else None
+
+
+def folder_of(target: Path) -> Path:
+    return target.with_name(f".{target.name}.unfinished")
+
+
+def facts(summary: Summary) -> Summary:
+    return replace(summary, seconds=0, completed_frames=0, utilisation="")
+
+
+def without_texts(summary: Summary) -> Summary:
+    return replace(summary, remarks=[], details="")
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory) -> Path:
+    """A second of pictures and a longer sound; x264 is not the same twice for pictures much smaller than these."""
+    folder = tmp_path_factory.mktemp("clip")
+    return write_clip(folder / "in.mp4", times=range(FRAMES), sound="aac", sound_seconds=1.3, size=(96, 128))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory, clip) -> Path:
+    """What a run that nothing stops makes of the clip."""
+    target = tmp_path_factory.mktemp("whole") / "whole.mp4"
+    run(clip, target)
+    return target
+
+
+ENCODINGS = {
+    "h264": (B_FRAMES, ".mp4"),
+    "h264 mkv": (FAST, ".mkv"),
+    "h264 intra": (Encoding(preset="ultrafast", encoder_options=(("g", "1"),)), ".mp4"),
+    "h264 bitrate": (Encoding(preset="veryfast", bitrate=300_000), ".mp4"),
+    "hevc": (Encoding("hevc", preset="veryfast"), ".mp4"),
+    "vp9": (Encoding("vp9", preset="8", audio=False), ".webm"),
+    "vp9 alpha": (Encoding("vp9", preset="8", pixel_format="yuva420p", audio=False), ".webm"),
+    "av1": (Encoding("av1", preset="12"), ".mkv"),
+    "ffv1": (Encoding("ffv1"), ".mkv"),
+    "prores": (Encoding("prores_ks"), ".mov"),
+    "mpeg4": (Encoding("mpeg4", bitrate=500_000, encoder_options=(("bf", "2"),)), ".mp4"),
+}
+
+
+@pytest.mark.parametrize("kind", ENCODINGS)
+def test_going_on_makes_the_same_file(tmp_path, clip, kind):
+    """Stopped in the middle and taken up again: the same file, byte by byte, and the same summary."""
+    encoding, suffix = ENCODINGS[kind]
+    whole, broken = tmp_path / f"whole{suffix}", tmp_path / "broken" / f"whole{suffix}"
+    broken.parent.mkdir()
+    expected = run(clip, whole, encoding=encoding)
+    said = stop(clip, broken, 37, encoding=encoding)
+    assert said in [f"{count} frames are finished, and `resume` goes on from there." for count in (20, 30)]
+    summary = run(clip, broken, resume=True, encoding=encoding)
+    assert contents(broken) == contents(whole)
+    assert broken.read_bytes() == whole.read_bytes() or suffix in (".mkv", ".webm")  # which number a file by chance
+    assert summary.completed_frames in (20, 30)
+    assert [remark.replace("broken/", "") for remark in facts(summary).remarks] == expected.remarks
+    assert without_texts(facts(summary)) == without_texts(facts(expected))
+    assert os.listdir(broken.parent) == [broken.name]
+
+
+@pytest.mark.parametrize("kind", ["h264", "hevc", "vp9", "av1", "ffv1"])
+def test_chunks_are_one_clip(tmp_path, clip, kind):
+    """Over the seams every picture is there at its time, decoded in order, and the clip is as long as its source."""
+    encoding, suffix = ENCODINGS[kind]
+    encoding = replace(encoding, audio=False)  # Matroska begins with the sound, which is early by what AAC needs
+    target = tmp_path / f"out{suffix}"
+    run(clip, target, encoding=encoding)
+    assert len(pictures_of(target)) == 2 * FRAMES
+    with fpsboost.io.video.source.open_video(target, "out") as file:
+        stream = file.streams.video[0]
+        length = stream.duration
+        packets = [(packet.dts, packet.pts) for packet in file.demux(stream) if packet.size]
+        base = stream.time_base
+    decoded = [dts for dts, _ in packets]
+    assert all(a < b for a, b in pairwise(decoded))
+    assert all(dts <= pts for dts, pts in packets)
+    times = sorted(pts * base for _, pts in packets)
+    wanted = [Fraction(k, 50) for k in range(2 * FRAMES)]
+    assert max(abs(a - b) for a, b in zip(times, wanted, strict=True)) <= (0 if suffix == ".mp4" else Fraction(1, 2000))
+    assert suffix != ".mp4" or length * base == 1
+
+
+def test_chunks_lose_no_quality(tmp_path, clip):
+    """The same clip in one chunk and in many has pictures that are equally near to the source."""
+    near = []
+    for name, frames in (("one", 1000), ("many", CHUNK)):
+        with VideoSource(clip) as source:
+            timing = OutputTiming(source.info.rate, source.info.time_base)
+            with VideoSink(
+                output_of(tmp_path / f"{name}.mp4", source, timing, encoding=B_FRAMES), chunk_frames=frames
+            ) as sink:
+                for frame in source:
+                    sink.write(frame)
+        pairs = zip(pictures_of(clip), pictures_of(tmp_path / f"{name}.mp4"), strict=True)
+        near.append(np.mean([np.abs(samples_of(a)[0].astype(int) - samples_of(b)[0]).mean() for a, b in pairs]))
+    assert near[1] <= near[0] * 1.1
+
+
+def test_frames_that_are_there_are_not_made(tmp_path, clip):
+    """Only the images of unfinished chunks are made when a run goes on."""
+    counting = Counting()
+    method = Interpolator(
+        ZeroMotion(), counting, cuts=None, curved=False, compensate_illumination=False, overlays=False
+    )
+    stop(clip, tmp_path / "out.mp4", 45, interpolator=method)
+    there = 10 * len(find_chunks(folder_of(tmp_path / "out.mp4")))
+    assert there >= 30
+    counting.count = -1  # one image is made to compile
+    run(clip, tmp_path / "out.mp4", resume=True, interpolator=method)
+    assert counting.count == (2 * FRAMES - there) // 2 - 1  # the last one is held
+
+
+@pytest.mark.parametrize("resumed_at", [1, 10, 11, 20, 29, 49])
+def test_the_default_method_goes_on_the_same(tmp_path, resumed_at):
+    """Pairs that are skipped bend the paths of the next ones as ever: every frame from there on is the same."""
+
+    class Sink:
+        holds_last_frame, remarks = True, list[str]()
+
+        def __init__(self) -> None:
+            self.images: list[Any] = []
+
+        def write(self, frame: Frame) -> None:
+            self.images.append((frame.image.copy(), frame.time, frame.duration))
+
+    path = write_clip(tmp_path / "in.mp4", times=range(14))
+    results = []
+    for skip in (0, resumed_at):
+        sink, schedule = Sink(), ByFactor(Fraction(7, 2))
+        with VideoSource(path) as source:
+            summary = run_conversion(source, find_method("nlm-fast"), sink, schedule, outputs=OutputRange(skip=skip))
+        assert summary.completed_frames == skip
+        results.append((sink.images, facts(summary)))
+    (whole, expected), (resumed, found) = results
+    assert found == expected
+    assert [frame[1:] for frame in resumed] == [frame[1:] for frame in whole]
+    for (a, *_), (b, *_) in zip(whole[resumed_at:], resumed[resumed_at:], strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_cuts_and_duplicates_are_counted_the_same(tmp_path):
+    """A run that goes on behind cuts and held frames counts them as if it had been there."""
+    images = [scene(k // 2, 48, 64) if k < 12 else 255 - scene(3 * k, 48, 64)[:, ::-1] for k in range(24)]
+    frames = [Frame(image, Fraction(k, 25), Fraction(1, 25)) for k, image in enumerate(images)]
+
+    class Source:
+        info, remarks = ClipInfo("x", 48, 64, Fraction(25), Fraction(1, 25), 24), list[str]()
+
+        def __iter__(self) -> Any:
+            return iter(frames)
+
+    class Sink:
+        holds_last_frame, remarks = True, list[str]()
+
+        def write(self, frame: Frame) -> None: ...
+
+    method = replace(find_method("nlm-fast"), synthesizer=Blend())
+    found = [
+        facts(run_conversion(Source(), method, Sink(), FACTOR, outputs=OutputRange(skip=skip)))
+        for skip in (0, 17, 30, 48)
+    ]
+    assert found[0].scene_cuts == 1
+    assert found[0].duplicates > 2
+    assert found == [found[0]] * 4
+
+
+# --------------------------------------------------------------------------------------------------- what is left of it
+
+
+def test_less_than_a_chunk_leaves_nothing(tmp_path, clip):
+    """Before the first chunk is finished there is nothing to go on with."""
+    assert stop(clip, tmp_path / "out.mp4", 5) == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_all_may_be_there(tmp_path, clip, whole, monkeypatch):
+    """A run that is stopped while its file is put together goes on with that alone."""
+    monkeypatch.setattr("fpsboost.io.video.assembly.Assembly.finish", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError) as caught:
+        run(clip, tmp_path / "out.mp4")
+    assert caught.value.__notes__ == ["50 frames are finished, and `resume` goes on from there."]
+    monkeypatch.undo()
+    assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 50
+    assert contents(tmp_path / "out.mp4") == contents(whole)
+
+
+def test_stopped_again_and_again(tmp_path, clip, whole):
+    """Each run adds its chunks."""
+    for after in (15, 25, 36, 48):
+        stop(clip, tmp_path / "out.mp4", after, resume=True)
+    run(clip, tmp_path / "out.mp4", resume=True)
+    assert (tmp_path / "out.mp4").read_bytes() == whole.read_bytes()
+
+
+@pytest.mark.parametrize("damage", ["torn", "flipped", "empty", "missing"])
+def test_a_damaged_chunk_is_made_again(tmp_path, clip, whole, damage):
+    """What a power cut has left of a chunk counts for nothing, nor does what comes after it."""
+    stop(clip, tmp_path / "out.mp4", 49)
+    chunk = sorted(folder_of(tmp_path / "out.mp4").glob("*.chunk"))[1]
+    data = bytearray(chunk.read_bytes())
+    data[len(data) // 2] ^= 1
+    if damage == "missing":
+        chunk.unlink()
+    else:
+        chunk.write_bytes({"torn": data[:-7], "flipped": data, "empty": b""}[damage])
+    assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 10
+    assert (tmp_path / "out.mp4").read_bytes() == whole.read_bytes()
+
+
+def test_nothing_to_go_on_with(tmp_path, clip):
+    """`--resume` may always be given: the first run starts, and one after the last leaves the file as it is."""
+    assert run(clip, tmp_path / "out.mp4", resume=True).completed_frames == 0
+    before = (tmp_path / "out.mp4").stat()
+    with pytest.raises(CompleteAlreadyError, match=r"out\.mp4 exists already and no run of it is unfinished"):
+        run(clip, tmp_path / "out.mp4", resume=True)
+    assert (tmp_path / "out.mp4").stat() == before
+
+
+def test_between_the_name_and_the_end(tmp_path, clip):
+    """A run that is killed right after the file has its name has left nothing to do."""
+    stop(clip, tmp_path / "out.mp4", 30)
+    (tmp_path / "out.mp4").write_bytes(b"the file")
+    (folder_of(tmp_path / "out.mp4") / "whole").touch()
+    with pytest.raises(CompleteAlreadyError):
+        run(clip, tmp_path / "out.mp4", resume=True)
+    assert [path.name for path in tmp_path.glob("*out*")] == ["out.mp4"]
+
+
+def test_what_a_killed_run_has_left_of_its_folder_is_removed(tmp_path, clip, monkeypatch):
+    """It is killed while it removes the folder, whatever is left by then; another run's folder stays."""
+    target = tmp_path / "out.mp4"
+    with monkeypatch.context() as killed:
+        killed.setattr("fpsboost.io.staging.shutil.rmtree", lambda *_, **__: None)
+        run(clip, target)
+    assert folder_of(target).is_dir()
+    other = StagingDirectory(folder_of(target), "output.mp4", str(target), None)
+    other.open()
+    with pytest.raises(CompleteAlreadyError):
+        run(clip, target, resume=True)
+    assert folder_of(target).is_dir()
+    other.close(keep=True)
+    with pytest.raises(CompleteAlreadyError):
+        run(clip, target, resume=True)
+    assert not folder_of(target).exists()
+
+
+def test_starting_anew_says_so(tmp_path, clip):
+    """Without `--resume` what is there goes, in one line, and the result is the same."""
+    stop(clip, tmp_path / "out.mp4", 30)
+    summary = run(clip, tmp_path / "out.mp4")
+    assert summary.completed_frames == 0
+    assert summary.remarks == [
+        f"{tmp_path / 'out.mp4'} was begun anew, and what an earlier run had finished was thrown away; `resume` goes "
+        "on with it."
+    ]
+    assert os.listdir(tmp_path) == ["out.mp4"]
+
+
+def test_another_job_is_refused(tmp_path, clip):
+    """The sentence names what differs, and what is finished stays for the job that it belongs to."""
+    stop(clip, tmp_path / "out.mp4", 30, encoding=replace(FAST, crf=20))
+    before = sorted(folder_of(tmp_path / "out.mp4").iterdir())
+    with pytest.raises(OutputError, match=r"out\.mp4 was begun with crf 20 and not 30; say the same as then, or leave"):
+        run(clip, tmp_path / "out.mp4", resume=True, encoding=replace(FAST, crf=30))
+    assert sorted(folder_of(tmp_path / "out.mp4").iterdir()) == before
+    run(clip, tmp_path / "out.mp4", resume=True, encoding=replace(FAST, crf=20))
+
+
+def test_an_existing_target_still_needs_overwriting(tmp_path, clip):
+    """What an unfinished run would replace is replaced only where that is said again."""
+    (tmp_path / "out.mp4").write_bytes(b"precious")
+    stop(clip, tmp_path / "out.mp4", 30, overwrite=True)
+    with pytest.raises(OutputError, match="pass `overwrite=True`"):
+        run(clip, tmp_path / "out.mp4", resume=True)
+    assert (tmp_path / "out.mp4").read_bytes() == b"precious"
+    assert run(clip, tmp_path / "out.mp4", resume=True, overwrite=True).completed_frames >= 10
+    assert len(pictures_of(tmp_path / "out.mp4")) == 2 * FRAMES
+
+
+def test_two_at_once(tmp_path, clip):
+    """A second run to the same output is refused while the first one writes, and disturbs nothing."""
+    held = StagingDirectory(folder_of(tmp_path / "out.mp4"), "output.mp4", "out.mp4", JobFingerprint({}))
+    held.open()
+    before = sorted(folder_of(tmp_path / "out.mp4").iterdir())
+    for resume in (False, True):
+        with pytest.raises(OutputError, match=r"out\.mp4 is being written by another run; wait for it, or choose"):
+            run(clip, tmp_path / "out.mp4", resume=resume)
+    assert sorted(folder_of(tmp_path / "out.mp4").iterdir()) == before
+    held.close(keep=False)
+    run(clip, tmp_path / "out.mp4")
+    assert os.listdir(tmp_path) == ["out.mp4"]
+
+
+def test_without_a_job_nothing_stays(tmp_path, clip):
+    """A sink that nobody can go on with leaves no trace, however much was finished."""
+    with VideoSource(clip) as source:
+        timing = OutputTiming(source.info.rate, source.info.time_base)
+        sink = VideoSink(output_of(tmp_path / "out.mp4", source, timing, encoding=FAST), chunk_frames=5)
+
+        def write_and_stop() -> None:
+            with sink:
+                for frame in source:
+                    sink.write(frame)
+                raise StoppedError
+
+        with pytest.raises(StoppedError):
+            write_and_stop()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("given", [(0, 2), (-1, -1), (1, 0), (-219043332147, -219043332146)])
+def test_no_picture_is_decoded_after_it_is_shown(given):
+    """As mp4 cannot hold it: x265 may say so of two pictures, or give both one time."""
+
+    class TwoPictures:
+        def times(self):
+            return iter([Times(pts, dts, 1) for pts, dts in enumerate(given)])
+
+    first, second = decoding_times_of([TwoPictures()])
+    assert first < second
+    assert (-2 <= first <= 0, second <= 1) == (True, True)
+
+
+def test_decoding_times_of_uneven_frames(tmp_path):
+    """At a variable rate, too, pictures are decoded in order and before they are shown."""
+    times = [0, 3, 4, 9, 10, 16, 17, 18, 30, 31, 32, 40, 41, 45, 60, 61, 64, 70, 71, 72, 80, 91, 92]
+    path = write_clip(tmp_path / "in.mp4", times=times, end=99, time_base=Fraction(1, 100))
+    stop(path, tmp_path / "out.mp4", 45, encoding=B_FRAMES)
+    chunks = find_chunks(folder_of(tmp_path / "out.mp4"))
+    assert len(chunks) >= 3
+    shown = [each.pts for chunk in chunks for each in chunk.times()]
+    decoded = list(decoding_times_of(chunks))
+    assert all(a < b for a, b in pairwise(decoded))
+    assert all(dts <= pts for dts, pts in zip(decoded, shown, strict=True))
+
+
+# --------------------------------------------------------------------------------------------------------------- killed
+
+KILLING = """
+import itertools, os, random, signal, sys, threading
+from pathlib import Path
+
+from fpsboost.errors import CompleteAlreadyError
+from test_resume import run
+
+clip, folder, whole = Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3]).read_bytes()
+
+
+def attempt(target, last=None):
+    # in a process that is killed at its last call of a function, in whichever thread; how it ended, and all its calls
+    reader, writer = os.pipe()
+    process = os.fork()  # before anything has started a thread
+    if not process:
+        calls = itertools.count(1)
+
+        def count(*_):
+            if next(calls) == last:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        threading.setprofile(count)
+        sys.setprofile(count)
+        try:
+            run(clip, target, resume=True)
+        except CompleteAlreadyError:
+            pass
+        sys.setprofile(None)
+        os.write(writer, str(next(calls)).encode())
+        os._exit(0)
+    os.close(writer)
+    with open(reader) as said:
+        return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), said.read()
+
+
+code, calls = attempt(folder / "0.mp4")
+assert code == 0, code
+chance, kills, target = random.Random(5), 0, folder / "1.mp4"
+while kills < 6 or code != 0:
+    code, _ = attempt(target, chance.randrange(1, int(calls)) if kills < 6 else None)
+    kills += code != 0
+    assert code in (0, -signal.SIGKILL), code
+    assert code != 0 or target.exists()
+    assert not target.exists() or target.read_bytes() == whole
+    if code == 0:
+        target = folder / f"{kills + 1}.mp4"
+for target in folder.iterdir():
+    assert target.read_bytes() == whole, target
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
+def test_killed_at_random_moments(tmp_path):
+    """However often a run is killed, no file has the final name before it is whole, and then it is the same."""
+    clip = write_clip(tmp_path / "in.mp4", times=range(25), sound="aac", size=(96, 128))
+    run(clip, tmp_path / "whole.mp4")
+    folders = Path(__file__).parent, Path(__file__).parents[1], Path(fpsboost.__file__).parents[1]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))}
+    (tmp_path / "out").mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", KILLING, clip, tmp_path / "out", tmp_path / "whole.mp4"],
+        env=environment,
+        stderr=subprocess.PIPE,
+        timeout=100,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr.decode()
+
+
+# --------------------------------------------------------------------------------------------------------------- images
+
+
+def write_images(source: Path, target: Path, *, stop_after: int | None = None, **options: Any) -> ImageSink:
+    """Copy images, and stop after some."""
+    images = ImageSource(str(source), Fraction(24))
+    job = JobFingerprint({"input": "same"}, options.pop("resume", False))
+    timing = OutputTiming(Fraction(24), Fraction(1, 24))
+    count = len(images.images.files)
+    sink = ImageSink(output_of(target, images, timing, expected_frames=count, **{"job": job, **options}))
+    with sink:
+        for index, frame in enumerate(images):
+            if index == stop_after:
+                raise StoppedError
+            there = frame.image if index >= sink.completed_frames else np.zeros_like(frame.image)
+            sink.write(replace(frame, image=there))
+    return sink
+
+
+@pytest.fixture
+def images(tmp_path, save_images) -> Path:
+    """Ten images."""
+    save_images(tmp_path / "in", count=10)
+    return tmp_path / "in"
+
+
+@pytest.mark.parametrize("name", ["out", "empty", "empty/x_###.png"])
+def test_images_go_on(tmp_path, images, snapshot, name):
+    """Finished images stay hidden, torn ones count for nothing, and the rest is added."""
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(StoppedError) as caught:
+        write_images(images, tmp_path / name, stop_after=4)
+    assert caught.value.__notes__ == ["4 of 10 frames are finished, and `resume` goes on from there."]
+    (stage,) = tmp_path.rglob("output")
+    torn = sorted(stage.iterdir())[3]
+    torn.rename(torn.with_name(torn.name + ".part"))
+    assert write_images(images, tmp_path / name, resume=True).completed_frames == 3
+    found = snapshot(tmp_path)
+    assert not [path for path in found if any(part.startswith(".") for part in path.split("/"))]
+    written = [data for path, data in sorted(found.items()) if data is not None and not path.startswith("in/")]
+    assert written == [data for path, data in sorted(snapshot(images).items())]
+
+
+@pytest.mark.parametrize("moved", [0, 3, 10])
+def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
+    """A run that is killed while its images get their names in a folder goes on with that."""
+    (tmp_path / "out").mkdir()
+
+    class Killed(BaseException): ...
+
+    def move_some(moves: list[tuple[Path, Path]]) -> None:
+        for here, there in moves[:moved]:
+            here.rename(there)
+        monkeypatch.setattr("fpsboost.io.images.numbered.ImageSink._leave", lambda sink, _: sink._unfinished._release())
+        raise Killed
+
+    with monkeypatch.context() as patch:
+        patch.setattr("fpsboost.io.images.numbered.move_all", move_some)
+        patch.setattr(Path, "unlink", lambda *_, **__: None)
+        with pytest.raises(Killed):
+            write_images(images, tmp_path / "out")
+    monkeypatch.undo()
+    assert write_images(images, tmp_path / "out", resume=True).completed_frames == 10
+    assert sorted(snapshot(tmp_path / "out").values()) == sorted(snapshot(images).values())
+
+
+def test_images_that_are_there(tmp_path, images, snapshot):
+    """A folder that is complete is left as it is."""
+    write_images(images, tmp_path / "out", resume=True)
+    before = snapshot(tmp_path)
+    with pytest.raises(CompleteAlreadyError, match="out exists already and no run of it is unfinished"):
+        write_images(images, tmp_path / "out", resume=True)
+    assert snapshot(tmp_path) == before
+
+
+# ----------------------------------------------------------------------------------------------- the whole of a command
+
+
+def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
+    """Let Ctrl-C come when so many frames are on their way and a chunk is finished."""
+    finished, finish = threading.Event(), ChunkEncoder.finish
+
+    def finish_chunk(encoder: ChunkEncoder) -> None:
+        finish(encoder)
+        finished.set()
+
+    def wrote(_: object, summary: Summary) -> None:
+        if summary.frames_out >= frames:
+            assert finished.wait(60)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(ChunkEncoder, "finish", finish_chunk)
+    monkeypatch.setattr("fpsboost.cli.app.Reporter.wrote", wrote)
+
+
+COMMAND = ("in.mp4", "out.mp4", "--factor", "40", "-m", "nearest", "--preset", "ultrafast", "--duplicates", "keep")
+
+
+def test_the_command_line_goes_on(fpsboost_, tmp_path, monkeypatch):
+    """Ctrl-C says how much is finished; --resume says how much was there; a third time there is nothing to do."""
+    write_clip(tmp_path / "in.mp4", times=range(8))
+    with monkeypatch.context() as patch:
+        stop_after(patch, 260)
+        result = fpsboost_(*COMMAND)
+    assert (result.code, result.err) == (
+        130,
+        "Stopped; 240 of 320 frames are finished, and --resume goes on from there.\n",
+    )
+    result = fpsboost_(*COMMAND, "--resume", "--crf", "30")
+    assert result.err.startswith(
+        "fpsboost: out.mp4 was begun with crf None and not 30; say the same as then, or leave "
+    )
+    result = fpsboost_(*COMMAND, "--resume")
+    assert result.code == 0
+    assert result.err.startswith("out.mp4: 8 -> 320 frames, 240 of which were there already in ")
+    assert sorted(os.listdir(tmp_path)) == ["in.mp4", "out.mp4"]
+    result = fpsboost_(*COMMAND, "--resume")
+    assert (result.code, result.err) == (
+        0,
+        "out.mp4 exists already and no run of it is unfinished, so it was left as it is.\n",
+    )
+    assert fpsboost_(*COMMAND, "--resume", "--quiet").err == ""
+
+
+def test_another_input_is_refused(fpsboost_, tmp_path, monkeypatch):
+    """A file that was changed meanwhile is another job, also under the same name."""
+    write_clip(tmp_path / "in.mp4", times=range(8))
+    with monkeypatch.context() as patch:
+        stop_after(patch, 260)
+        fpsboost_(*COMMAND)
+    write_clip(tmp_path / "in.mp4", times=range(9))
+    result = fpsboost_(*COMMAND, "--resume")
+    assert result.code == 1
+    assert "out.mp4 was begun with input files that have changed since; say the same" in result.err
+
+
+def test_every_option_belongs_to_the_job(tmp_path, monkeypatch):
+    """Whatever `convert` is told is part of the job, but for how it is run."""
+    noted: list[Job] = []
+
+    def note(_: object, job: Job, *, resume: bool) -> None:
+        noted.append(job)
+        raise StoppedError
+
+    monkeypatch.setattr("fpsboost.conversion.fingerprint_job", note)
+    with pytest.raises(StoppedError):
+        convert(str(write_clip(tmp_path / "in.mp4")), str(tmp_path / "out.mp4"), factor=3)
+    assert noted == [Job(OutputRate(3), methods["nlm"], DecodeOptions(), Encoding(), in_place=False)]
+    arguments = set(convert.__annotations__) - {"return"}
+    assert {field.name for field in fields(Job)} == arguments - {"input", "output", "factor", "run"} | {"in_place"}
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"), [(("-", "out.mp4"), "came through a pipe"), (("in.mp4", "-"), "went into")]
+)
+def test_pipes_cannot_go_on(fpsboost_, tmp_path, monkeypatch, names, sentence):
+    """What was piped is gone, and the sentence says so."""
+    from video_truth import stream_of  # noqa: PLC0415
+
+    (tmp_path / "in.y4m").write_bytes(stream_of(4))
+    write_clip(tmp_path / "in.mp4")
+    with (tmp_path / "in.y4m").open() as stream:
+        monkeypatch.setattr(sys, "stdin", stream)
+        result = fpsboost_(*names, "--resume", "-m", "nearest")
+    assert result.code == 2
+    assert sentence in result.err
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_facts_name_every_field():
+    """Dataclasses are told field by field, however deep, so that a difference has a name."""
+    method = find_method("nlm")
+    facts = fingerprint_options(method=method, factor=Fraction(5, 2), nothing=None)
+    assert facts["method.synthesizer"] == type(method.synthesizer).__name__
+    assert (facts["factor"], facts["nothing"]) == ("5/2", "None")
+    assert fingerprint_options(method=replace(method, compensate_illumination=False)) != fingerprint_options(
+        method=method
+    )
+    assert not [value for value in facts.values() if " at 0x" in value]
+
+
+def test_files_of_an_option_belong_to_the_job(tmp_path):
+    """Motion vectors that were rendered again are another job, though their folder has the same name."""
+    for name in ("a_backward.flo", "a_forward.flo"):
+        write_flow(tmp_path / name, np.zeros((4, 4, 2), np.float32))
+    before = fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path)))
+    assert fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path))) == before
+    os.utime(tmp_path / "a_forward.flo", (1, 1))
+    after = fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path)))
+    differing = {key.rpartition(".")[2] for key in before if before[key] != after[key]}
+    assert differing == {"vectors_files"}

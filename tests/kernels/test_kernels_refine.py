@@ -1,0 +1,175 @@
+"""The least-squares step to fractions of a pixel, against a slow twin and against smooth textures."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planes import plane_pair, points
+from truth import noise, waves
+from twins import refined
+
+from fpsboost.kernels.refine import refine_bidirectional, refine_points
+
+PADDING = 40
+
+UNIT = 4 / 255
+"""Widths of the similarity of one level."""
+
+DAMPING, TAIL = 0.1 / UNIT**2, UNIT**2 / 32
+
+
+def refine(components0, components1, step, flow, damping=DAMPING, largest=1.0, steps=1, known=None):
+    """The kernel on a copy of the flow."""
+    out = np.array(flow, np.float32)
+    limits = np.float32(TAIL), np.float32(damping), np.float32(largest), steps
+    unknown = np.full_like(out, 1e6)
+    pair = plane_pair(components0, components1, PADDING, 0)
+    refine_points(pair, step, *limits, unknown if known is None else known, out)
+    return out
+
+
+def moved(size, shift, seed=5):
+    """Levels of a smooth texture in two frames, of some contrast, that shifts by ``(dx, dy)``."""
+    y, x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
+    frames = [waves(x - k * shift[0], y - k * shift[1], seed=seed) for k in (0, 1)]
+    return [np.rint(255 * frame).clip(0, 255).astype(np.uint8) for frame in frames]
+
+
+@settings(max_examples=8)
+@given(
+    st.integers(1, 20),
+    st.integers(1, 20),
+    st.integers(4, 9),
+    st.sampled_from([1, 50]),
+    st.integers(0, 2**32),
+)
+def test_refinement_equals_its_slow_twin(height, width, step, damping, seed):
+    """Any frames and whole vectors, also such as lead out of the frame, move by the twin's step."""
+    random = np.random.default_rng(seed)
+    components = [noise(height, width, 3, np.uint8, seed + k) // 2 for k in (0, 1)]
+    flow = random.integers(-6, 7, (*points((height, width), step), 2)).astype(np.float32)
+    found = refine(*components, step, flow, damping * DAMPING)
+    np.testing.assert_allclose(found, refined(*components, step, TAIL, damping * DAMPING, 1.0, flow), atol=1e-3)
+
+
+@pytest.mark.parametrize("steps", [2, 3])
+def test_further_steps_start_from_the_nearest_whole_pixel(steps):
+    """Bit by bit what so many single steps give, each from where the last one led, for those that left their pixel."""
+    components = moved((30, 50), (0.4, -0.3))
+    flow = np.random.default_rng(3).uniform(-2, 2, (*points((30, 50), 6), 2)).astype(np.float32)
+    expected = refine(*components, 6, flow)
+    moving = (np.rint(expected) != np.rint(flow)).any(axis=-1)
+    assert moving.any()
+    assert not moving.all()
+    for _ in range(steps - 1):
+        again = refine(*components, 6, expected)
+        again[~moving] = expected[~moving]
+        moving &= (np.rint(again) != np.rint(expected)).any(axis=-1)
+        expected = again
+    np.testing.assert_array_equal(refine(*components, 6, flow, steps=steps), expected)
+
+
+def test_a_second_step_finds_what_is_more_than_a_pixel_away():
+    """From a pixel and more off in x and y, two steps lead nearer than one, to 0.1 pixels on average."""
+    components, flow = moved((40, 56), (2.3, -1.2)), np.broadcast_to(np.float32([1, 0]), (*points((40, 56), 8), 2))
+    one, two = (
+        np.linalg.norm(refine(*components, 8, flow, steps=steps) - np.float32([2.3, -1.2]), axis=-1)[1:-1, 1:-1]
+        for steps in (1, 2)
+    )
+    assert two.mean() < min(0.1, one.mean() / 2)
+
+
+@pytest.mark.parametrize("shift", [(0.25, -0.1), (0.4, 0.4), (3.3, -1.8), (-0.45, 0.0)])
+def test_fractions_of_a_pixel_are_found(shift):
+    """From the nearest whole pixel, a smooth texture's vector is right to 0.05 pixels on average."""
+    components = moved((40, 56), shift)
+    flow = np.broadcast_to(np.rint(np.float32(shift)), (*points((40, 56), 8), 2))
+    off = np.linalg.norm(refine(*components, 8, flow) - np.float32(shift), axis=-1)
+    assert off[1:-1, 1:-1].mean() < 0.05
+
+
+def test_equal_frames_stay_where_they_are():
+    """Where nothing changes there is no step, to the bit; nor where there is no gradient."""
+    image = noise(24, 30, 3)
+    still = np.zeros((*points((24, 30), 8), 2), np.float32)
+    assert not refine(image, image, 8, still).any()
+    assert not refine(np.full_like(image, 50), np.full_like(image, 80), 8, still).any()
+
+
+def test_no_step_is_longer_than_allowed():
+    """Along x and along y."""
+    components = moved((24, 40), (2.5, -2.5), seed=1)
+    still = np.zeros((*points((24, 40), 8), 2), np.float32)
+    found = refine(*components, 8, still, largest=0.25)
+    assert np.abs(found).max() == 0.25
+
+
+def test_vectors_that_lead_far_away_do_no_harm():
+    """Beyond the padding everything is the frame's edge, and nothing else is read."""
+    components = [noise(20, 24, 3, seed=seed) // 4 for seed in (1, 2)]
+    flow = np.empty((*points((20, 24), 8), 2), np.float32)
+    for far in (-500, 500):
+        flow[:] = far
+        found = refine(*components, 8, flow)
+        np.testing.assert_allclose(found, refined(*components, 8, TAIL, DAMPING, 1.0, flow), atol=2e-3)
+
+
+def test_what_is_known_is_not_refined_again():
+    """Vectors that begin at the same whole pixels as known ones become those, bit by bit; the others are refined."""
+    components = moved((30, 50), (0.4, -0.3))
+    flow = np.random.default_rng(3).integers(-1, 2, (*points((30, 50), 6), 2)).astype(np.float32)
+    known = flow + np.float32(0.25)
+    known[::2] += 3
+    found = refine(*components, 6, flow, known=known)
+    np.testing.assert_array_equal(found[1::2], known[1::2])
+    np.testing.assert_array_equal(found[::2], refine(*components, 6, flow)[::2])
+
+
+def test_both_directions_are_refined_like_each_by_itself():
+    """From frame 0 to frame 1 and back, bit by bit, with what is known of each."""
+    components, random = moved((30, 50), (0.4, -0.3)), np.random.default_rng(3)
+    flow = random.integers(-1, 2, (2, *points((30, 50), 6), 2)).astype(np.float32)
+    known = flow + random.choice(np.float32([0.25, 3]), flow.shape)
+    found = flow.copy()
+    limits = np.float32(TAIL), np.float32(DAMPING), np.float32(1), 2
+    refine_bidirectional(plane_pair(*components, PADDING, 0), 6, *limits, known, found)
+    for direction, both in enumerate((components, components[::-1])):
+        np.testing.assert_array_equal(
+            found[direction], refine(*both, 6, flow[direction], steps=2, known=known[direction])
+        )
+
+
+IN_A_FRESH_PROCESS = """
+import sys
+sys.path[:0] = "tests", "tests/kernels"
+from planes import points
+from test_kernels_refine import moved, refine
+import hashlib, numpy
+flow = numpy.zeros((*points((30, 50), 6), 2), numpy.float32)
+print(hashlib.sha256(refine(*moved((30, 50), (0.4, -0.3)), 6, flow).tobytes()).hexdigest())
+"""
+
+
+def test_compiling_and_loading_from_the_cache_give_the_same_bits(tmp_path):
+    """The compiler optimises a kernel once more before it is saved, which must not change a sum."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    first, second = (
+        subprocess.run(
+            [sys.executable, "-c", IN_A_FRESH_PROCESS], env=environment, capture_output=True, text=True, check=True
+        ).stdout
+        for _ in range(2)
+    )
+    assert first == second
+
+
+def test_what_noise_explains_by_chance_is_no_motion():
+    """Most vectors between frames of nothing but noise stay as they are."""
+    components = [noise(80, 80, 3, seed=seed) // 4 for seed in (1, 2)]
+    still = np.zeros((*points((80, 80), 8), 2), np.float32)
+    assert (refine(*components, 8, still) == 0).mean() > 0.8

@@ -1,0 +1,361 @@
+"""The preview of a conversion: which passages are shown, what is said of them, the page and the video."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pytest
+from browser import violations
+from command_line import Command
+from conftest import SaveImages, Snapshot
+from numpy.typing import NDArray
+from playwright.sync_api import Page
+from video_truth import scene
+
+from fpsboost.conversion import convert
+from fpsboost.errors import OptionError
+from fpsboost.method_table import methods
+from fpsboost.preparation import ConversionJob
+from fpsboost.preview.page import _as_duration, estimate_sentence, write_page
+from fpsboost.preview.places import Found, find_passages
+from fpsboost.preview.side_by_side import LABEL_HEIGHT, write_video
+from fpsboost.preview.trial import Estimate, Preview, preview
+from fpsboost.run_options import RunOptions
+from fpsboost.timing.position import Position
+from fpsboost.timing.rate import OutputRate
+
+RATE, HEIGHT, WIDTH = 12, 48, 64
+BLEND = {"blend": methods["blend"]}
+
+Picture = NDArray[np.uint8]
+
+
+def write_video_of(path: Path, pictures: list[Picture], gop: int = 1, **options: Any) -> Path:
+    """A video with a key frame at every `gop`-th picture."""
+    with av.open(path, "w") as file:
+        stream = file.add_stream("libx264", RATE, options={"crf": "10", "preset": "ultrafast"})
+        stream.height, stream.width = pictures[0].shape[:2]
+        stream.pix_fmt = options.get("pix_fmt", "yuv420p")
+        stream.codec_context.gop_size = gop
+        for picture in pictures:
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
+        file.mux(stream.encode(None))
+    return path
+
+
+def other_scene(index: int) -> Picture:
+    """Stripes that no motion connects with `scene`."""
+    across = np.arange(WIDTH) + 2 * index
+    return np.repeat(np.repeat(np.uint8(40 + 180 * (across // 5 % 2))[None, :, None], HEIGHT, 0), 3, 2)
+
+
+def job_of(path: Path, output: str = "out.mp4", **rate: Any) -> ConversionJob:
+    return ConversionJob(str(path), output, OutputRate(**rate), methods["blend"])
+
+
+def found_in(path: Path, *at: Position) -> Found:
+    return find_passages(job_of(path), RunOptions(), at)
+
+
+def tried(path: Path, output: str = "out.mp4", **rate: Any) -> Preview:
+    return preview(job_of(path, output, **rate), BLEND, RunOptions())
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sixteen seconds that stand still but for the eighth, ninth and tenth, with a key frame each second."""
+    places = [min(max(number - 7 * RATE, 0), 3 * RATE) for number in range(16 * RATE)]
+    return write_video_of(tmp_path_factory.mktemp("clip") / "clip.mp4", [scene(place) for place in places], RATE)
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two seconds in motion, with one key frame."""
+    pictures = [scene(number) for number in range(2 * RATE)]
+    return write_video_of(tmp_path_factory.mktemp("short") / "short.mp4", pictures, 100)
+
+
+@pytest.fixture(scope="module")
+def shown(short: Path) -> Preview:
+    return preview(job_of(short), {"blend": methods["blend"], "nlm": methods["nlm"]}, RunOptions())
+
+
+def test_passage_in_motion_is_chosen(clip: Path) -> None:
+    """Of a clip that mostly stands still, the part that moves is shown, though few frames were decoded elsewhere."""
+    found = found_in(clip)
+    assert any(7 <= passage.start < 10 for passage in found.shown)
+    assert sum(float(end - start) for start, end in found.parts) < 8
+
+
+def test_passages_do_not_overlap_and_lie_in_the_part_asked_for(short: Path) -> None:
+    """Each shows other frames; of a short clip all together are the clip."""
+    passages = found_in(short).shown
+    assert [(passage.start, passage.end) for passage in passages] == [(0, 1), (1, 2)]
+
+
+def test_cut_is_reported_and_divides_no_passage(tmp_path: Path) -> None:
+    """Where a scene ends within a second of motion, the longer piece is shown and the cut is said."""
+    pictures = [scene(number) if number < 8 else other_scene(number) for number in range(2 * RATE)]
+    found = found_in(write_video_of(tmp_path / "cut.mp4", pictures, 100))
+    cut = Fraction(8, RATE)
+    assert found.cuts == [cut]
+    assert found.shown
+    assert not any(passage.start < cut < passage.end for passage in found.shown)
+
+
+def test_duplicates_are_reported(tmp_path: Path) -> None:
+    """Of animation on twos, the times of all second frames are said."""
+    pictures = [scene(number // 2 * 6) for number in range(RATE)]
+    found = found_in(write_video_of(tmp_path / "twos.mp4", pictures, 100))
+    assert found.duplicates == [Fraction(number, RATE) for number in range(1, RATE - 1, 2)]
+
+
+def test_given_place_is_shown(clip: Path) -> None:
+    """What is there does not matter, and near the end a passage begins earlier."""
+    found = found_in(clip, Position(Fraction(3)), Position(Fraction(191), is_frame=True))
+    assert [passage.start for passage in found.shown] == [3, 15]
+
+
+def test_place_behind_the_end_is_refused(clip: Path) -> None:
+    with pytest.raises(OptionError, match=r"`at=99` lies behind the end of .*clip.mp4, 16 s; name less\.$"):
+        found_in(clip, Position(Fraction(99)))
+
+
+def test_passage_has_the_frames_of_the_whole_conversion(clip: Path, tmp_path: Path) -> None:
+    """What is shown as before and after, at the same times, is what the clip and its conversion have there."""
+    passage = found_in(clip, Position(Fraction(8))).shown[0]
+    found = preview(job_of(clip), BLEND, RunOptions(), at=[Position(Fraction(8))])
+    after = found.trials["blend"][0].after
+    assert after.times == [Fraction(place, 2 * RATE) for place in range(2 * RATE)]
+    convert(str(clip), str(tmp_path / "frames"), method="blend")
+    whole = [cv2.imread(str(path)) for path in sorted((tmp_path / "frames").iterdir())]
+    for view, times in ((passage.before, 1), (after, 2)):
+        for place in (0, 3, 7):
+            expected = whole[2 * 8 * RATE + place * 2 // times]
+            assert np.abs(view.image_at(view.times[place]).astype(int) - expected).mean() < 4  # JPEG is lossy
+
+
+def test_estimate_counts_the_frames_of_the_whole(clip: Path) -> None:
+    """All frames of the output are counted, and each has taken some time."""
+    estimate = tried(clip, fps=30).estimates["blend"]
+    assert estimate.frames == 16 * 30
+    assert 0 < estimate.least <= estimate.most
+
+
+def test_estimate_is_said_with_units() -> None:
+    """Short times in seconds, long ones in hours; one figure where both are alike; none without a length."""
+    assert estimate_sentence(Estimate(1000, 0.5, 1, 1)).startswith("8 to 17 min for 1,000 frames: 1 to 2 frames a")
+    assert estimate_sentence(Estimate(10, 1, 1, 1)).startswith("about 10 s for 10 frames")
+    assert "length of the clip is not known" in estimate_sentence(Estimate(None, 1, 1, 1))
+    assert _as_duration(20000) == "5.6 h"
+
+
+def test_least_certain_frame_has_its_confidence(short: Path, shown: Preview) -> None:
+    """A method that has confidence says it for the frame between the two that match least; another one does not."""
+    for trial in shown.trials["nlm"]:
+        assert trial.least_certain is not None
+        assert trial.confidence is not None
+        assert trial.confidence.shape == (HEIGHT, WIDTH, 1)
+    assert all(trial.confidence is None for trial in shown.trials["blend"])
+
+
+@pytest.mark.parametrize("suffix", [".png", ".exr"])
+def test_images_without_a_rate(save_images: SaveImages, tmp_path: Path, suffix: str) -> None:
+    """A folder needs no rate; 16 bits and scene-linear floats are shown in 8-bit colours."""
+    kind = np.uint16 if suffix == ".png" else np.float32
+    save_images(tmp_path / "renders", "shot_{:04d}" + suffix, 9, kind)
+    found = tried(tmp_path / "renders", "converted/")
+    assert len(found.trials["blend"][0].after.times) == 17
+    assert not found.is_video
+
+
+def test_images_with_alpha(tmp_path: Path) -> None:
+    """What is transparent lies over mid gray."""
+    (tmp_path / "renders").mkdir()
+    for number in range(8):
+        image = np.dstack([scene(number), np.zeros((HEIGHT, WIDTH), np.uint8)])
+        cv2.imwrite(str(tmp_path / "renders" / f"{number:04d}.png"), image)
+    view = tried(tmp_path / "renders", "converted/").trials["blend"][0].after
+    assert np.abs(view.image_at(Fraction(0)).astype(int) - 128).max() <= 3
+
+
+def test_missing_images(save_images: SaveImages, tmp_path: Path) -> None:
+    """With `fill_gaps` the numbers are the clock."""
+    save_images(tmp_path / "renders", "shot_{:04d}.png", 9)
+    for number in (2, 4, 6, 8):
+        next(iter((tmp_path / "renders").glob(f"*{number:04d}.png"))).unlink()
+    found = tried(tmp_path / "renders", "converted/", fill_gaps=True)
+    assert len(found.trials["blend"][0].after.times) in (8, 9)
+
+
+def test_deep_video_with_full_chroma_rows(tmp_path: Path) -> None:
+    """4:2:2 in 10 bits is shown with its colours, in their place."""
+    path = write_video_of(tmp_path / "deep.mov", [scene(number) for number in range(RATE)], pix_fmt="yuv422p10le")
+    found = tried(path, "out.mov")
+    image = found.found.shown[0].before.image_at(Fraction(0)).astype(int)
+    assert np.abs(image - scene(0)).mean() < 8
+
+
+def test_slow_motion_plays_in_step(short: Path) -> None:
+    """Views count the source's time, however long the output is."""
+    found = tried(short, factor=4, slow_motion=True)
+    views = found.views()[0]
+    assert found.stretch == 4
+    assert views["before"].end == views["blend"].end == 1
+    assert len(views["blend"].times) == 4 * len(views["before"].times)
+
+
+def test_input_is_left_alone_and_nothing_else_is_written(
+    short: Path, fpsboost_: Command, tmp_path: Path, snapshot: Callable[[Path], Snapshot]
+) -> None:
+    """One page appears in the current folder, named after the clip, and the command says where."""
+    before = snapshot(short.parent)
+    result = fpsboost_("preview", short, "-m", "blend", "--fps", "30", "--at", "0.5")
+    assert result.code == 0, result.err
+    assert result.out.splitlines()[-1] == "Page: short-preview.html"
+    assert [path.name for path in tmp_path.iterdir()] == ["short-preview.html"]
+    assert snapshot(short.parent) == before
+    text = (tmp_path / "short-preview.html").read_text()
+    assert f"fpsboost {short} short-converted.mp4 --method blend --fps 30</pre>" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["nothing.mp4"], 1, "nothing.mp4 does not exist; check the name."),
+        (["-"], 2, "Standard input can be read only once"),
+        (["CLIP", "there.html"], 1, "there.html exists; name another page, or replace it with --overwrite."),
+        (["CLIP", "missing/page.html"], 1, "missing/page.html is in no folder that exists"),
+        (["CLIP", "--at", "99"], 2, "--at 99 lies behind the end of"),
+        (["CLIP", "--at", "soon"], 2, "--at 'soon' is no place in a clip"),
+        (["CLIP", "-m", "best"], 2, "There is no method 'best'"),
+        (["CLIP", "-m", "reproject-image"], 2, "A preview cannot show reproject-image"),
+        (["CLIP", "--side-by-side", "out.png"], 2, "out.png"),
+        (["CLIP", "--factor", "0"], 2, "--factor must be above 0"),
+    ],
+)
+def test_bad_input_is_said_in_one_sentence(
+    short: Path, fpsboost_: Command, tmp_path: Path, arguments: list[str], code: int, message: str
+) -> None:
+    """The sentences are those of a conversion, and no page is left."""
+    (tmp_path / "there.html").write_text("mine")
+    result = fpsboost_("preview", *(str(short) if word == "CLIP" else word for word in arguments))
+    assert result.code == code
+    assert message in " ".join(result.err.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["there.html"]
+    assert (tmp_path / "there.html").read_text() == "mine"
+
+
+def test_too_short_a_clip(fpsboost_: Command, tmp_path: Path) -> None:
+    """One frame is too few, in the sentence of a conversion."""
+    write_video_of(tmp_path / "one.mp4", [scene(0)])
+    result = fpsboost_("preview", "one.mp4", "-m", "blend")
+    assert result.code == 1
+    assert "one.mp4 holds one frame that can be read, and two are needed" in " ".join(result.err.split())
+
+
+def test_page_appears_whole_or_not_at_all(shown: Preview, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where writing fails nothing is left, and a page that was there stays."""
+
+    def fail(path: Path, text: str, encoding: str) -> None:
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    page = tmp_path / "page.html"
+    page.write_bytes(b"mine")
+    monkeypatch.setattr(Path, "write_text", fail)
+    with pytest.raises(Exception, match="cannot be written"):
+        write_page(page, shown, "fpsboost", overwrite=True)
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("page.html", b"mine")]
+
+
+def test_side_by_side_video(shown: Preview, tmp_path: Path) -> None:
+    """Every passage at full and quarter speed, before and all methods beside each other, at the output's rate."""
+    path = tmp_path / "beside.mp4"
+    write_video(str(path), shown)
+    with av.open(path) as file:
+        frames = list(file.decode(video=0))
+    assert (frames[0].width, frames[0].height) == (3 * WIDTH, HEIGHT + LABEL_HEIGHT)
+    assert len(frames) == 2 * (1 + 4) * 2 * RATE
+    assert [frame.time for frame in frames[:3]] == pytest.approx([0, 1 / (2 * RATE), 1 / RATE])
+    first, second, third = (frame.to_ndarray(format="gray")[LABEL_HEIGHT:, :WIDTH].astype(int) for frame in frames[:3])
+    assert 3 * np.abs(first - second).mean() < np.abs(second - third).mean()  # repeated, until the next frame is due
+
+
+@pytest.fixture(scope="module")
+def page(shown: Preview, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("page") / "page.html"
+    write_page(path, shown, "fpsboost 'in & out.mp4' out.mp4")
+    return path
+
+
+def test_page_loads_nothing(page: Path) -> None:
+    """It is one file without addresses, and shows each picture once however often it is repeated."""
+    text = page.read_text()
+    assert not re.search(r"(?:src|href)=[\"']?(?!data:|#)[a-z/]", text)
+    assert "https://" not in text
+    played = json.loads(text.split('id="played">')[1].split("</script>")[0])
+    assert len(played["uris"]) == len(set(played["uris"]))
+    assert len(played["frames"]) == 2 * 2 * RATE
+    assert played["frames"][0]["images"][0] == played["frames"][1]["images"][0]
+    first = np.frombuffer(base64.b64decode(played["uris"][0].split(",")[1]), np.uint8)
+    assert cv2.imdecode(first, cv2.IMREAD_COLOR).shape == (HEIGHT, WIDTH, 3)
+
+
+@pytest.fixture
+def browser_page(chromium: Any, page: Path) -> Iterator[Page]:
+    opened = chromium.new_page(viewport={"width": 390, "height": 844}, reduced_motion="reduce")
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.on("console", lambda message: errors.append(message.text))
+    opened.goto(page.as_uri())
+    yield opened
+    assert errors == []
+    opened.close()
+
+
+def test_page_plays_steps_and_jumps(browser_page: Page) -> None:
+    """The passage plays, stops, steps, jumps to another one and to an uncertain frame; axe finds nothing."""
+    play = browser_page.locator(".play")
+    browser_page.get_by_text("frame 0, 0:00.000").wait_for()
+    browser_page.locator(".forth").click()
+    browser_page.get_by_text("frame 1, 0:00.042").wait_for()
+    play.click()
+    browser_page.locator(".play.is-playing").wait_for()
+    browser_page.locator(".slow").click()
+    play.click()
+    browser_page.locator(".play:not(.is-playing)").wait_for()
+    browser_page.locator("[data-passage='1']").click()
+    browser_page.locator("[data-passage='1'][aria-pressed='true']").wait_for()
+    play.click()
+    browser_page.locator("[data-place]").last.click()
+    browser_page.locator("[data-passage='1'][aria-pressed='true']").wait_for()
+    assert browser_page.evaluate("document.documentElement.scrollWidth") == 390
+    assert browser_page.locator("#command").inner_text() == "fpsboost 'in & out.mp4' out.mp4"
+    for scheme in ("light", "dark"):
+        browser_page.emulate_media(color_scheme=scheme)
+        assert violations(browser_page) == []
+
+
+def test_watcher_sees_frames_as_they_are_written(short: Path, tmp_path: Path) -> None:
+    """All frames in order, those that are made with their confidence."""
+
+    class Watcher:
+        needs_confidence = True
+        seen: list[tuple[Fraction, bool]] = []  # noqa: RUF012
+
+        def watch(self, frame: Any) -> None:
+            self.seen.append((frame.time, frame.confidence is not None))
+
+    convert(str(short), str(tmp_path / "out.mp4"), method="nlm", run=RunOptions(watcher=Watcher()))
+    assert Watcher.seen[:4] == [(Fraction(place, 2 * RATE), bool(place % 2)) for place in range(4)]
+    assert len(Watcher.seen) == 4 * RATE

@@ -1,0 +1,53 @@
+"""What is published: the files of the wheel and of the source distribution, and what the package says of itself."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def files_of(kind: str) -> set[str]:
+    """The paths of everything that a distribution takes from here."""
+    builders = pytest.importorskip(f"hatchling.builders.{kind}")
+    builder = {"wheel": "WheelBuilder", "sdist": "SdistBuilder"}[kind]
+    included = getattr(builders, builder)(str(ROOT)).recurse_included_files()
+    return {Path(file.distribution_path).as_posix() for file in included}
+
+
+def test_the_wheel_holds_the_package_alone():
+    """Every module is in it, the templates of the page and the mark of typed packages too, and nothing else."""
+    here = {path.relative_to(ROOT).as_posix() for path in (ROOT / "fpsboost").rglob("*") if path.is_file()}
+    assert files_of("wheel") == {path for path in here if "__pycache__" not in path}
+    assert "fpsboost/py.typed" in here
+
+
+def test_the_source_distribution_leaves_the_rendered_scenes_out():
+    """The package, its tests, a sample clip and the Blender extension are in it; the rendered scenes are not."""
+    files = files_of("sdist")
+    wanted = {"LICENSE", "CITATION.cff", "fpsboost/py.typed", "tests/project/test_packaging.py", "samples/orbit.mp4"}
+    assert files >= wanted | {"integrations/blender/blender_manifest.toml"}
+    assert not [path for path in files if path.startswith("samples/scenes/")]
+    assert sum((ROOT / path).stat().st_size for path in files) < 8e6
+
+
+def test_the_licence_is_one_everywhere():
+    """The file, the metadata of the package and the citation name the same licence and the same authors."""
+    licence, citation = ((ROOT / name).read_text() for name in ("LICENSE", "CITATION.cff"))
+    assert PROJECT["license"] == "BSD-3-Clause"
+    assert "\nlicense: BSD-3-Clause\n" in citation
+    assert licence.startswith("BSD 3-Clause License\n")
+    (author,) = (each["name"] for each in PROJECT["authors"])
+    assert f"Copyright (c) 2026, {author}\n" in licence
+    assert f"\nauthors:\n  - name: {author}\n" in citation
+
+
+@pytest.mark.parametrize("requirement", PROJECT["dependencies"])
+def test_every_dependency_has_a_lowest_version(requirement):
+    """Which is what .ci/lowest installs to see whether it works; a version that is known not to work ends the range."""
+    assert re.fullmatch(r"[\w-]+>=\d+(\.\d+)*(,<\d+(\.\d+)*)?", requirement)

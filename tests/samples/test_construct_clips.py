@@ -1,0 +1,114 @@
+"""The constructed clips under samples/: that all can be made, and each frame by itself as it is among others."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import numpy as np
+import pytest
+
+SAMPLES = Path(__file__).parents[2] / "samples"
+SIZE = (48, 27)
+TABLE = (SAMPLES / "README.md").read_text(encoding="utf-8").split("## Constructed clips")[1].split("\n## ")[0]
+NAMES = [line.split("`")[1] for line in TABLE.splitlines() if line.startswith("| `")]
+
+
+@pytest.fixture
+def program(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The program that constructs the clips."""
+    monkeypatch.syspath_prepend(str(SAMPLES))
+    return importlib.import_module("construct_clips")
+
+
+@pytest.fixture
+def raster(program: ModuleType) -> ModuleType:
+    """Its places and matrices."""
+    return importlib.import_module("constructed.raster")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_frame_hangs_on_its_number_alone(program: ModuleType, name: str) -> None:
+    """Drawn after others or by itself, a frame is the same to the byte, and time does not stand still."""
+    first, second = program.construct(name, SIZE, range(2))
+    (alone,) = program.construct(name, SIZE, [1])
+    assert first.shape == (27, 48, 3)
+    assert first.dtype == np.uint8
+    np.testing.assert_array_equal(alone, second)
+    assert not np.array_equal(first, second)
+
+
+def test_another_seed_gives_other_textures(program: ModuleType) -> None:
+    """The seed changes what is seen, far beyond the noise."""
+    (one,), (other,) = (program.construct("posts", SIZE, [0], seed) for seed in (0, 1))
+    assert np.abs(one.astype(int) - other).mean() > 10
+
+
+def test_a_size_changes_the_sampling_alone(program: ModuleType) -> None:
+    """Twice the size shows the same, finer."""
+    (small,), (large,) = (program.construct("fence", size, [3]) for size in ((240, 135), (480, 270)))
+    shrunk = cv2.resize(large, (240, 135), interpolation=cv2.INTER_AREA)
+    assert np.abs(shrunk.astype(int) - small).mean() < 4
+
+
+def test_the_program_writes_what_is_asked_for(
+    program: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A folder for each clip, numbered frames in it, nothing else."""
+    arguments = [str(tmp_path), "--only", "fire", "--only", "titles", "--frames", "3", "--size", "48x27"]
+    monkeypatch.setattr(sys, "argv", ["construct_clips.py", *arguments])
+    program.main()
+    written = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.png"))
+    assert written == [f"{name}/000{k}.png" for name in ("fire", "titles") for k in range(3)]
+    (alone,) = program.construct("titles", SIZE, [2])
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "titles" / "0002.png")), alone)
+
+
+def test_every_clip_is_in_the_table(program: ModuleType) -> None:
+    """samples/README.md names each clip, and none besides."""
+    assert list(program.clips) == NAMES
+
+
+def test_samples_show_the_place_that_the_matrix_takes_there(raster: ModuleType) -> None:
+    """A texture whose colours are places comes out as the places that the inverse matrix says."""
+    view = raster.Raster(96, 54)
+    x, y = raster.find_places((600, 400), view.density)
+    texture = raster.Texture(np.dstack([x, y, x]).astype(np.float32), view.density)
+    matrix = raster.shift(7.3, -4) @ raster.turn(5) @ raster.tilt(10, -6) @ raster.enlarge(1.1)
+    x, y = view.places
+    from_x, from_y, one = np.linalg.inv(matrix) @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)])
+    filled = view.fill(texture, matrix).reshape(-1, 3)
+    np.testing.assert_allclose(filled[:, 0], from_x / one, atol=0.1)  # a sixteenth of a sample
+    np.testing.assert_allclose(filled[:, 1], from_y / one, atol=0.1)
+    seen = view.look_up(texture, x + 3.25, y - 1.5)
+    np.testing.assert_allclose(seen[..., 0], x + 3.25, atol=0.1)
+    np.testing.assert_allclose(seen[..., 1], y - 1.5, atol=0.1)
+
+
+def test_a_pan_of_whole_pixels_moves_them_unchanged(raster: ModuleType) -> None:
+    """Two times apart by four pixels of a pan show the same pixels, four apart."""
+    layers, textures = (importlib.import_module(f"constructed.{name}") for name in ("layers", "textures"))
+    view = raster.Raster(480, 54)
+    show = layers.stack(view, [(textures.scenery(np.random.default_rng(5), (560, 100), view.density), layers.pan(8))])
+    before, after = (cv2.resize(show(time), (480, 54), interpolation=cv2.INTER_AREA) for time in (1, 1.5))
+    np.testing.assert_allclose(after[:, 4:], before[:, :-4], atol=0.002)
+
+
+def test_a_can_turns_as_a_cylinder_does(raster: ModuleType) -> None:
+    """A thin mark on the label is seen where a pinhole camera sees that place of a cylinder."""
+    objects = importlib.import_module("constructed.objects")
+    view, radius, distance = raster.Raster(480, 270), 40.0, 400.0
+    x, _ = raster.find_places((2 * np.pi * radius, 60), view.density)
+    mark = np.exp(-((x / 0.8) ** 2))  # in the label's middle, which is half a turn from its seam
+    label = raster.Texture(np.dstack([mark] * 3).astype(np.float32), view.density)
+    can = objects.spin_can(view, label, radius, 60, distance)
+    for degrees in (150, 180, 205):
+        pixels = can(degrees).pixels
+        row = pixels[pixels.shape[0] // 2, :, 0]
+        places = raster.find_places((radius * 2.4, 1), view.density)[0][0]
+        angle = np.radians(degrees - 180)
+        seen = distance * radius * np.sin(angle) / (distance - radius * np.cos(angle))
+        assert places[row.argmax()] == pytest.approx(seen, abs=0.5)

@@ -1,0 +1,176 @@
+"""The rendered scenes under samples/: what is there, and that depth and vectors mean what samples/README.md says."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from truth import SCENES, needs_scenes
+
+SAMPLES = Path(__file__).parents[2] / "samples"
+NAMES = ["reflective", "texture", "glass"]
+WIDTH, HEIGHT, FRAMES = 384, 216, 25
+MIDDLE = 12
+
+
+@pytest.fixture
+def geometry(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The formulas that the scenes are rendered with."""
+    monkeypatch.syspath_prepend(str(SAMPLES))
+    return importlib.import_module("stage.geometry")
+
+
+@pytest.fixture
+def stage(geometry: ModuleType) -> ModuleType:
+    """The scenes."""
+    return importlib.import_module("stage.scenes")
+
+
+def read_exr(name: str, kind: str, number: int) -> dict[str, NDArray[Any]]:
+    """The channels of a committed file by their names."""
+    exr = pytest.importorskip("OpenEXR")
+    with exr.File(str(SCENES / name / kind / f"{number:04d}.exr")) as file:
+        return {key: channel.pixels.astype(np.float64) for key, channel in file.channels().items()}
+
+
+def read_flow(name: str, number: int, x: str, y: str, sign: int) -> NDArray[Any]:
+    """Two channels of a vector file as a displacement with y down."""
+    vectors = read_exr(name, "vectors", number)
+    return np.stack([sign * vectors[x], -sign * vectors[y]], axis=-1)
+
+
+def read_colour(name: str, number: int) -> NDArray[Any]:
+    """A committed frame as floats from 0 to 1."""
+    image = cv2.imread(str(SCENES / name / f"{number:04d}.png"), cv2.IMREAD_UNCHANGED)
+    return image.astype(np.float32) / 255
+
+
+def sample(image: NDArray[Any], flow: NDArray[Any]) -> NDArray[Any]:
+    """An image where the flow points to."""
+    y, x = np.mgrid[0 : flow.shape[0], 0 : flow.shape[1]]
+    x, y = (x + flow[..., 0]).astype(np.float32), (y + flow[..., 1]).astype(np.float32)
+    return cv2.remap(image.astype(np.float32), x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+
+
+def psnr_where(mask: NDArray[Any], first: NDArray[Any], second: NDArray[Any]) -> float:
+    """Likeness of the pixels of a mask, decibels."""
+    return -10 * math.log10(np.mean((first[mask] - second[mask]) ** 2))
+
+
+def find_seen(there: NDArray[Any], back: NDArray[Any]) -> NDArray[Any]:
+    """Pixels whose point is inside the other frame and not hidden there: the way back leads home."""
+    height, width = there.shape[:2]
+    y, x = np.mgrid[0:height, 0:width]
+    x, y = x + there[..., 0], y + there[..., 1]
+    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    return inside & (np.linalg.norm(there + sample(back, there), axis=-1) < 0.3)
+
+
+@needs_scenes
+@pytest.mark.parametrize("name", NAMES)
+def test_every_frame_has_colour_depth_and_vectors(name):
+    """A scene has 25 frames, numbered from 0000, and as many files of depth and of vectors."""
+    folder = SCENES / name
+    numbers = [f"{number:04d}" for number in range(FRAMES)]
+    for place in (folder.glob("*.png"), folder.glob("depth/*.exr"), folder.glob("vectors/*.exr")):
+        assert sorted(path.stem for path in place) == numbers
+    assert all(read_colour(name, number).shape == (HEIGHT, WIDTH, 3) for number in (0, FRAMES - 1))
+
+
+@needs_scenes
+def test_the_set_is_small():
+    """What is committed of the scenes stays below 15 MB."""
+    files = [path for kind in ("*.png", "depth/*.exr", "vectors/*.exr") for path in SCENES.glob(f"*/{kind}")]
+    assert 0 < sum(path.stat().st_size for path in files) < 15e6
+
+
+@needs_scenes
+@pytest.mark.parametrize(("name", "number"), [("reflective", 0), ("texture", MIDDLE), ("glass", FRAMES - 1)])
+def test_files_hold_what_the_formulas_say(geometry, stage, name, number):
+    """Depth is a half float, vectors are rounded to 1/64 of a pixel, and both are those of the scene."""
+    scene, around = stage.scenes[name](), (number - 1, number, number + 1)
+    depth, vectors = geometry.find_vectors(
+        [scene.camera(i) for i in around], [scene.bodies(i) for i in around], (WIDTH, HEIGHT)
+    )
+    stored = read_exr(name, "depth", number)
+    assert list(stored) == ["Z"]
+    np.testing.assert_allclose(stored["Z"], depth, rtol=2**-11)
+    channels = read_exr(name, "vectors", number)
+    assert sorted(channels) == ["W", "X", "Y", "Z"]
+    np.testing.assert_allclose(np.dstack([channels[key] for key in "XYZW"]), vectors, atol=1 / 128 + 1e-6)
+
+
+@needs_scenes
+def test_vectors_to_the_next_frame_explain_the_matt_scene():
+    """The next frame, fetched along (-Z, W), is this frame where its points are still seen; with y down it is not."""
+    there, back = read_flow("texture", MIDDLE, "Z", "W", -1), read_flow("texture", MIDDLE + 1, "X", "Y", 1)
+    seen = find_seen(there, back)
+    assert seen.mean() > 0.85
+    this, following = read_colour("texture", MIDDLE), read_colour("texture", MIDDLE + 1)
+    assert psnr_where(seen, sample(following, there), this) > 30
+    assert psnr_where(seen, sample(following, there * (1, -1)), this) < 24
+    assert psnr_where(seen, following, this) < 24
+
+
+@needs_scenes
+def test_vectors_to_the_previous_frame_explain_the_matt_scene():
+    """The previous frame, fetched along (X, -Y), is this frame wherever its points were seen."""
+    there, back = read_flow("texture", MIDDLE, "X", "Y", 1), read_flow("texture", MIDDLE - 1, "Z", "W", -1)
+    seen = find_seen(there, back)
+    assert seen.mean() > 0.85
+    this, previous = read_colour("texture", MIDDLE), read_colour("texture", MIDDLE - 1)
+    assert psnr_where(seen, sample(previous, there), this) > 30
+
+
+def test_vectors_of_a_shift(geometry):
+    """A cube that goes right and up has vectors to the left and down: they are old place minus new, with y up."""
+    camera = geometry.Camera(np.array([0.0, 0, 5]), np.zeros(3), 90)
+    box = geometry.make_box(1, 1, 1)
+    bodies = [[(box, geometry.move(0.3 * i, 0.1 * i, 0))] for i in (-1, 0, 2)]
+    depth, vectors = geometry.find_vectors([camera] * 3, bodies, (100, 60))
+    assert depth[30, 50] == pytest.approx(4)
+    assert depth[0, 0] == np.inf
+    pixels = 50 / 4  # a length of 1 at this depth
+    np.testing.assert_allclose(vectors[30, 50], np.array([-0.3, -0.1, -0.6, -0.2]) * pixels)
+    np.testing.assert_allclose(vectors[0, 0], 0, atol=1e-9)
+
+
+def test_depth_runs_along_the_viewing_axis(geometry):
+    """A wall that the camera faces is equally deep everywhere; on a floor, depth follows from the camera's height."""
+    box = geometry.make_box(50, 0.5, 50)
+    camera = geometry.Camera(np.array([0.0, 2, 0]), np.array([0.0, 2, -1]), 60)
+    wall, _ = geometry.trace(camera, [(box, geometry.move(0, 0, -9) @ geometry.turn((1, 0, 0), 90))], (40, 30))
+    np.testing.assert_allclose(wall, 8.5)
+    floor, _ = geometry.trace(camera, [(box, geometry.move(0, -0.5, 0))], (40, 30))
+    down = (np.arange(30) + 0.5 - 15) / (20 / math.tan(math.radians(30)))
+    below = down > 0.05  # nearer than the floor's end
+    expected = np.repeat(2 / down[below, None], 40, axis=1)
+    np.testing.assert_allclose(floor.reshape(30, 40)[below], expected)
+
+
+def test_solids_are_closed(geometry):
+    """All faces look outward: seen from any side, a solid is hit on its surface, between its inner and outer radius."""
+    for solid, inner in ((geometry.make_box(1, 1, 1), 1.0), (geometry.make_icosahedron(1), 0.7947)):
+        normals, distances = solid.planes
+        np.testing.assert_allclose(distances, inner, rtol=1e-3)
+        np.testing.assert_allclose(np.sum(normals, axis=0), 0, atol=1e-12)
+        for position in np.random.default_rng(1).normal(size=(20, 3)) * 9:
+            along = solid.hit(position, -position[None])[0]
+            assert inner * 0.999 <= np.linalg.norm(position * (1 - along)) <= math.sqrt(3)
+
+
+def test_spline_goes_through_its_points(geometry):
+    """The closed spline meets every point, without a kink, and begins again after the last."""
+    points = np.random.default_rng(2).normal(size=(5, 3))
+    for place in range(-3, 9):
+        np.testing.assert_allclose(geometry.follow_spline(points, place), points[place % 5], atol=1e-12)
+        before, after = (geometry.follow_spline(points, place + step) for step in (-1e-6, 1e-6))
+        slope = (points[(place + 1) % 5] - points[place % 5 - 1]) / 2
+        np.testing.assert_allclose((after - before) / 2e-6, slope, atol=1e-4)

@@ -1,0 +1,705 @@
+"""The page of `fpsboost ui`: who may use it and for what, its queue, and a conversion from start to result."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import uvicorn
+from browser import violations
+from command_line import Command
+from playwright.sync_api import Page, expect
+from starlette.testclient import TestClient
+from video_truth import scene, write_clip
+
+from fpsboost.errors import InputError, OptionError, OutputError
+from fpsboost.io.staging import MANIFEST, hidden_place
+from fpsboost.ui import jobs
+from fpsboost.ui.choices import first_choices
+from fpsboost.ui.files import MAX_ENTRIES, MAX_PICKED, Files
+from fpsboost.ui.guard import MAX_BODY
+from fpsboost.ui.jobs import MAX_JOBS, Queue
+from fpsboost.ui.server import Desk, make_app
+
+TOKEN, PORT = "the-token-of-this-run", 8517
+ADDRESS = f"http://127.0.0.1:{PORT}"
+HEADERS = {"x-fpsboost-token": TOKEN, "origin": ADDRESS}
+POSTS = ("/folder", "/pick", "/probe", "/check", "/look", "/add", "/change")
+GETS = ("/", "/jobs", "/result/1")
+
+STOPPED_AT_TEN = """
+import json, signal, sys
+def stop(*_):
+    print("Stopped; 10 of 20 frames are finished, and --resume goes on from there.", file=sys.stderr)
+    sys.exit(130)
+signal.signal(signal.SIGTERM, stop)
+print(json.dumps({"frame": 10, "frames": 20, "fps": 5.0, "stage": "converting"}), file=sys.stderr, flush=True)
+signal.pause()
+"""
+"""A conversion that has made ten frames and waits to be stopped."""
+
+
+@pytest.fixture
+def films(tmp_path: Path) -> Path:
+    """A folder with one clip of ten frames, in a folder with another clip."""
+    folder = tmp_path / "films"
+    folder.mkdir()
+    for path in (folder / "clip.mp4", tmp_path / "secret.mp4"):
+        write_clip(path)
+    return folder.resolve()
+
+
+@pytest.fixture
+def desk(films: Path, tmp_path: Path) -> Iterator[Desk]:
+    """What the page works with, allowed nothing but that folder."""
+    queue = Queue(tmp_path / "state" / "queue.json")
+    with closing(queue):
+        yield Desk(Files(films), queue, films, TOKEN, PORT)
+
+
+@pytest.fixture
+def client(desk: Desk) -> TestClient:
+    return TestClient(make_app(desk), base_url=ADDRESS, headers=HEADERS)
+
+
+def notice(client: TestClient, path: str, data: Any) -> str:
+    """The sentence with which a request is refused."""
+    answer = client.post(path, json=data)
+    assert answer.status_code == 400, answer.text
+    return str(answer.json()["notice"])
+
+
+def form(client: TestClient, films: Path, **changes: Any) -> dict[str, Any]:
+    """What the page sends of the clip, which is picked."""
+    picked = client.post("/pick", json={"path": str(films / "clip.mp4")}).json()
+    return {**picked["choices"], "method": "nearest", **changes}
+
+
+def until(queue: Queue, state: str, frame: int = 0) -> dict[str, Any]:
+    """The only job, as soon as it is in a state and has made so many frames."""
+    with queue._changed:
+        assert queue._changed.wait_for(
+            lambda: any(job["state"] == state and job["frame"] >= frame for job in queue.listing()), 60
+        ), queue.listing()
+        return queue.listing()[0]
+
+
+# ---------------------------------------------------------------- who may use it
+
+
+@pytest.mark.parametrize("path", [*POSTS, *GETS])
+@pytest.mark.parametrize("token", [None, "another", TOKEN[:-1]])
+def test_token_is_needed(desk: Desk, path: str, token: str | None) -> None:
+    """Every request needs the token of this run, in a header or in the address."""
+    client = TestClient(make_app(desk), base_url=ADDRESS, headers={"origin": ADDRESS})
+    method = "POST" if path in POSTS else "GET"
+    answer = client.request(method, path, params={} if token is None else {"token": token})
+    assert answer.status_code == 403
+    assert answer.json()["notice"].startswith("The token is not that of this run")
+
+
+@pytest.mark.parametrize(
+    "host", ["example.com", f"example.com:{PORT}", "127.0.0.1", "127.0.0.1:1", f"0.0.0.0:{PORT}", ""]
+)
+def test_no_other_name_leads_here(client: TestClient, host: str) -> None:
+    """Requests under another name than this machine's own are refused, even with the token."""
+    assert client.get("/", headers={"host": host}).status_code == 403
+
+
+@pytest.mark.parametrize("path", POSTS)
+@pytest.mark.parametrize(
+    "origin", ["http://example.com", "null", f"https://127.0.0.1:{PORT}", "http://127.0.0.1:1", ""]
+)
+def test_no_other_page_asks_for_anything(client: TestClient, path: str, origin: str) -> None:
+    """What changes or reads anything must come from the page itself, even with the token."""
+    answer = client.post(path, json={}, headers={"origin": origin})
+    assert answer.status_code == 403
+    assert answer.json()["notice"].startswith("Another page has sent this")
+
+
+def test_page_is_kept_by_nobody_and_runs_its_own_script_alone(client: TestClient) -> None:
+    """The page and answers are not stored, the address goes nowhere, and only the script with the nonce runs."""
+    page = client.get("/", params={"token": TOKEN})
+    policy = page.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "frame-ancestors 'none'" in policy
+    script = next(part for part in policy.split(";") if part.strip().startswith("script-src"))
+    (nonce,) = set(re.findall(r' nonce="(.*?)"', page.text))
+    assert script.split()[1:] == [f"'nonce-{nonce}'"]
+    assert client.get("/").headers["content-security-policy"] != policy
+    for answer in (page, client.get("/jobs"), client.get("/nowhere"), client.get("/", headers={"host": "x"})):
+        assert answer.headers["cache-control"] == "no-store"
+        assert answer.headers["referrer-policy"] == "no-referrer"
+        assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_body_has_a_limit(client: TestClient) -> None:
+    """A request that is too large is refused, also one that does not say its size."""
+    for body in (b"x" * (MAX_BODY + 1), iter([b"x" * MAX_BODY, b"x"])):
+        answer = client.post("/folder", content=body)
+        assert answer.json() == {"notice": f"The page has sent more than {MAX_BODY} bytes; load it anew."}
+
+
+# ---------------------------------------------------------------- what it may read and write
+
+
+def test_folder_lists_folders_and_clips(films: Path) -> None:
+    """Folders come first, then clips with their sizes; images are counted; hidden and other files are left out."""
+    (films / "b").mkdir()
+    for name in (".hidden.mp4", "notes.txt", "A.MKV", "1.png", "2.exr"):
+        (films / name).write_bytes(b"123")
+    found = Files(films).listing(str(films))
+    assert [(each["name"], each["kind"]) for each in found["entries"]] == [
+        ("b", "folder"),
+        ("A.MKV", "clip"),
+        ("clip.mp4", "clip"),
+    ]
+    assert (found["images"], found["left_out"], found["entries"][1]["size"]) == (2, 0, 3)
+    assert [each["path"] for each in found["above"]] == [str(films)]
+    assert [each["path"] for each in Files().listing(str(films))["above"]] == [
+        str(each) for each in (*reversed(films.parents), films)
+    ]
+
+
+def test_long_folders_are_cut(films: Path) -> None:
+    """No more than a page can show is listed, and the rest is counted."""
+    for number in range(MAX_ENTRIES + 2):
+        (films / f"{number}.mp4").touch()
+    found = Files().listing(str(films))
+    assert (len(found["entries"]), found["left_out"]) == (MAX_ENTRIES, 3)
+
+
+@pytest.mark.parametrize(
+    "path", ["..", "../secret.mp4", "link", "link/secret.mp4", "/", "~", "loop", "a\0b", "x" * 5000]
+)
+def test_nothing_outside_of_the_root(client: TestClient, films: Path, path: str) -> None:
+    """No path leads out of the folder that was given, whether up, by a link, or absolute; others are no crash."""
+    (films / "link").symlink_to(films.parent)
+    (films / "loop").symlink_to(films / "loop")
+    given = path if path in ("/", "~") else str(films / path)
+    for door in ("/folder", "/pick"):
+        said = notice(client, door, {"path": given})
+        assert f"lies outside of {films}" in said or path not in (
+            "..",
+            "../secret.mp4",
+            "link",
+            "link/secret.mp4",
+            "/",
+            "~",
+        )
+
+
+def test_only_what_was_picked_is_read(client: TestClient, films: Path) -> None:
+    """A clip that was not picked is neither probed nor shown nor converted."""
+    choices = asdict(first_choices(str(films / "clip.mp4")))
+    expected = f"{films / 'clip.mp4'} was not picked on this page; pick it first."
+    assert notice(client, "/probe", {"path": str(films / "clip.mp4")}) == expected
+    assert notice(client, "/check", choices) == expected
+    assert notice(client, "/add", choices) == expected
+    assert notice(client, "/look", {"choices": choices, "time": 0}) == expected
+
+
+def test_picked_file_that_became_a_link(client: TestClient, films: Path) -> None:
+    """What was picked is not read if it has become a link to somewhere else."""
+    choices = form(client, films)
+    (films / "clip.mp4").unlink()
+    (films / "clip.mp4").symlink_to(films.parent / "secret.mp4")
+    assert "lies outside of" in notice(client, "/check", choices)
+
+
+def test_picks_have_a_limit(films: Path) -> None:
+    """No more clips than the limit are picked; those that were, again."""
+    files = Files(films)
+    for number in range(MAX_PICKED):
+        (films / f"{number}.mp4").touch()
+        files.pick(str(films / f"{number}.mp4"))
+    files.pick(str(films / "0.mp4"))
+    with pytest.raises(InputError, match="start fpsboost ui anew"):
+        files.pick(str(films / "clip.mp4"))
+
+
+@pytest.mark.parametrize("name", ["../out.mp4", "a/b.mp4", "..", "../", ".", "", "a\\b.mp4", "/out.mp4", "a\0.mp4"])
+def test_output_is_a_name_in_its_folder(client: TestClient, films: Path, name: str) -> None:
+    """The name of an output leads nowhere else."""
+    assert notice(client, "/check", form(client, films, name=name)).startswith(f"{name!r} is no name of a file")
+
+
+def test_output_is_no_link(client: TestClient, films: Path) -> None:
+    """Nothing is written through a link, not even if it may be replaced."""
+    (films / "out.mp4").symlink_to(films.parent / "secret.mp4")
+    said = notice(client, "/add", form(client, films, name="out.mp4", overwrite=True))
+    assert said == f"{films / 'out.mp4'} is a link to another place; choose another name."
+
+
+def test_output_folder_lies_inside(client: TestClient, films: Path) -> None:
+    """The folder of an output lies in the root as well."""
+    assert "lies outside of" in notice(client, "/check", form(client, films, folder=str(films.parent)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "arguments"),
+    [
+        ({"rate": "fps", "value": "0"}, ["--fps", "0"]),
+        ({"rate": "factor", "value": "two"}, ["--factor", "two"]),
+        ({"rate": "slow", "value": "0"}, ["--factor", "0", "--slow-motion"]),
+        ({"method": "magic"}, ["--method", "magic"]),
+        ({"start": "soon"}, ["--start", "soon"]),
+        ({"start": "2", "end": "1"}, ["--start", "2", "--end", "1"]),
+        ({"codec": "h265", "quality": "lossless"}, ["--codec", "h265", "--lossless"]),
+        ({"name": "out.webm", "codec": "h264"}, ["--codec", "h264"]),
+        ({"name": "out.avi"}, []),
+        ({"name": "out.png"}, []),
+        ({"name": "clip.mp4"}, []),
+        ({"input_fps": "24"}, ["--input-fps", "24"]),
+    ],
+)
+def test_page_and_command_line_say_the_same(
+    client: TestClient, films: Path, fpsboost_: Command, changes: dict[str, Any], arguments: list[str]
+) -> None:
+    """What is wrong with a form is said in the words of the command line."""
+    choices = form(client, films, name="out.mp4") | changes
+    if "method" not in changes:
+        arguments = ["--method", "nearest", *arguments]
+    expected = fpsboost_(str(films / "clip.mp4"), str(films / choices["name"]), *arguments)
+    assert expected.code != 0
+    assert f"fpsboost: {notice(client, '/check', choices)}\n" == expected.err
+
+
+@pytest.mark.parametrize("path", ["broken.mp4", "missing.mp4", "empty"])
+def test_bad_clips_are_said_as_on_the_command_line(
+    client: TestClient, films: Path, fpsboost_: Command, path: str
+) -> None:
+    """So is what is wrong with a clip."""
+    (films / "broken.mp4").write_bytes(b"no video" * 100)
+    (films / "empty").mkdir()
+    expected = fpsboost_("probe", str(films / path))
+    assert f"fpsboost: {notice(client, '/pick', {'path': str(films / path)})}\n" == expected.err
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/folder", b"{"),
+        ("/pick", b"[]"),
+        ("/pick", b'{"path": 3}'),
+        ("/check", b"null"),
+        ("/check", b'{"input": 1}'),
+        ("/add", b'{"input": "a", "unknown": "b"}'),
+        ("/look", b'{"choices": {}, "time": "now"}'),
+        ("/change", b'{"number": true, "action": "pause"}'),
+        ("/change", b'{"number": 1, "action": "explode"}'),
+        ("/change", b'{"number": 1, "action": "pause"}'),
+    ],
+)
+def test_nonsense_is_answered_with_a_sentence(client: TestClient, path: str, body: bytes) -> None:
+    """A request that no page would send ends with a sentence and not with an error of the server."""
+    answer = client.post(path, content=body)
+    assert answer.status_code == 400
+    assert answer.json()["notice"].endswith(".")
+
+
+@pytest.mark.parametrize("time", [-1, float("nan"), 1e30, True, "1"])
+def test_times_are_checked(client: TestClient, films: Path, time: Any) -> None:
+    """A place in a clip is a number of seconds."""
+    body = json.dumps({"choices": form(client, films), "time": time})
+    answer = client.post("/look", content=body)
+    assert answer.json() == {"notice": "The page has sent no valid time; load it anew."}
+
+
+# ---------------------------------------------------------------- what it says and shows
+
+
+def test_form_says_what_comes_out(client: TestClient, films: Path) -> None:
+    """The frames, the rate, the length and the command line of a conversion, before it is done."""
+    changes = {"rate": "slow", "value": "4", "start": "2f", "codec": "hevc", "quality": "smaller", "name": "it's.mkv"}
+    found = client.post("/check", json=form(client, films, **changes)).json()
+    assert found.pop("command") == (
+        f"fpsboost {films}/clip.mp4 '{films}/it'\"'\"'s.mkv' --factor 4 --slow-motion --method nearest --start 2f "
+        "--codec hevc --crf 26"
+    )
+    assert (found["frames"], found["rate"], found["remarks"]) == (32, 25.0, [])
+
+
+def test_images_become_images(client: TestClient, films: Path, save_images: Callable[..., Any]) -> None:
+    """A folder of images is picked, and by default becomes one; as a video it needs a rate."""
+    save_images(films / "shot")
+    found = client.post("/pick", json={"path": str(films / "shot")}).json()
+    assert (found["is_images"], found["choices"]["name"]) == (True, "shot-2x/")
+    assert client.post("/check", json=found["choices"]).json()["frames"] == 9
+    as_video = {**found["choices"], "name": "shot.mp4"}
+    assert "--input-fps" in notice(client, "/check", as_video)
+    assert client.post("/check", json={**as_video, "input_fps": "24"}).json()["rate"] == 48
+
+
+def test_probe_says_what_the_command_says(client: TestClient, films: Path) -> None:
+    """The clip is read to its end, in a process of its own."""
+    form(client, films)
+    found = client.post("/probe", json={"path": str(films / "clip.mp4")}).json()
+    assert found["facts"]["frames"] == "10"
+    assert found["streams"][0].startswith("video: h264")
+
+
+def test_length_that_no_header_says_is_known_after_probing(client: TestClient, films: Path) -> None:
+    """Of Matroska and cut-off files, the page learns only by reading how far its slider reaches."""
+    write_clip(films / "clip.mkv")
+    assert client.post("/pick", json={"path": str(films / "clip.mkv")}).json()["last"] is None
+    found = client.post("/probe", json={"path": str(films / "clip.mkv")}).json()
+    assert found["last"] == pytest.approx(client.post("/pick", json={"path": str(films / "clip.mp4")}).json()["last"])
+
+
+def test_next_probe_stops_the_last(desk: Desk, films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clip that takes long to read is dropped when another one is picked."""
+    real, begun = jobs.start_process, Event()
+
+    def start(words: list[str], stdout: int) -> subprocess.Popen[str]:
+        if begun.is_set():
+            return real(words, stdout)
+        waits = [sys.executable, "-c", "import signal; signal.pause()"]
+        process = subprocess.Popen(waits, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8")
+        begun.set()
+        return process
+
+    monkeypatch.setattr("fpsboost.ui.clip.start_process", start)
+    ends: list[str] = []
+
+    def first() -> None:
+        with pytest.raises(InputError, match="was not read to its end"):
+            desk.prober.probe("first.mp4")
+        ends.append("first")
+
+    thread = Thread(target=first)
+    thread.start()
+    assert begun.wait(60)
+    assert desk.prober.probe(str(films / "clip.mp4"))["facts"]["frames"] == "10"
+    thread.join()
+    assert ends == ["first"]
+
+
+def picture(uri: str) -> Any:
+    data = np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8)
+    return cv2.imdecode(data, cv2.IMREAD_COLOR)
+
+
+def test_look_shows_the_frame_between(client: TestClient, films: Path) -> None:
+    """Blending is the mean of the two frames around the time, and the method's own frame stands beside it."""
+    found = client.post("/look", json={"choices": form(client, films), "time": 0.1}).json()
+    blended, made = map(picture, found["images"])
+    frames = [scene(number).astype(float) for number in (2, 3)]
+    assert np.abs(blended - sum(frames) / 2).mean() < 4
+    assert min(np.abs(made - each).mean() for each in frames) < 4
+    assert (found["between"], found["is_cut"]) == ("between 0:00.080 and 0:00.120", False)
+
+
+@pytest.mark.parametrize("time", [0, 0.36, 99])
+def test_look_at_the_ends(client: TestClient, films: Path, time: float) -> None:
+    """The first pair is shown as well, and the last one behind it."""
+    found = client.post("/look", json={"choices": form(client, films), "time": time}).json()
+    assert found["between"] == ("between 0:00.320 and 0:00.360" if time else "between 0:00.000 and 0:00.040")
+
+
+# ---------------------------------------------------------------- the queue
+
+
+def test_job_becomes_a_file_that_plays(client: TestClient, desk: Desk, films: Path) -> None:
+    """A conversion runs to its end, and the page gets its result in parts as a player asks for them."""
+    number = client.post("/add", json=form(client, films)).json()["number"]
+    assert client.get(f"/result/{number}").status_code in (200, 400)
+    job = until(desk.queue, "done")
+    assert (job["frame"], job["frames"], job["message"]) == (20, 20, "")
+    part = client.get(f"/result/{number}", headers={"range": "bytes=0-99"})
+    assert (part.status_code, part.content) == (206, (films / "clip-2x.mp4").read_bytes()[:100])
+    assert client.post("/change", json={"number": number, "action": "remove"}).status_code == 200
+    assert (films / "clip-2x.mp4").is_file()
+    assert client.get("/jobs").json() == []
+
+
+def test_result_is_the_file_that_was_written(client: TestClient, desk: Desk, films: Path) -> None:
+    """Nothing else is sent in its place."""
+    number = client.post("/add", json=form(client, films)).json()["number"]
+    until(desk.queue, "done")
+    (films / "clip-2x.mp4").unlink()
+    assert client.get(f"/result/{number}").status_code == 400
+    (films / "clip-2x.mp4").symlink_to(films / "clip.mp4")
+    assert client.get(f"/result/{number}").json() == {
+        "notice": f"{films / 'clip-2x.mp4'} is no longer the file that was written."
+    }
+
+
+def test_failure_is_said_in_a_sentence(client: TestClient, desk: Desk, films: Path) -> None:
+    """A conversion that fails says why, as on the command line, and can be tried again."""
+    choices = form(client, films)
+    data = (films / "clip.mp4").read_bytes()
+    (films / "clip.mp4").write_bytes(b"damaged meanwhile")
+    desk.queue.add(["fpsboost", choices["input"], str(films / "out.mp4")], str(films / "out.mp4"))
+    assert str(films / "clip.mp4") in until(desk.queue, "failed")["message"]
+    (films / "clip.mp4").write_bytes(data)
+    desk.queue._jobs[1].words += ["--method", "nearest"]
+    desk.queue.resume(1)
+    until(desk.queue, "done")
+
+
+@pytest.fixture
+def waiting_process(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Every first run stops at ten frames; the arguments of all runs."""
+    real, runs = jobs.start_process, list[list[str]]()
+
+    def start(words: list[str]) -> subprocess.Popen[str]:
+        runs.append(words)
+        if "--resume" in words:
+            return real(words)
+        place = hidden_place(Path(words[1]).parent, Path(words[1]).name)
+        place.mkdir()
+        (place / MANIFEST).write_text("{}")
+        (place / "chunk").touch()
+        return subprocess.Popen([sys.executable, "-c", STOPPED_AT_TEN], stderr=subprocess.PIPE, encoding="utf-8")
+
+    monkeypatch.setattr(jobs, "start_process", start)
+    return runs
+
+
+def test_cancelling_leaves_nothing(
+    client: TestClient, desk: Desk, films: Path, waiting_process: list[list[str]]
+) -> None:
+    """A conversion that is cancelled while it runs, or paused, leaves no unfinished output."""
+    before = sorted(os.listdir(films))
+    for is_paused_first in (False, True):
+        number = client.post("/add", json=form(client, films)).json()["number"]
+        until(desk.queue, "running", 10)
+        assert len(os.listdir(films)) == len(before) + 1
+        if is_paused_first:
+            desk.queue.pause(number)
+            assert until(desk.queue, "paused")["message"].startswith("Stopped; 10 of 20")
+        assert client.post("/change", json={"number": number, "action": "remove"}).status_code == 200
+        assert sorted(os.listdir(films)) == before
+        assert desk.queue.listing() == []
+
+
+@pytest.mark.usefixtures("waiting_process")
+def test_jobs_wait_for_the_one_before(client: TestClient, desk: Desk, films: Path) -> None:
+    """One conversion runs at a time; one that waits is paused and cancelled like the one that runs."""
+    for name in ("a.mp4", "b.mp4"):
+        client.post("/add", json=form(client, films, name=name))
+    until(desk.queue, "running", 10)
+    assert [job["state"] for job in desk.queue.listing()] == ["running", "waiting"]
+    desk.queue.pause(2)
+    assert [job["state"] for job in desk.queue.listing()] == ["running", "paused"]
+    desk.queue.remove(2)
+    assert [job["number"] for job in desk.queue.listing()] == [1]
+    taken = notice(client, "/add", form(client, films, name="a.mp4"))
+    assert taken == f"Another job in the queue writes {films / 'a.mp4'}; choose another name."
+
+
+@pytest.mark.usefixtures("waiting_process")
+def test_queue_has_a_limit(desk: Desk, tmp_path: Path) -> None:
+    """No more jobs than the limit are taken."""
+    outputs = [str(tmp_path / f"{number}.mp4") for number in range(MAX_JOBS + 1)]
+    for output in outputs[1:]:
+        desk.queue.add(["fpsboost", "in.mp4", output], output)
+    with pytest.raises(OptionError, match="remove some first"):
+        desk.queue.add(["fpsboost", "in.mp4", outputs[0]], outputs[0])
+
+
+def test_queue_outlives_the_server(tmp_path: Path, films: Path, waiting_process: list[list[str]]) -> None:
+    """What ran or waited is paused after the next start, and goes on with the same words and --resume."""
+    state, output = tmp_path / "queue.json", str(films / "out.mp4")
+    words = ["fpsboost", str(films / "clip.mp4"), output, "--method", "nearest"]
+    with closing(Queue(state)) as queue:
+        queue.add(words, output)
+        queue.add([*words[:2], "another.mp4"], "another.mp4")
+        until(queue, "running", 10)
+    shutil.rmtree(hidden_place(films, "out.mp4"))  # which was none of a real run
+    with closing(Queue(state)) as queue:
+        assert [job["state"] for job in queue.listing()] == ["paused", "paused"]
+        queue.resume(1)
+        until(queue, "done")
+    assert waiting_process[-1] == [*words[1:], "--resume", "--progress", "json"]
+    assert (films / "out.mp4").is_file()
+
+
+def test_animation_begins_anew(tmp_path: Path) -> None:
+    """A kind of output that cannot be resumed is not asked to be."""
+    assert "--resume" not in jobs.Job(1, ["fpsboost", "in", "out.gif"], "out.gif", frame=5).arguments
+    assert "--resume" in jobs.Job(1, ["fpsboost", "in", "out.mp4"], "out.mp4", frame=5).arguments
+    assert "--resume" not in jobs.Job(1, ["fpsboost", "in", "out.mp4"], "out.mp4").arguments
+
+
+@pytest.mark.parametrize("content", ["{", '{"a": 1}', '[{"number": 1}]', "3"])
+def test_broken_queue_is_said(tmp_path: Path, content: str) -> None:
+    """A file that is no queue is left as it is, and named."""
+    (tmp_path / "queue.json").write_text(content)
+    with pytest.raises(OutputError, match=r"queue\.json is no queue"):
+        Queue(tmp_path / "queue.json")
+    assert (tmp_path / "queue.json").read_text() == content
+
+
+# ---------------------------------------------------------------- the command
+
+
+def test_command_prints_the_address_and_ends(tmp_path: Path) -> None:
+    """`fpsboost ui` prints an address that answers, on this machine alone, and ends when it is told to."""
+    words = [sys.executable, "-m", "fpsboost", "ui", str(tmp_path), "--no-browser", "--port", "0"]
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as ui:
+        assert ui.stdout is not None
+        address = ui.stdout.readline().removeprefix("The page: ").strip()
+        host, port = address.removeprefix("http://").partition("/")[0].split(":")
+        assert host == "127.0.0.1"
+        with socket.create_connection((host, int(port))) as asked:
+            asked.sendall(f"GET /?{address.partition('?')[2]} HTTP/1.0\r\nHost: {host}:{port}\r\n\r\n".encode())
+            assert asked.recv(100).startswith(b"HTTP/1.1 200")
+        ui.terminate()
+        out, err = ui.communicate()
+    assert (out.splitlines()[-1], err, ui.returncode) == ("Stopped.", "", 0)
+
+
+def test_port_in_use_is_said(fpsboost_: Command, tmp_path: Path) -> None:
+    """A second server on the same port, and a folder that is none, end with a sentence."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        result = fpsboost_("ui", str(tmp_path), "--port", str(port), "--no-browser")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert f"--port {port} cannot be used" in result.err
+    (tmp_path / "file").touch()
+    assert fpsboost_("ui", str(tmp_path / "file")).err.endswith("is no folder; name one, or leave it out.\n")
+
+
+def test_missing_packages_are_said(fpsboost_: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the packages of the extra, the command says what to install."""
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    result = fpsboost_("ui")
+    assert (result.code, "pip install 'fpsboost[ui]'" in result.err) == (2, True)
+
+
+# ---------------------------------------------------------------- in a browser
+
+
+@contextmanager
+def serving(films: Path, state: Path) -> Iterator[str]:
+    """A server on a free port while the block lasts; its address."""
+    with socket.socket() as bound, closing(Queue(state)) as queue:
+        bound.bind(("127.0.0.1", 0))
+        port = bound.getsockname()[1]
+        app = make_app(Desk(Files(films), queue, films, TOKEN, port))
+        server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=1))
+        thread = Thread(target=asyncio.run, args=[server.serve(sockets=[bound])])
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{port}/?token={TOKEN}"
+        finally:
+            server.should_exit = True
+            thread.join()
+
+
+@contextmanager
+def opened(chromium: Any, address: str, **options: Any) -> Iterator[Page]:
+    """The page, which must not complain while the block lasts."""
+    page = chromium.new_page(**options)
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+    page.goto(address)
+    yield page
+    page.close()
+    assert complaints == []
+
+
+@pytest.mark.parametrize(("width", "height", "scheme"), [(1200, 900, "light"), (390, 844, "dark")])
+def test_from_start_to_result(chromium: Any, films: Path, tmp_path: Path, width: int, height: int, scheme: str) -> None:
+    """A clip is chosen, looked at and converted, and the result plays; nothing is in the way of anybody on the way."""
+    (films / "holiday").mkdir()
+    with serving(films, tmp_path / "queue.json") as address:
+        # axe is a script of its own, which the page would not run
+        view = {"width": width, "height": height}
+        with opened(chromium, address, viewport=view, color_scheme=scheme, bypass_csp=True) as page:
+            page.get_by_role("button", name="holiday").wait_for()
+            assert violations(page) == []
+            page.get_by_role("button", name="clip.mp4").click()
+            page.get_by_text("In the middle between").wait_for()
+            page.get_by_text("20 frames, at 50 a second").wait_for()
+            page.locator("#facts").get_by_text("constant").wait_for()
+            page.get_by_label("Mix neighbours").check()
+            expect(page.locator("#picture .tag.right")).to_have_text("blend")
+            assert page.evaluate("document.documentElement.scrollWidth") == width
+            assert violations(page) == []
+            page.get_by_role("button", name="Convert").click()
+            expect(page.locator("#jobs .state")).to_have_text("20 of 20 frames")
+            page.locator("#jobs video").evaluate("video => video.play()")
+            assert violations(page) == []
+    assert (films / "clip-2x.mp4").is_file()
+
+
+def test_page_says_what_is_wrong(chromium: Any, films: Path, tmp_path: Path) -> None:
+    """A path and a value that are wrong are answered beside them, and the page can go on."""
+    with serving(films, tmp_path / "queue.json") as address:
+        page = chromium.new_page()
+        page.goto(address)
+        page.get_by_role("button", name="clip.mp4").wait_for()
+        page.locator("#path").fill(str(films / "nothing.mp4"))
+        page.locator("#path").press("Enter")
+        page.locator("#choose .notice").get_by_text("nothing.mp4").wait_for()
+        page.locator("#path").fill(str(films / "clip.mp4"))
+        page.locator("#path").press("Enter")
+        page.get_by_label("A second…").check()
+        page.locator("[name=value]").fill("many")
+        page.locator("#form .notice").get_by_text("--fps").wait_for()
+        expect(page.locator("#start")).to_be_disabled()
+        page.locator("[name=value]").fill("30")
+        page.get_by_text("12 frames, at 30 a second").wait_for()
+        assert page.locator("[name=name]").input_value() == "clip-30fps.mp4"
+        page.locator("[name=name]").fill("mine.mkv")
+        page.get_by_label("Four times").check()
+        page.get_by_text("40 frames, at 100 a second").wait_for()
+        assert page.locator("[name=name]").input_value() == "mine.mkv"
+        page.locator("#at").fill("99:99")
+        page.locator("#at").press("Enter")
+        page.close()
+
+
+def test_place_is_typed_until_the_length_is_known(chromium: Any, films: Path, tmp_path: Path) -> None:
+    """Without a length there is no slider, a place that is typed is shown, and reading brings the slider."""
+    write_clip(films / "clip.mkv")
+    with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
+        page.get_by_role("button", name="clip.mkv").click()
+        page.get_by_text("In the middle between 0:00.000").wait_for()
+        assert not page.locator("#time").is_visible()
+        page.locator("#at").fill("0:00.2")
+        page.locator("#at").press("Enter")
+        page.get_by_text("In the middle between 0:00.200").wait_for()
+        page.get_by_role("button", name="Read it to its end").click()
+        page.locator("#time").wait_for()
+        assert float(page.locator("#time").get_attribute("max") or 0) == pytest.approx(0.36)
+
+
+@pytest.mark.usefixtures("waiting_process")
+def test_conversion_goes_on_after_a_restart(chromium: Any, films: Path, tmp_path: Path) -> None:
+    """A conversion is paused, the server stopped and started again, and the conversion continued to its end."""
+    with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
+        page.get_by_role("button", name="clip.mp4").click()
+        page.get_by_label("Repeat frames").check()
+        page.locator("#command").get_by_text("nearest").wait_for(state="attached")
+        page.get_by_role("button", name="Convert").click()
+        page.get_by_text("10 of 20 frames, 5.0 a second, 2 s left").wait_for()
+        page.get_by_role("button", name="Pause").click()
+        page.get_by_text("Stopped; 10 of 20 frames are finished").wait_for()
+    shutil.rmtree(hidden_place(films, "clip-2x.mp4"))  # which was none of a real run
+    with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
+        page.get_by_role("button", name="Continue").click()
+        expect(page.locator("#jobs .state")).to_have_text("20 of 20 frames")
+        page.locator("#jobs video").wait_for()
