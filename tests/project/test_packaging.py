@@ -12,11 +12,11 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
-def files_of(kind: str) -> set[str]:
-    """The paths of everything that a distribution takes from here."""
+def files_of(kind: str, root: Path = ROOT) -> set[str]:
+    """The paths of everything that a distribution takes from a folder."""
     builders = pytest.importorskip(f"hatchling.builders.{kind}")
     builder = {"wheel": "WheelBuilder", "sdist": "SdistBuilder"}[kind]
-    included = getattr(builders, builder)(str(ROOT)).recurse_included_files()
+    included = getattr(builders, builder)(str(root)).recurse_included_files()
     return {Path(file.distribution_path).as_posix() for file in included}
 
 
@@ -34,6 +34,15 @@ def test_the_source_distribution_leaves_the_rendered_scenes_out():
     assert files >= wanted | {"integrations/blender/blender_manifest.toml"}
     assert not [path for path in files if path.startswith("samples/scenes/")]
     assert sum((ROOT / path).stat().st_size for path in files) < 8e6
+
+
+def test_the_source_distribution_takes_nothing_else_that_lies_in_the_folder(tmp_path):
+    """An environment, whatever its name is, and a clip that somebody tried are left out."""
+    wanted = {"LICENSE", "README.md", "pyproject.toml", "fpsboost/version.py"}
+    for path in (*wanted, "venv/lib/fpsboost/version.py", "env311/pyvenv.cfg", "my clip.mp4"):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_bytes((ROOT / path).read_bytes() if path in wanted else b"")
+    assert files_of("sdist", tmp_path) == wanted
 
 
 def test_the_licence_is_one_everywhere():
