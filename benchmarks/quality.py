@@ -46,7 +46,7 @@ from scoring import (
 )
 
 from fpsboost.errors import FpsboostError, InputError, OptionError
-from fpsboost.evaluation.further_metrics import choose_metrics, figures_of
+from fpsboost.evaluation.further_metrics import choose_metrics
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.metrics import absolute_error, means
 from fpsboost.frame import Image
@@ -152,7 +152,7 @@ def _labelled(name: str, image: Image) -> NDArray[Any]:
 
 def score_table(title: str, scores: Scores, metrics: Sequence[str]) -> Table:
     """Return a table of PSNR, SSIM, MAE, CPU time and further metrics by method."""
-    further = [figure.title for figure in figures_of(metrics)]
+    further = [further_metrics[name].title for name in metrics]
     table = Table("method", "PSNR, dB", "SSIM", "MAE", "CPU, ms", *further, title=title)
     for name, row in scores.items():
         table.add_row(name, *cells(row, metrics))

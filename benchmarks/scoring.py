@@ -16,7 +16,8 @@ from rich.console import Console
 
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
-from fpsboost.evaluation.further_metrics import Meters, figures_of, summarise
+from fpsboost.evaluation.further_metrics import Meters, summarise
+from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.hiding import Hiding, Interval
 from fpsboost.evaluation.making import InterpolatorMaker
 from fpsboost.evaluation.metrics import low_percentile, mean, means, score
@@ -208,12 +209,12 @@ def measure_further(clip: Clip, made: Made, metrics: Sequence[str]) -> Figures:
     """Return figures of further metrics over the frames that count, by name."""
     meters = Meters(metrics, clip.rate)
     for hidden, image in zip(meters.passing(iter(clip.intervals)), made.images, strict=True):
-        meters.made(hidden.truth, image)
+        meters.add(hidden.truth, image)
     measured = meters.values(len(clip.hidden))
     return summarise(metrics, [measured[index] for index in clip.scored])
 
 
 def cells(row: Mapping[str, float], metrics: Sequence[str] = ()) -> list[str]:
     """PSNR, SSIM, MAE, CPU milliseconds and further metrics as a table shows them."""
-    further = [f"{row[figure.name]:.{figure.digits}f}" for figure in figures_of(metrics)]
+    further = [f"{row[name]:.{further_metrics[name].digits}f}" for name in metrics]
     return [f"{row['psnr']:.2f}", f"{row['ssim']:.4f}", f"{row['mae']:.3f}", f"{row['cpu_ms']:.0f}", *further]

@@ -265,17 +265,15 @@ def table_of_means(comparisons: Sequence[Comparison]) -> Table:
 
 def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Table:
     """Return the table of further metrics, methods in the order of the overall figures."""
-    from fpsboost.evaluation.further_metrics import figures_of  # noqa: PLC0415
+    from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
     from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
 
-    figures = figures_of(comparison.metrics)
     table = Table(Column("method", overflow="fold"), title="further metrics")
-    for figure in figures:
-        table.add_column(figure.title, justify="right")
+    for name in comparison.metrics:
+        table.add_column(metrics[name].title, justify="right")
     for method in ranked:
-        values = comparison.further(method)
-        pairs = [(figure.digits, values[figure.name]) for figure in figures]
-        cells = ["-" if math.isnan(value) else f"{value:.{digits}f}" for digits, value in pairs]
+        values = comparison.further(method).items()
+        cells = ["-" if math.isnan(value) else f"{value:.{metrics[name].digits}f}" for name, value in values]
         table.add_row("\n".join(map(shown, break_name(method.name))), *cells)
     return table
 

@@ -238,8 +238,8 @@ class ResultOptions:
     metrics: tuple[str, ...] = option(
         (),
         "Measured beside PSNR (and P5, its 5th percentile), SSIM,\n"
-        "MAE and MSE, with commas between: dtssd, tof, flip,\n"
-        "xpsnr, vmaf, grid; see docs/comparison.md.",
+        "MAE and MSE, with commas between: flip, xpsnr, vmaf;\n"
+        "see docs/comparison.md.",
         metavar="NAMES",
     )
     report: str | None = option(None, "A new folder for the page, index.html.", metavar="DIR")

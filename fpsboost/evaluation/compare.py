@@ -324,7 +324,7 @@ def _scored(
     made: Iterator[Made], truths: Iterator[Interval], overview: _Overview, observer: Observer, meters: Meters
 ) -> Iterator[FrameResult]:
     for index, (frame, truth) in enumerate(zip(made, meters.passing(truths), strict=True)):
-        meters.made(truth.truth, frame.image)
+        meters.add(truth.truth, frame.image)
         error = absolute_error(truth.truth, frame.image)
         areas = dict(zip(AREAS, overview.areas.of(index), strict=True))
         yield FrameResult(

@@ -22,20 +22,20 @@ from fpsboost.frame import Image, has_alpha
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 
 HIGHEST = 120.0
-"""Equal frames have this XPSNR, dB, as they have this PSNR, and not infinity, which has no mean."""
+"""XPSNR of equal frames, dB, the same as their PSNR; infinity would have no mean."""
 
 PIXEL_FORMAT = "yuv444p"
-"""Deeper ones are misread by ``xpsnr`` (FFmpeg 8.1): it takes the distorted rows to have no padding."""
+"""Pixel format of both videos; deeper ones are misread by ``xpsnr`` (FFmpeg 8.1), which takes rows to be unpadded."""
 
 MULTIPLE = 4
-"""Pixels: blocks of ``xpsnr`` have such sides. Of other sizes it gives a lone last row or column far too much weight,
-and in large frames it reads and writes behind them."""
+"""Side of the blocks of ``xpsnr``, pixels. In frames of other sizes it gives a lone last row or column far too much
+weight, and in large ones it reads and writes behind them."""
 
 MIN_PIXELS = 2025
-"""Of fewer, ``xpsnr`` takes blocks of no size, and divides by it."""
+"""Number of pixels of a frame below which ``xpsnr`` takes blocks of no size, and divides by it."""
 
 MIN_SIDE = 32
-"""Pixels: in a lone column of blocks, ``xpsnr`` sees no error."""
+"""Side of a frame below which ``xpsnr`` may see no error, pixels: in a lone column of blocks it sees none."""
 
 
 def missing_filter(name: str) -> str | None:
@@ -45,8 +45,8 @@ def missing_filter(name: str) -> str | None:
     return f"the filter {name}, which the FFmpeg of this PyAV ({av.__version__}) was built without"
 
 
-class _Side:
-    """Two videos of one size on their way through a filter that compares them."""
+class _Graph:
+    """Filter graph that compares two videos of one size."""
 
     def __init__(self, image: Image, rate: Fraction, filter_name: str, options: dict[str, str]) -> None:
         height, width = image.shape[:2]
@@ -69,7 +69,7 @@ class _Side:
         self._graph.configure()
 
     def push(self, first: Image, second: Image) -> list[av.VideoFrame]:
-        """Give it two frames of one moment; what comes out meanwhile."""
+        """Add two frames of one moment, and return the pictures that come out."""
         for entry, image in zip(self._entries, (first, second), strict=True):
             picture = from_bgr(_without_alpha(image), PIXEL_FORMAT, self._matrix, full_range=False)
             picture.pts, picture.time_base = self._passed, self._clock
@@ -78,7 +78,7 @@ class _Side:
         return self._pull()
 
     def end(self) -> list[av.VideoFrame]:
-        """Say that there is no more; what comes out last."""
+        """End both videos, and return the last pictures."""
         for entry in self._entries:
             entry.push(None)
         return self._pull()
@@ -100,39 +100,33 @@ def _without_alpha(image: Image) -> Image:
 
 
 class _FilterMeter:
-    """What the meters of both filters have in common: every frame goes in, and those count that were made."""
+    """Meter by a filter of FFmpeg, which is given every frame and whose values of interpolated frames count."""
 
     def __init__(self, rate: Fraction) -> None:
         self._rate = rate
-        self._side: _Side | None = None
-        self._is_made: list[bool] = []
+        self._graph: _Graph | None = None
+        self._counts: list[bool] = []
 
-    def shown(self, image: Image) -> None:
-        """Add a frame that passes as it is.
-
-        Raises
-        ------
-        InputError
-            Frames are too small for the filter.
-        """
-        self._is_made.append(False)
+    def add_shown(self, image: Image) -> None:
+        """See `Meter.add_shown`; raise InputError if frames are too small for the filter."""
+        self._counts.append(False)
         self._push(image, image)
 
-    def made(self, truth: Image, made: Image) -> None:
-        """Add a made frame in its place."""
-        self._is_made.append(True)
-        self._push(truth, made)
+    def add(self, truth: Image, image: Image) -> None:
+        """See `Meter.add`."""
+        self._counts.append(True)
+        self._push(truth, image)
 
-    def _push(self, truth: Image, made: Image) -> None:
+    def _push(self, truth: Image, image: Image) -> None:
         """Give the filter two frames of one moment."""
         raise NotImplementedError
 
-    def _of_made(self, name: str, values: list[float]) -> list[dict[str, float]]:
-        return [{name: value} for value, made in zip(values, self._is_made, strict=True) if made]
+    def _counted(self, values: list[float]) -> list[float]:
+        return [value for value, counts in zip(values, self._counts, strict=True) if counts]
 
 
 class XpsnrMeter(_FilterMeter):
-    """XPSNR of luma of the made frames of one method, dB: PSNR with errors weighted by how well they are seen.
+    """Meter of XPSNR of luma, dB: PSNR with errors weighted by how well they are seen.
 
     Helmrich et al. 2020 ("XPSNR: a low-complexity extension of the perceptually weighted peak signal-to-noise ratio for
     high-resolution video quality assessment", ICASSP, doi:10.1109/ICASSP40776.2020.9054089), as FFmpeg's filter
@@ -147,33 +141,33 @@ class XpsnrMeter(_FilterMeter):
 
     def __init__(self, rate: Fraction) -> None:
         super().__init__(rate)
-        self._found: list[float] = []
+        self._values: list[float] = []
 
-    def _push(self, truth: Image, made: Image) -> None:
+    def _push(self, truth: Image, image: Image) -> None:
         height, width = (side - side % MULTIPLE for side in truth.shape[:2])
         if min(height, width) < MIN_SIDE or height * width < MIN_PIXELS:
             raise InputError(
                 f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small for XPSNR, which needs {MIN_SIDE} "
                 f"pixels each way and {MIN_PIXELS} in all; leave xpsnr out of `metrics`."
             )
-        truth, made = (np.ascontiguousarray(image[:height, :width]) for image in (truth, made))
-        if self._side is None:
-            self._side = _Side(truth, self._rate, "xpsnr", {})
-        self._keep(self._side.push(truth, made))
+        truth, image = (np.ascontiguousarray(each[:height, :width]) for each in (truth, image))
+        if self._graph is None:
+            self._graph = _Graph(truth, self._rate, "xpsnr", {})
+        self._keep(self._graph.push(truth, image))
 
     def _keep(self, pictures: list[av.VideoFrame]) -> None:
-        self._found += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
+        self._values += [min(float(each.metadata["lavfi.xpsnr.xpsnr.y"]), HIGHEST) for each in pictures]
 
-    def values(self) -> list[dict[str, float]]:
-        """Return ``xpsnr`` of every made frame."""
-        if self._side is not None:
-            self._keep(self._side.end())
-            self._side = None
-        return self._of_made("xpsnr", self._found)
+    def values(self) -> list[float]:
+        """See `Meter.values`."""
+        if self._graph is not None:
+            self._keep(self._graph.end())
+            self._graph = None
+        return self._counted(self._values)
 
 
 class VmafMeter(_FilterMeter):
-    """VMAF of the made frames of one method, 0 to 100: trained on what people said of compressed videos.
+    """Meter of VMAF, 0 to 100: trained on what people said of compressed videos.
 
     Netflix's model ``vmaf_v0.6.1``, for a 1080p screen from three times its height away, as FFmpeg's filter ``libvmaf``
     has it. It knows blur and coding, and was not made for frames between others.
@@ -189,22 +183,22 @@ class VmafMeter(_FilterMeter):
         self._scratch = tempfile.TemporaryDirectory(prefix="fpsboost-")
         self._log = Path(self._scratch.name, "vmaf.json")
 
-    def _push(self, truth: Image, made: Image) -> None:
-        if self._side is None:
-            self._side = _Side(truth, self._rate, "libvmaf", {"log_path": str(self._log), "log_fmt": "json"})
-        self._side.push(made, truth)  # unlike xpsnr, it takes the reference second
+    def _push(self, truth: Image, image: Image) -> None:
+        if self._graph is None:
+            self._graph = _Graph(truth, self._rate, "libvmaf", {"log_path": str(self._log), "log_fmt": "json"})
+        self._graph.push(image, truth)  # unlike xpsnr, it takes the reference second
 
-    def values(self) -> list[dict[str, float]]:
-        """Return ``vmaf`` of every made frame."""
-        if self._side is not None:
-            self._side.end()
-            self._side = None  # the filter writes its log when it is taken down
-        found = read_vmaf(self._log.read_text(encoding="utf-8"))
+    def values(self) -> list[float]:
+        """See `Meter.values`."""
+        if self._graph is not None:
+            self._graph.end()
+            self._graph = None  # the filter writes its log when it is taken down
+        values = read_vmaf(self._log.read_text(encoding="utf-8"))
         self._scratch.cleanup()
-        return self._of_made("vmaf", found)
+        return self._counted(values)
 
 
 def read_vmaf(log: str) -> list[float]:
-    """VMAF of every frame, in order, from the log that libvmaf writes as JSON."""
+    """Read the VMAF of every frame, in order, from the log that libvmaf writes as JSON."""
     frames = sorted(json.loads(log)["frames"], key=lambda frame: int(frame["frameNum"]))
     return [float(frame["metrics"]["vmaf"]) for frame in frames]

@@ -1,122 +1,129 @@
-"""What can be measured beside PSNR, SSIM, MAE and MSE: a table by name, each with what it is and what it is not."""
+"""Metrics beside PSNR, SSIM, MAE and MSE: a table by name, to which a metric is added as one more entry."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple, Protocol
+from importlib.util import find_spec
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.evaluation import flip_metric
 from fpsboost.evaluation.filter_metrics import VmafMeter, XpsnrMeter, missing_filter
-from fpsboost.evaluation.grid_metric import PERIODS, GridMeter, grid_ratios
 from fpsboost.evaluation.hiding import Hidden, Interval
-from fpsboost.evaluation.metrics import means
-from fpsboost.evaluation.temporal_metrics import DifferenceMeter, FlowMeter
+from fpsboost.evaluation.metrics import as_shown, mean
 from fpsboost.frame import Image
 
 ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")
-"""What every comparison measures; naming it changes nothing."""
+"""Metrics that every comparison has; naming one changes nothing."""
 
 
 class Meter(Protocol):
-    """Contract: measures what one method made, frame by frame, in the order of the output."""
+    """Contract: measures the frames of one method, in the order of the output."""
 
-    def shown(self, image: Image) -> None:
-        """Add a frame that methods get to see to the output; the first and the last are such."""
+    def add_shown(self, image: Image) -> None:
+        """Add a frame that is shown to the methods; the first and the last of an output are such."""
         ...
 
-    def made(self, truth: Image, made: Image) -> None:
-        """Add a made frame to the output, with the true one."""
+    def add(self, truth: Image, image: Image) -> None:
+        """Add an interpolated frame and the true one."""
         ...
 
-    def values(self) -> list[dict[str, float]]:
-        """Asked once, at the end: what was measured of each made frame, by name."""
+    def values(self) -> list[float]:
+        """Return the metric of every interpolated frame; called once, at the end."""
         ...
-
-
-class Figure(NamedTuple):
-    """A number that tables show of each method."""
-
-    name: str
-    title: str
-    unit: str
-    digits: int
-    high_is_good: bool
 
 
 @dataclass(frozen=True)
 class Metric:
-    """Something that can be measured.
+    """A metric, of which a method has the mean over its frames.
 
     Attributes
     ----------
-    figures : tuple of Figure
-        What a method gets.
+    title, unit : str
+        Heading in tables.
+    digits : int
+        Decimals in tables.
+    high_is_good : bool
     start : callable
-        Makes a meter for a method, given the clip's frames per second.
+        Function that returns a meter for a method, given the clip's frames per second.
     meaning : str
-        What the figures are, in sentences for a reader of the tables.
-    summarise : callable
-        Makes the figures of what was measured frame by frame.
+        Sentence for a reader of the tables.
     missing : callable
-        What there must be to measure it and is not, or None.
+        Function that returns what must be installed to measure it, or None.
     """
 
-    figures: tuple[Figure, ...]
+    title: str
+    unit: str
+    digits: int
+    high_is_good: bool
     start: Callable[[Fraction], Meter]
     meaning: str
-    summarise: Callable[[Sequence[Mapping[str, float]]], dict[str, float]] = means
-    missing: Callable[[], str | None] = lambda: None
+    missing: Callable[[], str | None]
 
-    @property
-    def of_frames(self) -> tuple[Figure, ...]:
-        """The figures that single frames have as well."""
-        return self.figures if self.summarise is means else ()
+
+class FlipMeter:
+    """Meter of LDR-FLIP, mean over the pixels: 0 is equal, 1 black beside white.
+
+    Andersson et al. 2020 ("FLIP: a difference evaluator for alternating images", PACMCGIT 3(2), doi:10.1145/3406183),
+    by NVIDIA's package ``flip-evaluator``, which the extra ``fpsboost[flip]`` installs. Images are taken as a screen
+    shows them (`fpsboost.evaluation.metrics.as_shown`), 67 pixels a degree, which is the program's default: a 4K screen
+    of 0.7 m from 0.7 m away.
+    """
+
+    def __init__(self) -> None:
+        self._values: list[float] = []
+
+    def add_shown(self, image: Image) -> None:
+        """See `Meter.add_shown`; such a frame has no error."""
+
+    def add(self, truth: Image, image: Image) -> None:
+        """See `Meter.add`."""
+        from flip_evaluator import evaluate  # noqa: PLC0415 (an extra, which may be missing)
+
+        _, mean, _ = evaluate(_as_rgb(truth), _as_rgb(image), "LDR", applyMagma=False)
+        self._values.append(float(mean))
+
+    def values(self) -> list[float]:
+        """See `Meter.values`."""
+        return self._values
+
+    @staticmethod
+    def missing() -> str | None:
+        """See `Metric.missing`."""
+        if find_spec("flip_evaluator"):
+            return None
+        return "the package flip-evaluator; install it with pip install 'fpsboost[flip]'"
+
+
+def _as_rgb(image: Image) -> NDArray[Any]:
+    """Return sRGB, (H, W, 3) float32 with 1.0 for white."""
+    return np.ascontiguousarray(as_shown(image)[..., ::-1]).astype(np.float32) / np.float32(255)
 
 
 metrics: dict[str, Metric] = {
-    "dtssd": Metric(
-        (Figure("dtssd", "dtSSD", "levels", 2, False),),
-        lambda rate: DifferenceMeter(),
-        "dtSSD is the root mean square error of the change from the output's frame before, in levels of 255 (after "
-        "Erofeev et al. 2015); with one frame hidden between two it is the root of each frame's MSE and tells nothing "
-        "new.",
-    ),
-    "tof": Metric(
-        (Figure("tof", "tOF", "pixels", 3, False),),
-        lambda rate: FlowMeter(),
-        "tOF is the mean distance in pixels of the optical flow (Farnebäck) from the output's frame before to the "
-        "made one, from that between the true two (Chu et al. 2020); it sees wrong places and hardly blur.",
-    ),
     "flip": Metric(
-        (Figure("flip", "FLIP", "", 4, False),),
-        lambda rate: flip_metric.FlipMeter(),
+        *("FLIP", "", 4, False),
+        lambda rate: FlipMeter(),
         "FLIP is NVIDIA's LDR-FLIP (Andersson et al. 2020), mean over pixels at 67 pixels a degree, 0 is equal.",
-        missing=flip_metric.missing,
+        FlipMeter.missing,
     ),
     "xpsnr": Metric(
-        (Figure("xpsnr", "XPSNR", "dB", 2, True),),
+        *("XPSNR", "dB", 2, True),
         XpsnrMeter,
         "XPSNR is that of luma by FFmpeg's filter (Helmrich et al. 2020), mean of decibels over frames, higher is "
         "better; equal frames count as 120 dB.",
-        missing=lambda: missing_filter("xpsnr"),
+        lambda: missing_filter("xpsnr"),
     ),
     "vmaf": Metric(
-        (Figure("vmaf", "VMAF", "", 2, True),),
+        *("VMAF", "", 2, True),
         VmafMeter,
         "VMAF is Netflix's, 0 to 100 for equal, by FFmpeg's filter libvmaf, mean over the made frames; it was trained "
         "on coded videos and not on frames between others.",
-        missing=lambda: missing_filter("libvmaf"),
-    ),
-    "grid": Metric(
-        tuple(Figure(f"grid{period}", f"Grid {period}", "ratio", 2, False) for period in PERIODS),
-        lambda rate: GridMeter(),
-        f"Grid {', '.join(map(str, PERIODS[:-1]))} and {PERIODS[-1]} are edges of blocks: steps, where a frame is "
-        "wrong, on the lines of a grid of that period over those half-way between; 1 or less is no grid, and few steps "
-        "are chance.",
-        summarise=grid_ratios,
+        lambda: missing_filter("libvmaf"),
     ),
 }
 """Metrics by name."""
@@ -133,7 +140,7 @@ def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Names of `metrics`, each once; those that are always measured are left out.
+        Names of `metrics`, each once, without those that every comparison has.
 
     Raises
     ------
@@ -142,8 +149,8 @@ def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> choose_metrics(["psnr,tof", "grid,tof"])
-    ('tof', 'grid')
+    >>> choose_metrics(["psnr", "mae,mse"])
+    ()
     """
     names = [name.strip() for text in texts for name in text.split(",")]
     for name in names:
@@ -156,65 +163,43 @@ def choose_metrics(texts: Sequence[str]) -> tuple[str, ...]:
 
 
 class Meters:
-    """The meters of one method, fed with the output in its order.
+    """Meters of one method, fed with the output in its order.
 
     Parameters
     ----------
     names : sequence of str
-        Of `metrics`.
+        Names of `metrics`.
     rate : Fraction
-        The clip's frames per second.
+        Frames per second of the clip.
     """
 
     def __init__(self, names: Sequence[str], rate: Fraction) -> None:
-        self._meters = [metrics[name].start(rate) for name in names]
+        self._meters = {name: metrics[name].start(rate) for name in names}
 
     def passing(self, intervals: Iterator[Interval]) -> Iterator[Hidden]:
-        """Yield the hidden frames of a clip in order; each must have been `made` before the next one is taken."""
+        """Yield the hidden frames of a clip in order; each must be passed to `add` before the next one is taken."""
         last: Interval | None = None
         for last in intervals:
-            self.shown(last.shown0.array)
+            self._add_shown(last.shown0.array)
             yield from last.hidden
         if last is not None:
-            self.shown(last.shown1.array)
+            self._add_shown(last.shown1.array)
 
-    def shown(self, image: Image) -> None:
-        """See `Meter.shown`."""
-        for meter in self._meters:
-            meter.shown(image)
+    def _add_shown(self, image: Image) -> None:
+        for meter in self._meters.values():
+            meter.add_shown(image)
 
-    def made(self, truth: Image, made: Image) -> None:
-        """See `Meter.made`."""
-        for meter in self._meters:
-            meter.made(truth, made)
+    def add(self, truth: Image, image: Image) -> None:
+        """See `Meter.add`."""
+        for meter in self._meters.values():
+            meter.add(truth, image)
 
     def values(self, frames: int) -> list[dict[str, float]]:
-        """Return what all of them measured of each of so many made frames, by name."""
-        rows: list[dict[str, float]] = [{} for _ in range(frames)]
-        for meter in self._meters:
-            for row, values in zip(rows, meter.values(), strict=True):
-                row.update(values)
-        return rows
+        """Return the metrics of each of so many interpolated frames by name."""
+        columns = {name: meter.values() for name, meter in self._meters.items()}
+        return [{name: column[place] for name, column in columns.items()} for place in range(frames)]
 
 
 def summarise(names: Sequence[str], rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the figures of a method.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of `metrics`.
-    rows : sequence of mapping
-        What was measured of each frame that counts, by all of them.
-    """
-    return {
-        figure.name: summary[figure.name]
-        for name in names
-        for summary in (metrics[name].summarise(rows),)
-        for figure in metrics[name].figures
-    }
-
-
-def figures_of(names: Sequence[str]) -> list[Figure]:
-    """Return the figures of these metrics that tables show."""
-    return [figure for name in names for figure in metrics[name].figures]
+    """Return the mean of each named metric over the frames that count."""
+    return {name: mean([row[name] for row in rows]) for name in names}

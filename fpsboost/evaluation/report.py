@@ -19,7 +19,7 @@ from markupsafe import Markup
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.charts import Chart, Dot, Series, draw_dots, draw_lines
-from fpsboost.evaluation.further_metrics import Figure, figures_of, metrics
+from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.looks import looks_of
 from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
 from fpsboost.evaluation.page_templates import templates_of
@@ -156,7 +156,7 @@ def _clip_values(each: Compared, at: str, clips: int, input_fps: Fraction | None
         "overall": overall_rows(comparison),
         "areas": comparison.areas,
         "by_area": area_rows(comparison),
-        "further_figures": figures_of(comparison.metrics),
+        "further_metrics": [metrics[name] for name in comparison.metrics],
         "further": further_rows(comparison),
         "meanings": [metrics[name].meaning for name in comparison.metrics],
         "plots": frame_plots(comparison, at),
@@ -240,10 +240,6 @@ def describe_hidden(comparison: Comparison) -> str:
     return f"Between every two frames shown, {each} hidden: {count} {frames} of {size}, {rest}."
 
 
-def _of_frames(comparison: Comparison) -> list[Figure]:
-    return [figure for name in comparison.metrics for figure in metrics[name].of_frames]
-
-
 def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
     """Return the error of every frame, as three figures to choose from, and more where more was measured."""
     choices = [
@@ -251,10 +247,11 @@ def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
         ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
         ("psnr", "PSNR", "dB", "PSNR, dB (higher is better)", {"from_zero": False}),
     ]
-    for figure in _of_frames(comparison):
-        label = f"{figure.title}, {figure.unit}" if figure.unit else figure.title
-        label += " (higher is better)" if figure.high_is_good else ""
-        choices.append((figure.name, figure.title, figure.unit, label, {"from_zero": not figure.high_is_good}))
+    for name in comparison.metrics:
+        metric = metrics[name]
+        label = f"{metric.title}, {metric.unit}" if metric.unit else metric.title
+        label += " (higher is better)" if metric.high_is_good else ""
+        choices.append((name, metric.title, metric.unit, label, {"from_zero": not metric.high_is_good}))
     return [
         Plot(key, title, unit, _frame_charts(comparison, key, label, at, **how))
         for key, title, unit, label, how in choices
@@ -315,10 +312,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
                 "mae": [frame.scores.mae for frame in method.frames],
                 "psnr": [frame.scores.psnr for frame in method.frames],
                 "seconds": [frame.seconds if math.isfinite(frame.seconds) else None for frame in method.frames],
-                **{
-                    figure.name: [frame.metrics[figure.name] for frame in method.frames]
-                    for figure in _of_frames(comparison)
-                },
+                **{name: [frame.metrics[name] for frame in method.frames] for name in comparison.metrics},
             }
             for method in comparison.methods
         ],

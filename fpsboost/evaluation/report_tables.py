@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from fpsboost.evaluation.further_metrics import figures_of
+from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.results import Comparison, MethodResult
 from fpsboost.evaluation.several import means_over_clips
 
@@ -77,9 +77,9 @@ def area_rows(comparison: Comparison) -> list[Row]:
 
 def further_rows(comparison: Comparison) -> list[Row]:
     """Return what was measured beside, in the order of `overall_rows`."""
-    figures = figures_of(comparison.metrics)
-    values = [[comparison.further(method)[each.name] for each in figures] for method in comparison.methods]
-    rows = _rows(comparison.methods, values, [(each.digits, each.high_is_good) for each in figures])
+    values = [[*comparison.further(method).values()] for method in comparison.methods]
+    formats = [(metrics[name].digits, metrics[name].high_is_good) for name in comparison.metrics]
+    rows = _rows(comparison.methods, values, formats)
     return [rows[row.method] for row in overall_rows(comparison)]
 
 
