@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import av
-import OpenEXR
+import OpenImageIO
 from PIL import Image
 
 SAMPLES = Path(__file__).parents[1] / "samples"
@@ -76,15 +76,22 @@ def _packets(container: Any, stream: Any) -> Iterator[tuple[Any, bytes]]:
 
 
 def describe_image(path: Path) -> str:
-    """Return a hash of an image's pixels, and of the metadata that Pillow knows."""
+    """Return a hash of the pixels of an image, and of the metadata that Pillow reads."""
     if path.suffix == ".exr":
-        channels = OpenEXR.File(str(path), separate_channels=True).channels()
-        return digest(*((name, channels[name].pixels.tobytes()) for name in sorted(channels)))
+        return digest(*sorted(_channels(path)))
     with Image.open(path) as image:
         known = {
             name: value for name, value in image.info.items() if isinstance(value, (bytes, str, int, float, tuple))
         }
         return digest(image.size, image.mode, sorted(known.items(), key=lambda item: str(item[0])), image.tobytes())
+
+
+def _channels(path: Path) -> Iterator[tuple[str, bytes]]:
+    """Yield names and pixels of the first part of an OpenEXR file, in the type in which each channel is stored."""
+    image = OpenImageIO.ImageInput.open(str(path))
+    spec = image.spec()
+    for number, name in enumerate(spec.channelnames):
+        yield name, image.read_image(0, 0, number, number + 1, spec.channelformat(number)).tobytes()
 
 
 def describe(path: Path) -> dict[str, Any]:

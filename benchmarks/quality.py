@@ -26,7 +26,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from confidence import REMOVED, judge_confidence
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
@@ -159,17 +158,6 @@ def score_table(title: str, scores: Scores, metrics: Sequence[str]) -> Table:
     return table
 
 
-def confidence_table(title: str, rows: Scores) -> Table:
-    """Return a table of rank correlation, AUSE and sparsification curve by method, above the curve of the oracle."""
-    percents = [f"{share * 100:.0f}" for share in REMOVED[1:]]
-    table = Table("error left without", "rank corr.", "AUSE", *(f"{each} %" for each in percents), title=title)
-    for name, row in rows.items():
-        curve, oracle = ([f"{row[f'{which}_{each}']:.2f}" for each in percents] for which in ("left", "oracle"))
-        table.add_row(f"{name}'s least confident", f"{row['spearman']:.3f}", f"{row['ause']:.3f}", *curve)
-        table.add_row("its worst", "", "", *oracle)
-    return table
-
-
 def parse_peers(texts: list[str]) -> dict[str, str]:
     """Parse texts of the form NAME=COMMAND into commands by name."""
     peers = dict(text.partition("=")[::2] for text in texts)
@@ -185,13 +173,12 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
     peers = parse_peers(arguments.peer)
     metrics = choose_metrics(arguments.metrics)
     scores: dict[str, Scores] = {}
-    trust: dict[str, Scores] = {}
     for name, path in find_clips(arguments.clip).items():
         clip = read_clip(name, path, arguments.frames)
         if not clip.scored:
             console.print(f"{name}: a scene cut in every pair, nothing to score.")
             continue
-        made = {each: make_hidden(method, clip, arguments.confidence) for each, method in chosen.items()}
+        made = {each: make_hidden(method, clip) for each, method in chosen.items()}
         for each, command in peers.items():
             try:
                 made[each] = run_peer(command, clip)
@@ -199,18 +186,14 @@ def measure(arguments: argparse.Namespace, console: Console) -> dict[str, Any]:
                 console.print(f"{name}: {error}", style="red", markup=False)
         scores[name] = {each: score_clip(clip, result, metrics) for each, result in made.items()}
         console.print(score_table(f"{name}, {len(clip.scored)} frames", scores[name], metrics))
-        judged = {each: judge_confidence(clip, result) for each, result in made.items() if result.confidences}
-        if judged:
-            trust[name] = judged
-            console.print(confidence_table(f"{name}, confidence", judged))
         if arguments.crops and made:
             write_crops(arguments.crops, clip, made)
-    return {"clips": scores, "confidence": trust, "metrics": metrics}
+    return {"clips": scores, "metrics": metrics}
 
 
 def summarise(figures: dict[str, Any], console: Console) -> None:
     """Add the means over the clips and the number of clips that each method leads, and print both."""
-    scores, trust = figures["clips"], figures["confidence"]
+    scores = figures["clips"]
     figures["mean"] = mean_scores(scores)
     if figures["mean"]:
         complete = sum(len(rows) == len(figures["mean"]) for rows in scores.values())
@@ -221,9 +204,6 @@ def summarise(figures: dict[str, Any], console: Console) -> None:
     for measure_name, counts in figures["leads"].items():
         listed = ", ".join(f"{name} {count}" for name, count in sorted(counts.items(), key=lambda item: -item[1]))
         console.print(f"Leads by {measure_name.upper()}, of {len(scores)} clips: {listed}", highlight=False)
-    if trust:
-        figures["mean_confidence"] = mean_scores(trust)
-        console.print(confidence_table(f"Confidence, mean of {len(trust)} clips", figures["mean_confidence"]))
 
 
 def main() -> None:
@@ -237,7 +217,6 @@ def main() -> None:
     )
     parser.add_argument("--peer", action="append", default=[], metavar="NAME='COMMAND {in} {out}'")
     parser.add_argument("--crops", type=Path, metavar="FOLDER", help="pictures of the worst frames of each clip")
-    parser.add_argument("--confidence", action="store_true", help="how well the confidence ranks the errors")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     console = wide_console()

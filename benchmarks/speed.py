@@ -1,8 +1,8 @@
 """How fast, how much memory: ``python benchmarks/speed.py [PART ...]``.
 
 Figures are CPU time as well as wall time, and comparisons are ratios of runs in turn, because machines are noisy.
-Frames are drawn here; `stages` and `sizes` resize those of ``--clip`` instead, and `threads` converts it, if it is
-given. ``--json FILE`` keeps the figures.
+Frames are drawn here; `stages` resizes those of ``--clip`` instead, and `threads` converts it, if it is given.
+``--json FILE`` keeps the figures.
 
 ``peers --clip CLIP --mvtools 'PYTHON SCRIPT' --mvutensils 'PYTHON SCRIPT'`` compares with MVTools, MVUtensils or both:
 SCRIPT takes a folder of PNG, its frame rate, an output folder and settings, and prints JSON with `cpu_per_interp_ms` as
@@ -14,16 +14,15 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -36,26 +35,22 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from scaling import convert_together, pinned, serial_share, times_faster, worker_counts
-from scoring import make_between, one_thread, read_frames, wide_console
+from scoring import one_thread, read_frames, wide_console
 from stages import WHOLE, copy_bandwidth, profile_sequence
 
 from fpsboost.errors import FpsboostError, OptionError
 from fpsboost.frame import Image
-from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.full_search import search_by_passes, search_fused
 
 Figures = dict[str, Any]
 
-SIZES = {"640x360": (360, 640), "960x540": (540, 960), "1280x720": (720, 1280), "1920x1080": (1080, 1920)}
+SIZES = {"640x360": (360, 640), "1280x720": (720, 1280), "1920x1080": (1080, 1920)}
 """Height and width by name."""
 
 CONVERTED = {"640x360": 48, "1280x720": 32, "1920x1080": 24, "3840x2160": 10}
 """Frames of the videos that `conversions` draws, by width and height."""
-
-REACHES = (1 / 24, 1 / 12, 1 / 6, 1 / 3)
-PATCH_RADII = (2, 5, 10)
 
 FRAMES = 5
 """Of a sequence that is timed."""
@@ -184,56 +179,6 @@ def exhaustive(console: Console, options: Options) -> Figures:
     return figures
 
 
-def by_method(console: Console, options: Options) -> Figures:
-    """Measure the wall and CPU milliseconds of each method per in-between frame, with frames in memory."""
-    table = Table("method", "size", "wall, ms", "CPU, ms", "in-between frames/s", title="One in-between frame a pair")
-    figures: Figures = {}
-    for name, interpolator in methods.items():
-        for height, width in ((360, 640), (720, 1280)):
-            if name == "nlm-exhaustive" and height > 360:
-                continue
-            frame0, frame1 = textured_pair(height, width)
-            interpolator.interpolate(frame0, frame1, [0.5])
-            runs = [timed(partial(interpolator.interpolate, frame0, frame1, [0.5])) for _ in range(9)]
-            wall, cpu = median(run[0] for run in runs), median(run[1] for run in runs)
-            figures[f"{name} {width}x{height}"] = {"wall_ms": wall * 1e3, "cpu_ms": cpu * 1e3}
-            table.add_row(name, f"{width}x{height}", f"{wall * 1e3:.1f}", f"{cpu * 1e3:.1f}", f"{1 / wall:.1f}")
-    console.print(table)
-    return figures
-
-
-def memory(console: Console, options: Options) -> Figures:
-    """Measure the peak memory of whole conversions of 30 and of 300 frames."""
-    table = Table("size", "frames", "peak memory, MB", title="Conversion of a folder of images")
-    figures: Figures = {}
-    for height, width in ((360, 640), (720, 1280)):
-        for count in (30, 300):
-            with tempfile.TemporaryDirectory() as folder:
-                frame, _ = textured_pair(height, width)
-                source = Path(folder, "in")
-                source.mkdir()
-                for number in range(count):
-                    cv2.imwrite(str(source / f"{number:04d}.png"), np.roll(frame, number, axis=1))
-                peak = peak_of(
-                    [str(source), str(Path(folder, "out.mp4")), "--input-fps", "24", "--preset", "ultrafast"]
-                )
-            figures[f"{width}x{height} {count}"] = peak
-            table.add_row(f"{width}x{height}", str(count), f"{peak:.0f}")
-    console.print(table)
-    return figures
-
-
-def peak_of(arguments: list[str]) -> float:
-    """Return the peak resident memory, MB, of one run of the command line, measured by a separate process."""
-    code = (
-        "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True);"
-        "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
-    )
-    command = [sys.executable, "-c", code, sys.executable, "-m", "fpsboost", *arguments, "--quiet"]
-    kilobytes = int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    return kilobytes * resource.getpagesize() / 4096 / 1024
-
-
 def start(console: Console, options: Options) -> Figures:
     """Measure the time of a conversion of two small frames, with kernels to compile and with kernels cached."""
     table = Table("method", "kernels", "seconds", title="Start to end of a conversion of three small frames")
@@ -269,8 +214,8 @@ def stages(console: Console, options: Options) -> Figures:
     fastest = copy_bandwidth()
     figures: Figures = {"copy_bytes_per_s": fastest}
     interpolator = methods[options.method]
-    for size in ("640x360", "1280x720", "1920x1080"):
-        frames = sequence(options, *SIZES[size])
+    for size, (height, width) in SIZES.items():
+        frames = sequence(options, height, width)
         profiles = [profile_sequence(interpolator, frames) for _ in range(options.rounds)]
         best = min(profiles, key=lambda profile: profile.stages[WHOLE].cpu)
         table = Table(
@@ -300,57 +245,6 @@ def stage_cells(row: Figures, share: float, fastest: float) -> list[str]:
         return cells
     speed = row["bytes"] / row["cpu_ms"] * 1e3
     return [*cells, f"{row['bytes'] / 1e6:.1f}", f"{speed / 1e9:.2f}", f"{speed / fastest:.0%}"]
-
-
-def sizes(console: Console, options: Options) -> Figures:
-    """Measure CPU time in one thread against the number of pixels, the reach and the patch radius."""
-    full = methods["nlm"]
-    search: Any = full.estimator
-    table = Table("size", "reach", "patch radius", "CPU, ms", "CPU ns a pixel", title="nlm, one in-between frame")
-    figures: Figures = {"sizes": {}, "reach": {}, "patch_radius": {}}
-
-    def add(group: str, name: str, size: str, interpolator: Interpolator) -> None:
-        frames = sequence(options, *SIZES[size])
-        seconds = median(sequence_cpu(interpolator, frames) for _ in range(options.rounds))
-        each = {"cpu_ms": seconds * 1e3, "cpu_ns_per_pixel": seconds * 1e9 / frames[0][..., 0].size}
-        figures[group][name] = each
-        estimator: Any = interpolator.estimator
-        table.add_row(
-            size,
-            f"{estimator.max_motion_share:.3f}",
-            str(estimator.patch_radius),
-            f"{each['cpu_ms']:.1f}",
-            f"{each['cpu_ns_per_pixel']:.1f}",
-        )
-
-    for size in SIZES:
-        add("sizes", size, size, full)
-    table.add_section()
-    for reach in REACHES:
-        add(
-            "largest motion",
-            f"{reach:.4f}",
-            "640x360",
-            replace(full, estimator=replace(search, max_motion_share=reach)),
-        )
-    table.add_section()
-    for radius in PATCH_RADII:
-        changed = replace(full, estimator=replace(search, patch_radius=radius))
-        add("patch_radius", str(radius), "640x360", changed)
-    console.print(table)
-    pixels = [height * width for height, width in SIZES.values()]
-    costs = [each["cpu_ms"] for each in figures["sizes"].values()]
-    figures["power_of_pixels"] = float(np.polyfit(np.log(pixels), np.log(costs), 1)[0])
-    console.print(f"Cost grows with the number of pixels to the power of {figures['power_of_pixels']:.2f}.")
-    return figures
-
-
-def sequence_cpu(interpolator: Interpolator, frames: Sequence[Image]) -> float:
-    """Return the CPU seconds per in-between frame of a sequence, in one thread."""
-    interpolator.compile_for(frames[0])
-    begin = time.process_time()
-    made = sum(1 for _ in make_between(interpolator, frames))
-    return (time.process_time() - begin) / made
 
 
 def threads(console: Console, options: Options) -> Figures:
@@ -498,11 +392,8 @@ def last_json(command: list[str]) -> Figures:
 
 parts = {
     "exhaustive": exhaustive,
-    "methods": by_method,
-    "memory": memory,
     "start": start,
     "stages": stages,
-    "sizes": sizes,
     "threads": threads,
     "conversions": conversions,
     "peers": peers,
@@ -513,7 +404,7 @@ def main() -> None:
     """Run the parts that were asked for; by default all that need nothing from elsewhere."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", nargs="*", choices=[*parts, []], default=[])
-    parser.add_argument("--clip", help="frames for stages, sizes and peers, video for threads")
+    parser.add_argument("--clip", help="frames for stages and peers, video for threads")
     parser.add_argument("--method", default="nlm", choices=methods, help="for stages, threads and peers")
     parser.add_argument("--mvtools", metavar="'PYTHON SCRIPT'", help="for peers")
     parser.add_argument("--mvutensils", metavar="'PYTHON SCRIPT'", help="for peers")
