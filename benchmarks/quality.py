@@ -4,8 +4,7 @@ A clip is a video, a folder or a pattern of images, or a folder that holds sever
 are made as a sequence, as in a conversion. Pairs across a scene cut are left out, since no method can know what lies
 there. Figures are means over the hidden frames, then over the clips: PSNR of the mean squared error and SSIM as
 scikit-image has them, MAE in levels of 255 (what the Middlebury tables call interpolation error), and CPU milliseconds
-a frame; those of a peer's command include its start and its files. ``--metrics`` adds those of `fpsboost compare`; the
-ratios of ``grid`` are of a clip's sums, then means over the clips.
+a frame; those of a peer's command include its start and its files. ``--metrics`` adds those of `fpsboost compare`.
 
 ``--peer NAME='COMMAND {in} {out}'`` scores any tool that doubles the frames of a folder: the even frames lie in {in} as
 PNG, and {out}, which does not exist yet, gets all frames as images whose names sort.
