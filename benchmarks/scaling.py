@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 from conversion_cost import READY
 
 from fpsboost.errors import OptionError
-from fpsboost.io.prefetch import available_cores
+from fpsboost.threads import available_cores
 
 
 def worker_counts() -> list[int]:

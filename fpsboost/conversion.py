@@ -11,7 +11,6 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io import Resumable
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import fingerprint_job
-from fpsboost.io.prefetch import available_cores
 from fpsboost.io.side.sink import with_side_outputs
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
@@ -21,6 +20,7 @@ from fpsboost.parts.making import plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, exposed, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import OutputRange, run_conversion
+from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
 

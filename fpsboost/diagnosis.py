@@ -117,8 +117,8 @@ def _codecs() -> Iterator[Finding]:
 
 def _machine() -> Iterator[Finding]:
     from fpsboost.io.memory_limit import available_memory  # noqa: PLC0415
-    from fpsboost.io.prefetch import available_cores  # noqa: PLC0415
     from fpsboost.kernels.machine import processor  # noqa: PLC0415
+    from fpsboost.threads import available_cores  # noqa: PLC0415
 
     name, features = processor()
     yield Finding("machine", "processor", f"{name}, {', '.join(features) or 'no vector instructions'}")

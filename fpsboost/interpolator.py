@@ -22,14 +22,12 @@ from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame import FrameImage, Image, as_array, check_pair
 from fpsboost.frame_cache import FrameCache, Results
-from fpsboost.io.prefetch import available_cores
-from fpsboost.io.vectors.folder import UsesVectors, VectorFolder
-from fpsboost.io.video.planes import bgr_of
 from fpsboost.kernels.compiling import compiled_aside
 from fpsboost.layered import Layer, LayeredImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.colour import gray, normalised
 from fpsboost.motion.field import MotionField
+from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
@@ -37,6 +35,7 @@ from fpsboost.synthesis.agreement import measure_agreement
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
+from fpsboost.threads import available_cores
 from fpsboost.ycbcr import YCbCrImage
 
 AtCuts = Literal["repeat", "blend", "extrapolate"]
@@ -472,7 +471,7 @@ class Interpolator:
             made = _with_overlay(made, times, pair, before or pair, after or pair)
         return made
 
-    def with_vectors(self, change: Callable[[VectorFolder], VectorFolder]) -> tuple[Interpolator, list[str]]:
+    def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> tuple[Interpolator, list[str]]:
         """Change a renderer's vectors, if there are any, such as to match them with the output's frames.
 
         Parameters
@@ -574,7 +573,7 @@ def _as_bgr(image: FrameCache) -> FrameCache:
     """Return an image with its pixels as an array, converted to BGR from YCbCr."""
     if not isinstance(image.pixels, YCbCrImage):
         return image
-    return FrameCache(bgr_of(image.pixels), image.output_position, image.source_position)
+    return FrameCache(image.pixels.to_bgr(), image.output_position, image.source_position)
 
 
 def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:

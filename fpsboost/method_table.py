@@ -17,13 +17,12 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.vectors.folder import UsesVectors, VectorFolder
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, TvL1
-from fpsboost.motion.rendered import RenderedMotion
+from fpsboost.motion.rendered import RenderedMotion, RenderedVectors, UsesVectors
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.blend import Blend, Nearest
@@ -73,7 +72,7 @@ methods: Mapping[str, Interpolator] = MappingProxyType(
 """Methods by their names on the command line."""
 
 
-vector_methods: Mapping[str, Callable[[VectorFolder], Interpolator]] = MappingProxyType(
+vector_methods: Mapping[str, Callable[[RenderedVectors], Interpolator]] = MappingProxyType(
     {
         # Yang et al. 2011, image-based and scene-assisted
         "reproject-image": lambda vectors: plain_interpolator(RenderedMotion(vectors), Reproject()),
@@ -83,13 +82,13 @@ vector_methods: Mapping[str, Callable[[VectorFolder], Interpolator]] = MappingPr
 """Methods that need a renderer's motion vectors, by name."""
 
 
-def find_method(name: str, vectors: VectorFolder | None = None) -> Interpolator:
+def find_method(name: str, vectors: RenderedVectors | None = None) -> Interpolator:
     """Return the method of a name.
 
     Parameters
     ----------
     name : str
-    vectors : VectorFolder, optional
+    vectors : RenderedVectors, optional
         A renderer's motion vectors, for methods that need them, take them for one more hypothesis, or choose their
         search radius by them.
 

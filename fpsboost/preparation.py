@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from fpsboost.analysis.scene_cuts import counts_frames
-from fpsboost.analysis.vector_fit import fit_vectors
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
@@ -20,9 +19,11 @@ from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.trim import Window, trim_source
-from fpsboost.io.vectors.folder import UsesVectors, VectorFolder
+from fpsboost.io.vectors.fit import fit_vectors
+from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.motion.rendered import UsesVectors
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals, OutputRate
 from fpsboost.timing.schedule import Schedule, count_frames

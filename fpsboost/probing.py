@@ -24,11 +24,11 @@ from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
-from fpsboost.io.trim import beginning
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.listing import StreamFacts, list_streams
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.method_table import methods
+from fpsboost.streaming import beginning
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming, Schedule, count_frames
 

@@ -21,15 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
+from fpsboost.contracts import Cancellable, FrameSink, FrameSource, HasBeginning, TakesSideData
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame import ClipInfo, Frame, FrameImage, Image, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
-from fpsboost.io import Cancellable, FrameSink, FrameSource, TakesSideData
-from fpsboost.io.prefetch import available_cores, nothing, read_ahead, run_in_parallel, write_behind
-from fpsboost.io.trim import beginning
 from fpsboost.observer import LowestMatch, Observer, SilentObserver, SourceMoment, Summary
 from fpsboost.synthesis.exposure import Exposure
+from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.timing.rate import stretched
 from fpsboost.timing.schedule import Schedule, Step, rising_time
 
@@ -166,7 +165,7 @@ def run_conversion(
 
 
 class Needs(NamedTuple):
-    """What frames that are made are to have beside their pixels; see `fpsboost.io.TakesSideData`."""
+    """What frames that are made are to have beside their pixels; see `fpsboost.contracts.TakesSideData`."""
 
     confidence: bool = False
     motion: bool = False
@@ -194,7 +193,7 @@ def making_frames(
     summary : Summary
         Updated with the numbers of frames read and made.
     holds_last_frame : bool
-        See `fpsboost.io.FrameSink`.
+        See `fpsboost.contracts.FrameSink`.
     needs : Needs, optional
         What frames are to have beside their pixels; nothing by default.
 
@@ -238,6 +237,11 @@ def one_opencv_thread() -> Iterator[None]:
         yield
     finally:
         cv2.setNumThreads(before)
+
+
+def beginning(source: FrameSource) -> SourcePosition:
+    """Return the position of a source's first frame in its clip; valid when that has been read."""
+    return source.beginning if isinstance(source, HasBeginning) else SourcePosition(0, Fraction(0))
 
 
 def _cancel_of(end: FrameSource | FrameSink) -> Callable[[], None]:

@@ -7,11 +7,12 @@ many samples to compute with.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,6 +70,22 @@ def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: float) -> NDA
     return np.column_stack([np.stack(scaled) / top, [levels.black, levels.neutral, levels.neutral]])
 
 
+def bgr_by_bicubic_chroma(image: YCbCrImage) -> NDArray[Any]:
+    """Return an image as BGR, (H, W, 3) uint8 or uint16, with chroma interpolated bicubically."""
+    (height, width), coding = image.planes[0].shape, image.coding
+    right = 0.5 if coding.chroma_location in ("center", "top", "bottom") else 0
+    below = 0 if "top" in coding.chroma_location else 1 if "bottom" in coding.chroma_location else 0.5
+    rows, columns = (
+        (np.arange(length, dtype=np.float32) - (first if step > 1 else 0)) / step
+        for length, first, step in zip((height, width), (below, right), image.subsampling, strict=True)
+    )
+    places = np.meshgrid(columns.astype(np.float32), rows.astype(np.float32))
+    chroma = (cv2.remap(p, *places, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for p in image.planes[1:])
+    codes = cv2.merge([image.planes[0], *chroma])
+    bgr: NDArray[Any] = cv2.transform(codes, coding.to_bgr() * np.iinfo(image.dtype).max)
+    return bgr
+
+
 @dataclass(frozen=True)
 class Coding:
     """Meaning of the code values of YCbCr.
@@ -85,6 +102,8 @@ class Coding:
         Location of subsampled chroma samples: ``left``, ``center``, ``topleft``...
     pixel_format : str
         FFmpeg's name of the pixel format, ``yuv420p``.
+    bgr_of : callable
+        Converts an image of this coding to BGR, (H, W, 3) uint8 or uint16. Sources of video give FFmpeg's conversion.
     """
 
     bits: int
@@ -92,6 +111,7 @@ class Coding:
     full_range: bool
     chroma_location: str
     pixel_format: str
+    bgr_of: Callable[[YCbCrImage], NDArray[Any]] = field(default=bgr_by_bicubic_chroma, repr=False, compare=False)
 
     @property
     def highest(self) -> int:
@@ -160,6 +180,10 @@ class YCbCrImage:
         """Return the image with a function applied to each plane, or to each with the same plane of other images."""
         y, cb, cr = (function(*planes) for planes in zip(self.planes, *(other.planes for other in others), strict=True))
         return replace(self, planes=(y, cb, cr))
+
+    def to_bgr(self) -> NDArray[Any]:
+        """Return the image as BGR, (H, W, 3) uint8 or uint16."""
+        return self.coding.bgr_of(self)
 
     def copy(self) -> Self:
         """Return a copy with planes of its own."""

@@ -90,7 +90,7 @@ def chromium() -> Iterator[Any]:
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the threads look for each other every few milliseconds, so that many short clips do not add up."""
-    monkeypatch.setattr("fpsboost.io.prefetch.POLL_INTERVAL", 0.005)
+    monkeypatch.setattr("fpsboost.threads.POLL_INTERVAL", 0.005)
 
 
 @pytest.fixture

@@ -18,9 +18,8 @@ import cv2
 import numpy as np
 from video_truth import scene, stream_of, write_clip
 
-from fpsboost import conversion
+from fpsboost import conversion, threads
 from fpsboost.errors import FpsboostError, notes_of
-from fpsboost.io import prefetch
 from fpsboost.io.images.exr import read_exr, write_exr
 from fpsboost.io.vectors.flow_files import write_flow
 from fpsboost.io.vectors.folder import VectorFolder
@@ -160,7 +159,7 @@ def check(output: Path) -> None:
 
 def main(folder: Path, seed: int, count: int, kinds: list[str]) -> None:
     warnings.simplefilter("error")
-    prefetch.POLL_INTERVAL = 0.005
+    threads.POLL_INTERVAL = 0.005
     for kind in kinds:
         sample = make_sample(folder, kind)
         for number in range(count):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -32,6 +34,18 @@ moving_methods = pytest.mark.parametrize("method", [name for name in methods if 
 plain_methods = pytest.mark.parametrize(
     "method", ["nlm-exhaustive", "dis-warp", "farneback-warp", "tvl1-warp", "block", "codec", "blend", "nearest"]
 )
+
+
+def test_the_method_loads_no_library_for_files():
+    """Two arrays are enough for it, with NumPy, OpenCV and numba."""
+    program = """
+import sys, numpy, fpsboost.interpolator, fpsboost.streaming
+from fpsboost.method_table import methods
+methods["blend"].interpolate(*numpy.zeros((2, 32, 48, 3), numpy.uint8), [0.5])
+loaded = {"av", "PIL", "OpenEXR", "OpenImageIO", "tifffile"} & set(sys.modules)
+sys.exit(f"loaded: {loaded}" if loaded else 0)
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 @every_method

@@ -27,7 +27,6 @@ from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import prefetch
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
@@ -522,8 +521,8 @@ def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, thre
                 waited.clear()
                 assert read.is_set() or waited.wait(60)
 
-    monkeypatch.setattr(prefetch, "Queue", WatchedQueue)
-    monkeypatch.setattr(prefetch, "Semaphore", WatchedRoom)
+    monkeypatch.setattr(threads, "Queue", WatchedQueue)
+    monkeypatch.setattr(threads, "Semaphore", WatchedRoom)
     source, sink = FakeSource(frames()), ForgetfulSink(holds)
     summary = run_conversion(source, method, sink, ByFactor(Fraction(2)), threads=threads)
     assert summary.frames_in == 60

@@ -65,6 +65,18 @@ def test_a_picture_comes_back_from_its_planes(pixel_format):
     assert bgr_of(image).shape == (height, width, 3)
 
 
+@pytest.mark.parametrize("location", ["left", "center", "bottomleft"])
+@pytest.mark.parametrize("pixel_format", FORMATS)
+def test_planes_without_a_library_become_bgr(pixel_format, location):
+    """As FFmpeg converts them, to 1 % of white on average, wherever chroma lies."""
+    full_range, deep = pixel_format.startswith("yuvj"), pixel_format.endswith("10le")
+    coding = Coding(10 if deep else 8, 1, full_range, location, pixel_format)
+    image = in_planes(from_bgr(smooth()[0], pixel_format, 1, full_range, chroma_location=location), coding)
+    converted, expected = image.to_bgr(), bgr_of(image)
+    assert converted.dtype == expected.dtype
+    assert np.abs(converted.astype(float) - expected).mean() < 0.01 * np.iinfo(expected.dtype).max
+
+
 @pytest.mark.parametrize("pixel_format", FORMATS)
 def test_what_motion_is_looked_for_in_is_that_of_bgr(pixel_format):
     """Luma, its contrast, mean chroma, thumbnails and halves: to the levels that rounding and chroma's size cost."""

@@ -8,10 +8,10 @@ from fpsboost.cluster.options import LOCAL, ClusterOptions
 from fpsboost.conversion import convert_job
 from fpsboost.errors import OptionError
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.prefetch import available_cores
 from fpsboost.observer import Summary
 from fpsboost.preparation import ConversionJob, opened_clip
 from fpsboost.run_options import RunOptions
+from fpsboost.threads import available_cores
 
 
 def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:

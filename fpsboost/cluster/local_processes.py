@@ -20,10 +20,10 @@ from fpsboost.cluster.worker import PartTask, WorkerObserver, make_part, picklab
 from fpsboost.interruption import stop_on
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.part import Part
-from fpsboost.io.prefetch import available_cores
 from fpsboost.observer import Summary
 from fpsboost.preparation import ConversionJob
 from fpsboost.run_options import RunOptions
+from fpsboost.threads import available_cores
 
 WAIT_SECONDS = 0.5
 """Longest time that `ProcessExecutor.wait` waits for a report."""

@@ -21,8 +21,9 @@ from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import FrameSource
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
-from fpsboost.io.trim import beginning, trim_source
+from fpsboost.io.trim import trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
 
 Duplicates = Literal["interpolate", "keep"]

@@ -235,7 +235,7 @@ class _Ycc:
         # before release 73, the numbers of the range were the other way round and had another name
         full_range = props["_Range"] == 1 if "_Range" in props else props.get("_ColorRange") == 0
         location = CHROMA_LOCATIONS[int(props.get("_ChromaLocation", 0))]
-        return Coding(self.bits, matrix, full_range, location, self.pixel_format)
+        return Coding(self.bits, matrix, full_range, location, self.pixel_format, bgr_of)
 
 
 class _Pairs:
@@ -273,7 +273,7 @@ class _Pairs:
         if image is None:
             pixels = self._layout.image(frame)
             if isinstance(pixels, YCbCrImage) and not self._interpolator.takes_planes:
-                pixels = bgr_of(pixels)
+                pixels = pixels.to_bgr()
             place = SourcePosition(number, number / self._rate)
             image = self._images[number] = FrameCache(pixels, number * self._factor, place)
         return image

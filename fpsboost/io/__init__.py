@@ -1,48 +1,36 @@
 """Sources and sinks of frames.
 
-Two contracts, `FrameSource` and `FrameSink`. `fpsboost.io.opening` chooses an implementation by the path, which names a
-video file, an animation, a folder of images, a pattern of images (``shot_%04d.png``, ``shot_####.png``), or a pipe
-(``-``).
+Two contracts, `FrameSource` and `FrameSink`, are those of the loop; see `fpsboost.contracts`. `fpsboost.io.opening`
+chooses an implementation by the path, which names a video file, an animation, a folder of images, a pattern of images
+(``shot_%04d.png``, ``shot_####.png``), or a pipe (``-``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
+from fpsboost.contracts import Cancellable, FrameSink, FrameSource, HasBeginning, TakesSideData
+
 if TYPE_CHECKING:  # --help does not wait for NumPy
-    from fpsboost.frame import ClipInfo, Frame
     from fpsboost.io.stream_info import StreamInfo
     from fpsboost.io.video.frame_index import FrameIndex
 
-
-class FrameSource(Protocol):
-    """Contract: source of the frames of a clip, read once in presentation order.
-
-    Opening reads only headers. Iterating yields frames whose times strictly increase and whose images all have one
-    shape and dtype, and raises `InputError` where the material does not allow that. A source is a context manager;
-    leaving it closes the file.
-    """
-
-    @property
-    def info(self) -> ClipInfo: ...
-
-    @property
-    def remarks(self) -> list[str]:
-        """Sentences about what was lost or guessed so far (damage, missing duration); complete after the last frame."""
-        ...
-
-    def __iter__(self) -> Iterator[Frame]: ...
-
-    def close(self) -> None: ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+__all__ = [
+    "Cancellable",
+    "ClosesOnExit",
+    "DescribedSource",
+    "FrameSink",
+    "FrameSource",
+    "HasBeginning",
+    "RandomAccess",
+    "Resumable",
+    "SharesIndex",
+    "Stoppable",
+    "TakesSideData",
+]
 
 
 class DescribedSource(FrameSource, Protocol):
@@ -70,32 +58,6 @@ class ClosesOnExit:
         self.close()
 
 
-class FrameSink(Protocol):
-    """Contract: sink that writes the whole output or none; only data written to a pipe cannot be undone.
-
-    Frames are written in order, each with its time and duration set. A sink is a context manager: leaving it normally
-    finishes the output and gives it its final name; leaving it by an exception removes everything except finished
-    frames from which a later run can resume. An existing file of the final name stays untouched until then. Raises
-    `OutputError`, never a bare OSError.
-    """
-
-    holds_last_frame: bool
-    """Whether the last frame must be shown for its duration (video), or the clip ends with it (images)."""
-
-    @property
-    def remarks(self) -> list[str]:
-        """Sentences about what the target could not hold."""
-        ...
-
-    def write(self, frame: Frame) -> None: ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
-
 @runtime_checkable
 class Resumable(Protocol):
     """Contract: sink that can resume an earlier run of the same job.
@@ -108,16 +70,6 @@ class Resumable(Protocol):
     def completed_frames(self) -> int:
         """Number of frames, from the first, that an earlier run has finished; known when the sink is entered."""
         ...
-
-
-@runtime_checkable
-class TakesSideData(Protocol):
-    """Contract: sink that takes what is known of frames beside their pixels; see `fpsboost.frame.Frame`."""
-
-    needs_confidence: bool
-    """Whether frames that are made are to have their confidence."""
-    needs_motion: bool
-    """Whether frames are to have the motion between the frames of the source around them."""
 
 
 @runtime_checkable
@@ -166,13 +118,4 @@ class Stoppable(Protocol):
     @property
     def stopped_by(self) -> str | None:
         """Sentence about the first such change among the frames read so far; None if there was none."""
-        ...
-
-
-@runtime_checkable
-class Cancellable(Protocol):
-    """Contract: source or sink that waits for another program, possibly forever."""
-
-    def cancel(self) -> None:
-        """Stop waiting: a call in another thread ends with an exception."""
         ...

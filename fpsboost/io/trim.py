@@ -80,16 +80,6 @@ class Sliceable(Protocol):
         ...
 
 
-@runtime_checkable
-class HasBeginning(Protocol):
-    """Contract: source of a part of a clip."""
-
-    @property
-    def beginning(self) -> SourcePosition:
-        """Position of the part's first frame in its clip; valid when that has been read."""
-        ...
-
-
 def trim_source(
     source: FrameSource, trim: Trim, *, may_skip: bool = True, stretch: Fraction = Fraction(1)
 ) -> tuple[FrameSource, Window | None]:
@@ -106,11 +96,6 @@ def trim_source(
         return source, None
     trimmed = TrimmedSource(source, trim, may_skip=may_skip, stretch=stretch)
     return trimmed, trimmed.window
-
-
-def beginning(source: FrameSource) -> SourcePosition:
-    """Return the position of a source's first frame in its clip; valid when that has been read."""
-    return source.beginning if isinstance(source, HasBeginning) else SourcePosition(0, Fraction(0))
 
 
 class TimesOfPart(Sequence[Fraction]):

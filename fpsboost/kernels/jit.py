@@ -4,7 +4,7 @@ The compiler may not change a finite number: sums are not reassociated, so that 
 vectorised, and nothing is contracted (see `fpsboost.kernels.fma`). Where a sum is taken in parts, or by one
 instruction, the kernel says so itself. No entry points for C are compiled, as nothing calls them. Every kernel runs in
 one thread and releases Python's global interpreter lock, so that pairs of frames can be processed in parallel (see
-`fpsboost.io.prefetch`).
+`fpsboost.threads`).
 
 What kernels use of numba they import from here, and get it from `fpsboost.kernels.deferred` and
 `fpsboost.kernels.machine_code`, so that numba is only imported when something is to be compiled.

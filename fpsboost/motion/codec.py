@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, Literal, get_args
 
-import av
 import cv2
 import numpy as np
-from av.codec.codec import UnknownCodecError
-from av.codec.context import Flags2
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image, check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.video.repeatable import repeatable_parameters
 from fpsboost.motion.block import colour_values, white_of
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField
@@ -25,22 +20,11 @@ Preset = Literal[
     "ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow", "placebo"
 ]
 
-ENCODER = "libx264"
-
 MAX_BLOCK, MIN_BLOCK = 16, 8
 """Sides of the largest and the smallest block that has a vector of its own, pixels."""
 
 MIN_SIDE = 16
 """Minimum side of an encoded frame, pixels; smaller frames are padded."""
-
-FRAME_RATE = 25
-"""Frame rate of the stream, frames per second; any value will do."""
-
-VECTOR_DTYPE = [(name, np.int32) for name in ("w", "h", "dst_x", "dst_y", "motion_x", "motion_y", "motion_scale")]
-
-X264_PARAMETERS = "keyint=250:scenecut=0:bframes=0:ref=1:weightp=0:threads=1"
-"""Options for an intra-coded first frame and a second frame predicted from it alone, without weighted prediction; the
-same stream on any number of cores."""
 
 
 @dataclass(frozen=True)
@@ -93,25 +77,10 @@ class CodecMotion:
 
     def _estimate_one_way(self, reference: FrameCache, predicted: FrameCache) -> MotionField:
         """Return the motion of the predicted frame's blocks."""
-        packets = self._encode(reference.cached(_as_yuv), predicted.cached(_as_yuv))
-        return _field(_read_vectors(packets), predicted, reference)
+        from fpsboost.io.video.block_vectors import read_block_vectors  # noqa: PLC0415 (only this estimator needs PyAV)
 
-    def _encode(self, *pictures: NDArray[Any]) -> list[av.Packet[Any]]:
-        try:
-            encoder = av.CodecContext.create(ENCODER, "w")
-        except UnknownCodecError as error:
-            raise OptionError(f"The method codec needs {ENCODER}, which this FFmpeg lacks; take block.") from error
-        assert isinstance(encoder, av.VideoCodecContext)
-        frames = [av.VideoFrame.from_ndarray(picture, format="yuv420p") for picture in pictures]
-        encoder.width, encoder.height, encoder.pix_fmt = frames[0].width, frames[0].height, "yuv420p"
-        encoder.time_base, encoder.framerate = Fraction(1, FRAME_RATE), Fraction(FRAME_RATE)
-        parameters = ":".join([X264_PARAMETERS, *repeatable_parameters])
-        encoder.options = {"crf": str(self.crf), "preset": self.preset, "x264-params": parameters}
-        packets: list[av.Packet[Any]] = []
-        for number, frame in enumerate(frames):
-            frame.pts = number
-            packets += encoder.encode(frame)
-        return [*packets, *encoder.encode(None)]
+        pictures = reference.cached(_as_yuv), predicted.cached(_as_yuv)
+        return _field(read_block_vectors(*pictures, self.crf, self.preset), predicted, reference)
 
 
 def _as_yuv(image: Image) -> NDArray[Any]:
@@ -127,18 +96,6 @@ def _as_yuv(image: Image) -> NDArray[Any]:
     below, right = (length % 2 + max(0, MIN_SIDE - length) // 2 * 2 for length in (height, width))
     even = cv2.copyMakeBorder(colours, 0, below, 0, right, cv2.BORDER_REPLICATE)
     return cv2.cvtColor(even, cv2.COLOR_BGR2YUV_I420)
-
-
-def _read_vectors(packets: list[av.Packet[Any]]) -> NDArray[Any]:
-    """Return the vectors of the second frame as FFmpeg exports them: one structure per block with a vector."""
-    decoder = av.CodecContext.create("h264", "r")
-    assert isinstance(decoder, av.VideoCodecContext)
-    decoder.flags2 |= Flags2.export_mvs
-    decoder.thread_count = 1
-    frames = [frame for packet in [*packets, None] for frame in decoder.decode(packet)]
-    vectors = frames[1].side_data.get("MOTION_VECTORS")
-    # a copy: the array refers to memory that is freed with the frame
-    return np.empty(0, VECTOR_DTYPE) if vectors is None else vectors.to_ndarray().copy()
 
 
 def _field(vectors: NDArray[Any], image: FrameCache, other: FrameCache) -> MotionField:

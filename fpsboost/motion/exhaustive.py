@@ -14,10 +14,10 @@ from typing import ClassVar, Literal, get_args
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.colour import colour_components
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import Window, search_by_passes, search_fused
+from fpsboost.motion.rendered import RenderedVectors
 from fpsboost.motion.search_radius import choose_search_radius
 
 Implementation = Literal["fused", "passes"]
@@ -42,7 +42,7 @@ class ExhaustiveSearch:
         calls v a variance but squares it in Eq. 3.
     implementation : {'fused', 'passes'}
         One fused kernel, or full-image passes of OpenCV per offset: the same field, about 11 times slower.
-    vectors : VectorFolder or None
+    vectors : RenderedVectors or None
         A renderer's motion vectors; if given, they determine the search radius.
 
     Raises
@@ -67,7 +67,7 @@ class ExhaustiveSearch:
     window: Window = "box"
     v: float = 0.25
     implementation: Implementation = "fused"
-    vectors: VectorFolder | None = None
+    vectors: RenderedVectors | None = None
 
     def __post_init__(self) -> None:
         if self.search_radius is not None and not 1 <= self.search_radius <= 1000:
@@ -79,12 +79,12 @@ class ExhaustiveSearch:
         check_choice("`window`", self.window, get_args(Window))
         check_choice("`implementation`", self.implementation, get_args(Implementation))
 
-    def with_vectors(self, vectors: VectorFolder) -> ExhaustiveSearch:
-        """See `fpsboost.io.vectors.folder.UsesVectors.with_vectors`."""
+    def with_vectors(self, vectors: RenderedVectors) -> ExhaustiveSearch:
+        """See `fpsboost.motion.rendered.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> ExhaustiveSearch:
-        """See `fpsboost.io.vectors.folder.UsesVectors.without_vectors`."""
+        """See `fpsboost.motion.rendered.UsesVectors.without_vectors`."""
         return replace(self, vectors=None)
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:

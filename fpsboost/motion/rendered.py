@@ -1,19 +1,78 @@
-"""Motion vectors written by a renderer, as a motion estimator."""
+"""Motion vectors written by a renderer: the contract of what reads them, and a motion estimator."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import check_pair
+from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.zero import ZeroMotion
+
+
+class FrameVectors(NamedTuple):
+    """Motion vectors and depth of one output frame."""
+
+    backward: NDArray[Any]
+    """(H, W, 2) float32, to the previous output frame, y down."""
+    forward: NDArray[Any]
+    """(H, W, 2) float32, to the next output frame, y down."""
+    depth: NDArray[Any] | None
+    """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None if it is not known."""
+
+
+class RenderedVectors(Protocol):
+    """Contract: motion vectors for every frame at the output rate, such as `fpsboost.io.vectors.folder.VectorFolder`.
+
+    Attributes
+    ----------
+    step : int
+        Number of vectors from one output frame to the next.
+    remarks : list of str
+        Remarks on what was guessed.
+    """
+
+    step: int
+    remarks: list[str]
+
+    def has(self, number: int) -> bool:
+        """Return whether there are vectors for an output frame, counted from 0."""
+        ...
+
+    def for_image(self, number: int, image: Pixels) -> FrameVectors:
+        """Return the vectors of an output frame, counted from 0, which must have the size of the image.
+
+        Raises
+        ------
+        InputError
+            There are none for it, they cannot be read, or they are of another size.
+        """
+        ...
+
+
+@runtime_checkable
+class UsesVectors(Protocol):
+    """Contract: an estimator or synthesizer that may read a renderer's motion vectors."""
+
+    needs_every_frame: bool
+    """Whether it has motion from each frame to the very next alone, so that none may be left out."""
+
+    @property
+    def vectors(self) -> RenderedVectors | None: ...
+
+    def with_vectors(self, vectors: RenderedVectors) -> Self:
+        """Return the same with other vectors."""
+        ...
+
+    def without_vectors(self) -> Any:
+        """Return what compiles the same kernels and needs no vectors."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -24,19 +83,19 @@ class RenderedMotion:
 
     Parameters
     ----------
-    vectors : VectorFolder
+    vectors : RenderedVectors
     """
 
     needs_every_frame: ClassVar[bool] = True
 
-    vectors: VectorFolder
+    vectors: RenderedVectors
 
-    def with_vectors(self, vectors: VectorFolder) -> RenderedMotion:
-        """See `fpsboost.io.vectors.folder.UsesVectors.with_vectors`."""
+    def with_vectors(self, vectors: RenderedVectors) -> RenderedMotion:
+        """See `fpsboost.motion.rendered.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> ZeroMotion:
-        """See `fpsboost.io.vectors.folder.UsesVectors.without_vectors`."""
+        """See `fpsboost.motion.rendered.UsesVectors.without_vectors`."""
         return ZeroMotion()
 
     def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:

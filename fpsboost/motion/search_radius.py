@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
@@ -31,7 +30,7 @@ from fpsboost.motion.colour import contrast_components, padded_planes, small_cop
 from fpsboost.motion.field import MotionField, forward_backward_error, point_places
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis
-from fpsboost.motion.rendered import RenderedMotion
+from fpsboost.motion.rendered import RenderedMotion, RenderedVectors
 
 RADIUS_MARGIN = 1.2
 """Ratio of the radius to the largest motion: the report's 20 % more."""
@@ -90,14 +89,14 @@ MIN_OBJECT_POINTS = math.ceil(2 * (2 * PATCH_RADIUS + 1) ** 2 / STEP**2)
 in a patch of the report's size, and cannot be distinguished from chance."""
 
 
-def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: VectorFolder | None = None) -> int:
+def choose_search_radius(image0: FrameCache, image1: FrameCache, vectors: RenderedVectors | None = None) -> int:
     """Choose the report's search radius for two frames (section 4.1).
 
     Parameters
     ----------
     image0, image1 : FrameCache
         Two frames of one size and type.
-    vectors : VectorFolder, optional
+    vectors : RenderedVectors, optional
         The renderer's motion; estimated if not given.
 
     Returns

@@ -10,8 +10,8 @@ from fpsboost.errors import OutputError
 from fpsboost.evaluation.page_templates import templates_of
 from fpsboost.evaluation.pictures import as_heat, data_uri, encode
 from fpsboost.evaluation.writing import appearing
-from fpsboost.io.prefetch import available_cores
 from fpsboost.preview.trial import Estimate, Preview
+from fpsboost.threads import available_cores
 from fpsboost.timing.position import format_time
 
 

@@ -15,13 +15,14 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io import FrameSource
-from fpsboost.io.trim import Seekable, Sliceable, beginning
+from fpsboost.io.trim import Seekable, Sliceable
 from fpsboost.motion.colour import small_copy
 from fpsboost.motion.opencv import Dis
 from fpsboost.preparation import ConversionJob, opened_clip
 from fpsboost.preview.views import View
 from fpsboost.probing import Findings
 from fpsboost.run_options import RunOptions
+from fpsboost.streaming import beginning
 from fpsboost.timing.position import Position
 from fpsboost.timing.trim import Trim
 

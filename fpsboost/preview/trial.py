@@ -16,7 +16,6 @@ from fpsboost.conversion import convert_job
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
-from fpsboost.io.prefetch import available_cores
 from fpsboost.io.target import Target
 from fpsboost.observer import LowestMatch, SilentObserver, Summary
 from fpsboost.preparation import ConversionJob, opened_clip, prepare
@@ -24,6 +23,7 @@ from fpsboost.preview.places import Found, Passage, find_passages, of_part
 from fpsboost.preview.views import View
 from fpsboost.run_options import RunOptions
 from fpsboost.synthesis import FusesHypotheses
+from fpsboost.threads import available_cores
 from fpsboost.timing.position import Position
 
 

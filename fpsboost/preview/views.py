@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from fpsboost.evaluation.metrics import as_shown
 from fpsboost.frame import Frame
 from fpsboost.io.video.orientation import turned_upright
-from fpsboost.io.video.planes import bgr_of
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.ycbcr import YCbCrImage
 
@@ -49,7 +48,7 @@ class View:
     def add(self, frame: Frame, time: Fraction) -> None:
         """Add the next frame."""
         pixels = frame.pixels
-        image = self.displayed(bgr_of(pixels) if isinstance(pixels, YCbCrImage) else pixels)
+        image = self.displayed(pixels.to_bgr() if isinstance(pixels, YCbCrImage) else pixels)
         data = cv2.imencode(".jpg", as_shown(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         self.times.append(time)
         self.pictures.append(data.tobytes())

@@ -30,13 +30,13 @@ from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE
-from fpsboost.io.prefetch import available_cores, run_in_parallel
 from fpsboost.io.staging import write_safely
-from fpsboost.io.vectors.folder import UsesVectors
 from fpsboost.method_table import find_method
+from fpsboost.motion.rendered import UsesVectors
 from fpsboost.rerender.output_folder import check_new, new_folder
 from fpsboost.rerender.planning import check_input
 from fpsboost.rerender.score import comparable, squared_error
+from fpsboost.threads import available_cores, run_in_parallel
 
 LONGEST = 16
 """Largest difference of two numbers between which frames are made."""

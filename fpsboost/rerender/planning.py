@@ -15,7 +15,6 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
-from fpsboost.io.prefetch import available_cores, run_in_parallel
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.rerender.options import PlanOptions, RenderBudget
@@ -24,6 +23,7 @@ from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import RenderCost, choose_regions
 from fpsboost.rerender.score import expect_errors
 from fpsboost.rerender.tiles import Rectangle, TileGrid, partition
+from fpsboost.threads import available_cores, run_in_parallel
 
 DEFAULT_BUDGET = RenderBudget(0.1)
 MIN_IMAGES = 3

@@ -118,7 +118,7 @@ def expect_errors(
         Output frames per image.
     grid : TileGrid
     in_order : callable
-        Runs jobs and yields their results in order; see `fpsboost.io.prefetch.run_in_parallel`.
+        Runs jobs and yields their results in order; see `fpsboost.threads.run_in_parallel`.
 
     Returns
     -------

@@ -16,7 +16,6 @@ from numpy.typing import DTypeLike, NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image, Pixels, as_array, has_alpha, value_range
-from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.kernels.candidates import (
     VALUES_PER_MOTION,
     Candidates,
@@ -43,6 +42,7 @@ from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
 from fpsboost.layered import LayeredImage
 from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
+from fpsboost.motion.rendered import RenderedVectors
 from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accelerations_at_points
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
@@ -106,7 +106,7 @@ class MultiHypothesis:
         Similarity from which on a node needs no further candidates.
     min_vote_share : float
         A candidate is skipped if its votes are below this share of the least accumulated weight of any pixel.
-    vectors : VectorFolder or None
+    vectors : RenderedVectors or None
         A renderer's motion vectors; if given, the motion of the surfaces is one more hypothesis of every pixel, see
         `fpsboost.synthesis.rendered_hypothesis`.
     """
@@ -121,7 +121,7 @@ class MultiHypothesis:
     sharpness: float = 18
     sufficient_similarity: float = 0.98
     min_vote_share: float = 0.2
-    vectors: VectorFolder | None = None
+    vectors: RenderedVectors | None = None
 
     def __post_init__(self) -> None:
         if self.step < 1:
@@ -151,15 +151,15 @@ class MultiHypothesis:
 
     @property
     def needs_every_frame(self) -> bool:
-        """See `fpsboost.io.vectors.folder.UsesVectors.needs_every_frame`."""
+        """See `fpsboost.motion.rendered.UsesVectors.needs_every_frame`."""
         return self.vectors is not None
 
-    def with_vectors(self, vectors: VectorFolder) -> MultiHypothesis:
-        """See `fpsboost.io.vectors.folder.UsesVectors.with_vectors`."""
+    def with_vectors(self, vectors: RenderedVectors) -> MultiHypothesis:
+        """See `fpsboost.motion.rendered.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> MultiHypothesis:
-        """See `fpsboost.io.vectors.folder.UsesVectors.without_vectors`."""
+        """See `fpsboost.motion.rendered.UsesVectors.without_vectors`."""
         return replace(self, vectors=None)
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Pixels]:
@@ -179,7 +179,7 @@ class MultiHypothesis:
             yield made if self.vectors is None else self._with_surfaces(made, frame_pair, t, self.vectors)
 
     def _with_surfaces(
-        self, made: InterpolatedImage, frame_pair: FramePair, t: float, vectors: VectorFolder
+        self, made: InterpolatedImage, frame_pair: FramePair, t: float, vectors: RenderedVectors
     ) -> InterpolatedImage:
         """Mix the image with the one along the renderer's motion, each weighted by the agreement of the frames."""
         image0, image1 = frame_pair.image0, frame_pair.image1
@@ -190,7 +190,7 @@ class MultiHypothesis:
         return InterpolatedImage(as_image(colours, image0.array, image1.array, t), surfaces.confidence)
 
     def _find_surfaces(
-        self, confidence: NDArray[Any], frame_pair: FramePair, t: float, vectors: VectorFolder
+        self, confidence: NDArray[Any], frame_pair: FramePair, t: float, vectors: RenderedVectors
     ) -> _Surfaces:
         """Follow the renderer's motion, and weigh it against what the candidates have made with this confidence."""
         image0, image1 = frame_pair.image0, frame_pair.image1

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import FrameVectors, VectorFolder
 from fpsboost.kernels.rendered import Source, mix_along
 from fpsboost.kernels.reproject import search_iteratively
 from fpsboost.motion.field import MotionField, forward_backward_error
-from fpsboost.motion.rendered import frame_number, output_frame_between
+from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
 
 CONSISTENCY_TOLERANCE = 1.5
 """Maximum forward-backward error of a surface that both frames show, in pixels for each output frame between them:
@@ -82,7 +81,7 @@ class SurfaceMotion(NamedTuple):
         return similarity
 
 
-def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vectors: VectorFolder) -> SurfaceMotion:
+def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vectors: RenderedVectors) -> SurfaceMotion:
     """Return the motion of the surfaces of an in-between frame, as a renderer's vectors give it.
 
     The in-between frame's own vectors lead from each of its pixels to both frames. Without them, each pixel is searched
@@ -94,7 +93,7 @@ def find_surface_motion(image0: FrameCache, image1: FrameCache, t: float, vector
         The two frames, which are output frames.
     t : float
         Time between them, that of an output frame.
-    vectors : VectorFolder
+    vectors : RenderedVectors
         Of both frames, and of the in-between frame if it was rendered too.
 
     Raises

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
-from fpsboost.io.vectors.folder import FrameVectors, VectorFolder
-from fpsboost.motion.rendered import frame_number, output_frame_between
+from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.agreement import measure_agreement_along
 from fpsboost.synthesis.blend import Blend
@@ -40,7 +39,7 @@ class SceneAssisted:
 
     Parameters
     ----------
-    vectors : VectorFolder
+    vectors : RenderedVectors
         Motion vectors; with depth, occlusion is detected.
     depth_tolerance : float
         A pixel is occluded where the other frame is nearer by more than this share of its depth.
@@ -53,19 +52,19 @@ class SceneAssisted:
 
     needs_every_frame: ClassVar[bool] = True
 
-    vectors: VectorFolder
+    vectors: RenderedVectors
     depth_tolerance: float = 0.05
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth_tolerance < 1:
             raise OptionError(f"depth_tolerance must be at least 0 and below 1, not {self.depth_tolerance}.")
 
-    def with_vectors(self, vectors: VectorFolder) -> SceneAssisted:
-        """See `fpsboost.io.vectors.folder.UsesVectors.with_vectors`."""
+    def with_vectors(self, vectors: RenderedVectors) -> SceneAssisted:
+        """See `fpsboost.motion.rendered.UsesVectors.with_vectors`."""
         return replace(self, vectors=vectors)
 
     def without_vectors(self) -> Blend:
-        """See `fpsboost.io.vectors.folder.UsesVectors.without_vectors`."""
+        """See `fpsboost.motion.rendered.UsesVectors.without_vectors`."""
         return Blend()
 
     def synthesize(self, frame_pair: FramePair, times: Sequence[float]) -> Iterator[Image]:

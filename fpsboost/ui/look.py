@@ -10,13 +10,13 @@ from typing import NamedTuple
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.interpolator import with_neighbours
-from fpsboost.io.trim import beginning
 from fpsboost.method_table import methods
 from fpsboost.preparation import ConversionJob, opened_clip
 from fpsboost.preview.places import of_part
 from fpsboost.preview.views import View
 from fpsboost.probing import Findings
 from fpsboost.run_options import RunOptions
+from fpsboost.streaming import beginning
 from fpsboost.timing.position import Position
 from fpsboost.timing.trim import Trim
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fpsboost import ClipInfo, Summary
-from fpsboost.io.prefetch import nothing
+from fpsboost.threads import nothing
 
 log = logging.getLogger("fpsboost")
 

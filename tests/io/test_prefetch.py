@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from fpsboost.io.prefetch import available_cores, read_ahead, run_in_parallel, write_behind
+from fpsboost.threads import available_cores, read_ahead, run_in_parallel, write_behind
 
 
 class OnPurposeError(Exception):
@@ -38,7 +38,7 @@ def refused(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
                 event.set()
                 raise
 
-    monkeypatch.setattr("fpsboost.io.prefetch.Queue", Telling)
+    monkeypatch.setattr("fpsboost.threads.Queue", Telling)
     return event
 
 
@@ -82,7 +82,7 @@ def waited(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
                 event.set()
             return has_room
 
-    monkeypatch.setattr("fpsboost.io.prefetch.Semaphore", Telling)
+    monkeypatch.setattr("fpsboost.threads.Semaphore", Telling)
     return event
 
 
@@ -232,7 +232,7 @@ def test_leaving_by_an_exception_drops_what_is_not_written(monkeypatch):
             super().set()
             release.set()
 
-    monkeypatch.setattr("fpsboost.io.prefetch.Event", Telling)
+    monkeypatch.setattr("fpsboost.threads.Event", Telling)
 
     def slow(item: int) -> None:
         started.set()
@@ -296,7 +296,7 @@ def test_no_thread_is_left_by_an_interruption_of_its_start(monkeypatch, side, ha
                 super().start()
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("fpsboost.io.prefetch.Thread", Interrupted)
+    monkeypatch.setattr("fpsboost.threads.Thread", Interrupted)
     with pytest.raises(KeyboardInterrupt), side():
         pass
 

@@ -85,6 +85,6 @@ def test_options_out_of_range_are_refused(options):
 
 def test_a_missing_encoder_is_said(monkeypatch):
     """With what to take instead."""
-    monkeypatch.setattr(codec, "ENCODER", "libnothing")
+    monkeypatch.setattr("fpsboost.io.video.block_vectors.ENCODER", "libnothing")
     with pytest.raises(OptionError, match=r"libnothing.*take block"):
         CodecMotion().estimate(*prepared(noise(16, 16), noise(16, 16)))

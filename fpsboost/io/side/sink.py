@@ -44,7 +44,7 @@ class SideSink:
 
     @property
     def remarks(self) -> list[str]:
-        """See `fpsboost.io.FrameSink.remarks`."""
+        """See `fpsboost.contracts.FrameSink.remarks`."""
         return [*self._sink.remarks, *(remark for writer in self._writers for remark in writer.remarks)]
 
     @property
@@ -53,7 +53,7 @@ class SideSink:
         return getattr(self._sink, "details", "")
 
     def cancel(self) -> None:
-        """See `fpsboost.io.Cancellable.cancel`."""
+        """See `fpsboost.contracts.Cancellable.cancel`."""
         if isinstance(self._sink, Cancellable):
             self._sink.cancel()
 

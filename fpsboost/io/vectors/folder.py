@@ -19,7 +19,7 @@ from copy import copy
 from itertools import chain
 from pathlib import Path
 from threading import Lock
-from typing import Any, NamedTuple, Protocol, Self, get_args, runtime_checkable
+from typing import Any, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,41 +38,12 @@ from fpsboost.io.images.sequence import (
 from fpsboost.io.vectors.convention import ConventionName
 from fpsboost.io.vectors.flow_files import read_flow
 from fpsboost.io.vectors.layout import VectorConvention, conventions, find_vector_channels
+from fpsboost.motion.rendered import FrameVectors
 
 KEPT_FRAMES = 4
 """Number of frames whose vectors are cached: a pair's two frames, and two between them."""
 
 BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
-
-
-class FrameVectors(NamedTuple):
-    """Motion vectors and depth of one output frame."""
-
-    backward: NDArray[Any]
-    """(H, W, 2) float32, to the previous output frame, y down."""
-    forward: NDArray[Any]
-    """(H, W, 2) float32, to the next output frame, y down."""
-    depth: NDArray[Any] | None
-    """(H, W) float32, distance from the camera in any unit, infinite where nothing is; None if it is not known."""
-
-
-@runtime_checkable
-class UsesVectors(Protocol):
-    """Contract: an estimator or synthesizer that may read a renderer's motion vectors."""
-
-    needs_every_frame: bool
-    """Whether it has motion from each frame to the very next alone, so that none may be left out."""
-
-    @property
-    def vectors(self) -> VectorFolder | None: ...
-
-    def with_vectors(self, vectors: VectorFolder) -> Self:
-        """Return the same with other vectors."""
-        ...
-
-    def without_vectors(self) -> Any:
-        """Return what compiles the same kernels and needs no vectors."""
-        ...
 
 
 class VectorFolder:

@@ -265,7 +265,7 @@ class PipeSource(ClosesOnExit):
         return self._frames()
 
     def cancel(self) -> None:
-        """See `fpsboost.io.Cancellable.cancel`."""
+        """See `fpsboost.contracts.Cancellable.cancel`."""
         if self._waiting is not None:
             self._waiting.cancel()
 
@@ -393,7 +393,7 @@ class PipeSink:
             raise OutputError(f"{OUTPUT_NAME} was not written because there were no frames.")
 
     def cancel(self) -> None:
-        """See `fpsboost.io.Cancellable.cancel`."""
+        """See `fpsboost.contracts.Cancellable.cancel`."""
         if self._waiting is not None:
             self._waiting.cancel()
 

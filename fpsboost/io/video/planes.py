@@ -32,7 +32,8 @@ def coding_of(traits: VideoTraits) -> Coding | None:
     if traits.pixel_format not in PLANAR_FORMATS:
         return None
     bits = av.VideoFormat(traits.pixel_format).components[0].bits
-    return Coding(bits, traits.color_space, traits.full_range, traits.chroma_location, traits.pixel_format)
+    location, pixel_format = traits.chroma_location, traits.pixel_format
+    return Coding(bits, traits.color_space, traits.full_range, location, pixel_format, bgr_of)
 
 
 def in_planes(picture: av.VideoFrame, coding: Coding) -> YCbCrImage:

@@ -24,7 +24,6 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.prefetch import available_cores
 from fpsboost.io.stream_info import StreamInfo, VideoFile
 from fpsboost.io.video.damage import Damage, counted
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -54,6 +53,7 @@ from fpsboost.io.video.unsupported import (
     lost_shape_remark,
 )
 from fpsboost.io.video.ycc import has_alpha, to_bgr, to_bgra
+from fpsboost.threads import available_cores
 
 DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
 STEPS_BACK = (0, 1, 10)

@@ -12,11 +12,11 @@ import pytest
 from truth import waves
 from vector_truth import constant, save_flows, save_translation
 
-from fpsboost.analysis.vector_fit import RenderedPair, fit_convention, fit_vectors
 from fpsboost.cli import app
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.exr import write_exr
 from fpsboost.io.images.files import encode_image
+from fpsboost.io.vectors.fit import RenderedPair, fit_convention, fit_vectors
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.vectors.layout import StoredVectors, VectorConvention, conventions, find_vector_channels
 

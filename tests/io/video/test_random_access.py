@@ -17,11 +17,12 @@ from fpsboost.errors import InputError
 from fpsboost.frame import Frame
 from fpsboost.io import FrameSource, RandomAccess
 from fpsboost.io.images.numbered import ImageSource
-from fpsboost.io.trim import TrimmedSource, beginning
+from fpsboost.io.trim import TrimmedSource
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.frame_index import TickTimes, read_index
 from fpsboost.io.video.source import VideoSource
+from fpsboost.streaming import beginning
 from fpsboost.timing.position import parse_position
 from fpsboost.timing.trim import Trim
 
