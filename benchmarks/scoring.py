@@ -16,10 +16,10 @@ from rich.console import Console
 
 from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import InputError
+from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.further_metrics import Meters, summarise
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
-from fpsboost.evaluation.hiding import Hiding, Interval
-from fpsboost.evaluation.making import InterpolatorMaker
+from fpsboost.evaluation.hidden_frames import Hiding, Interval
 from fpsboost.evaluation.metrics import low_percentile, mean, means, score
 from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
@@ -185,7 +185,7 @@ def make_hidden(interpolator: Interpolator, clip: Clip, confidence: bool = False
     kept: dict[int, NDArray[Any]] = {}
     if confidence:
         interpolator = replace(interpolator, synthesizer=KeepingConfidence(interpolator.synthesizer, kept))
-    made = list(InterpolatorMaker(interpolator).make(clip.intervals))
+    made = list(InterpolatorContestant(interpolator).interpolate(clip.intervals))
     unknown = np.zeros(made[0].image.shape[:2], np.float32)  # nothing is fused across a cut
     return Made(
         [each.image for each in made],

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from fpsboost import CutDetector, Interpolator, methods
-from fpsboost.evaluation.pictures import as_heat, draw_wheel, in_colour
+from fpsboost.evaluation.report.pictures import draw_wheel, in_colour
+from fpsboost.evaluation.report.self_contained import as_heat
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Pair
 from fpsboost.io.vectors.folder import VectorFolder

@@ -731,7 +731,7 @@ def test_values_that_mean_nothing_are_refused(make, name):
         make()
 
 
-def test_unknown_methods_are_refused():
+def test_unmethod_names_are_refused():
     """The message lists the known ones."""
     with pytest.raises(OptionError, match=", ".join(methods)):
         find_method("magic")

@@ -14,8 +14,8 @@ from truth import waves
 from fpsboost.array_stream import stream
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
-from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.making import InterpolatorMaker
+from fpsboost.evaluation.contestants import InterpolatorContestant
+from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.io.images.exr import read_exr, write_exr
 from fpsboost.io.images.files import encode_image
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -122,6 +122,6 @@ def test_comparisons_and_streams_make_what_conversions_make(tmp_path):
     convert(str(tmp_path / "half"), str(tmp_path / "out"))
     planes = read_exr(tmp_path / "out" / "0001.exr")
     expected = np.dstack([planes[name] for name in "BGR"])
-    (again,) = InterpolatorMaker(methods["nlm"]).make(Hiding().intervals(str(source)))
+    (again,) = InterpolatorContestant(methods["nlm"]).interpolate(Hiding().intervals(str(source)))
     np.testing.assert_array_equal(again.image, expected)
     np.testing.assert_array_equal(list(stream(str(tmp_path / "half")))[1], expected)

@@ -28,9 +28,9 @@ from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.decode_options import DecodeOptions
 
 if TYPE_CHECKING:
-    from fpsboost.evaluation.hiding import Hiding
-    from fpsboost.evaluation.making import Maker
-    from fpsboost.evaluation.results import Compared, Comparison, MethodResult
+    from fpsboost.evaluation.contestants import Contestant
+    from fpsboost.evaluation.hidden_frames import Hiding
+    from fpsboost.evaluation.results import ComparedClip, Comparison, MethodResult
     from fpsboost.io.vectors.folder import VectorFolder
 
 EXIT_BELOW_LIMIT = 3
@@ -42,7 +42,7 @@ frames_group = Group("Which frames", sort_key=1)
 
 def hiding_of(options: HidingOptions, decoding: DecodeOptions) -> Hiding:
     """Return which frames are hidden, and how the clip is read."""
-    from fpsboost.evaluation.hiding import Hiding, parse_range  # noqa: PLC0415
+    from fpsboost.evaluation.hidden_frames import Hiding, parse_range  # noqa: PLC0415
 
     first, last = parse_range(options.range or ":")
     return Hiding(options.skip, first, last, decoding, options.duplicates)
@@ -73,7 +73,7 @@ def compare(
     """
     from fpsboost.evaluation.compare import compare as run  # noqa: PLC0415
     from fpsboost.evaluation.further_metrics import choose_metrics  # noqa: PLC0415
-    from fpsboost.evaluation.results import Compared  # noqa: PLC0415
+    from fpsboost.evaluation.results import ComparedClip  # noqa: PLC0415
     from fpsboost.method_table import find_method  # noqa: PLC0415
 
     console = Console(highlight=False, quiet=results.quiet)
@@ -99,10 +99,10 @@ def compare(
         for each in inputs:
             with Progressing(quiet=results.quiet) as progress:
                 intervals = partial(hiding.intervals, each, rate)
-                makers = ours | dict(others.makers(intervals, Path(scratch), progress.begun))
+                contestants = ours | dict(others.contestants(intervals, Path(scratch), progress.begin))
                 comparison = run(
                     each,
-                    makers,
+                    contestants,
                     hiding,
                     progress,
                     skipped=skipped,
@@ -114,30 +114,30 @@ def compare(
                     cut_options=words_of(at_cuts.given),
                     metrics=chosen,
                 )
-            print_comparison(comparison, makers, console)
-            compared.append(Compared(comparison, makers))
+            print_comparison(comparison, contestants, console)
+            compared.append(ComparedClip(comparison, contestants))
         write_results(compared, results, console, rate)
     if results.fail_under is not None:
         check_is_reached([each.comparison for each in compared], results.fail_under)
 
 
-def print_comparison(comparison: Comparison, makers: Mapping[str, Maker], console: Console) -> None:
+def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestant], console: Console) -> None:
     """Print the tables, the remarks and the verdict."""
     from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
 
     for each in tables(comparison):
         console.print(each)
-    for line in remarks(comparison, makers):
+    for line in remarks(comparison, contestants):
         console.print(sentence(line))
     console.print(sentence(judge(comparison).text), style="bold", soft_wrap=True)
 
 
 def write_results(
-    compared: Sequence[Compared], results: ResultOptions, console: Console, input_fps: Fraction | None
+    compared: Sequence[ComparedClip], results: ResultOptions, console: Console, input_fps: Fraction | None
 ) -> None:
     """Print what several clips come to, and write the files and the page that are asked for."""
-    from fpsboost.evaluation.exporting import write_csv, write_json  # noqa: PLC0415
-    from fpsboost.evaluation.several import judge_all  # noqa: PLC0415
+    from fpsboost.evaluation.export import write_csv, write_json  # noqa: PLC0415
+    from fpsboost.evaluation.verdict import judge_all  # noqa: PLC0415
 
     comparisons = [each.comparison for each in compared]
     if len(comparisons) > 1:
@@ -148,7 +148,7 @@ def write_results(
     if results.csv is not None:
         write_csv(Path(results.csv), comparisons)
     if results.report is not None:
-        from fpsboost.evaluation.report import write_report  # noqa: PLC0415 (the drawing code is slow to import)
+        from fpsboost.evaluation.report.page import write_report  # noqa: PLC0415 (the drawing code is slow to import)
 
         with Console(stderr=True, quiet=results.quiet).status("writing the page"):
             page = write_report(Path(results.report), compared, input_fps=input_fps)
@@ -167,15 +167,15 @@ def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
         raise OptionError(f"{twice} is named twice; name it once.")
 
 
-def with_cuts(makers: Mapping[str, Maker], at_cuts: CutOptions) -> dict[str, Maker]:
-    """Return the makers, with the scene-cut options applied to the methods of this package."""
-    from fpsboost.evaluation.making import InterpolatorMaker  # noqa: PLC0415
+def with_cuts(contestants: Mapping[str, Contestant], at_cuts: CutOptions) -> dict[str, Contestant]:
+    """Return the contestants, with the scene-cut options applied to the methods of this package."""
+    from fpsboost.evaluation.contestants import InterpolatorContestant  # noqa: PLC0415
 
     return {
-        name: replace(maker, interpolator=at_cuts.applied_to(maker.interpolator))
-        if isinstance(maker, InterpolatorMaker)
-        else maker
-        for name, maker in makers.items()
+        name: replace(contestant, interpolator=at_cuts.applied_to(contestant.interpolator))
+        if isinstance(contestant, InterpolatorContestant)
+        else contestant
+        for name, contestant in contestants.items()
     }
 
 
@@ -190,7 +190,7 @@ def check_limit(limit: float, methods: Sequence[str], compared: Sequence[str], s
 
 def check_is_reached(comparisons: Sequence[Comparison], limit: float) -> None:
     """Exit with `EXIT_BELOW_LIMIT` if the first method's mean PSNR, over the clips, is lower than a limit."""
-    from fpsboost.evaluation.several import means_over_clips  # noqa: PLC0415
+    from fpsboost.evaluation.verdict import means_over_clips  # noqa: PLC0415
 
     first = means_over_clips(comparisons)[0]
     if first.mean < limit:
@@ -219,7 +219,7 @@ def check_new(path: str | None, option: str) -> None:
 
 def tables(comparison: Comparison) -> list[Table]:
     """Return tables: overall figures, best method first; errors by area, if one is large enough; further metrics."""
-    from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
+    from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
 
     ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
     overall = Table(
@@ -249,8 +249,8 @@ def tables(comparison: Comparison) -> list[Table]:
 
 def table_of_means(comparisons: Sequence[Comparison]) -> Table:
     """Return the PSNR of every method on every clip, and the means over the clips, best method first."""
-    from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
-    from fpsboost.evaluation.several import means_over_clips  # noqa: PLC0415
+    from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
+    from fpsboost.evaluation.verdict import means_over_clips  # noqa: PLC0415
 
     table = Table(Column("PSNR", overflow="fold"), title=f"{len(comparisons)} clips")
     table.add_column("mean", justify="right")
@@ -266,7 +266,7 @@ def table_of_means(comparisons: Sequence[Comparison]) -> Table:
 def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Table:
     """Return the table of further metrics, methods in the order of the overall figures."""
     from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
-    from fpsboost.evaluation.looks import break_name  # noqa: PLC0415
+    from fpsboost.evaluation.report.styles import break_name  # noqa: PLC0415
 
     table = Table(Column("method", overflow="fold"), title="further metrics")
     for name in comparison.metrics:
@@ -291,7 +291,7 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
     ]
 
 
-def remarks(comparison: Comparison, makers: Mapping[str, Maker]) -> list[str]:
+def remarks(comparison: Comparison, contestants: Mapping[str, Contestant]) -> list[str]:
     """Return the remarks below the tables."""
     from fpsboost.evaluation.further_metrics import metrics  # noqa: PLC0415
 
@@ -301,7 +301,7 @@ def remarks(comparison: Comparison, makers: Mapping[str, Maker]) -> list[str]:
     if comparison.cuts:
         are = "frame across a scene cut is" if len(comparison.cuts) == 1 else "frames across a scene cut are"
         lines.append(f"Note: {len(comparison.cuts)} {are} not counted.")
-    lines += [f"Note: {note}" for note in comparison.notes(makers)]
+    lines += [f"Note: {note}" for note in comparison.notes(contestants)]
     lines += [f"Note: {name} was skipped, {reason}." for name, reason in comparison.skipped.items()]
     return lines
 
@@ -329,11 +329,11 @@ class Progressing:
     def __exit__(self, *exception: object) -> None:
         self._progress.stop()
 
-    def begun(self, name: str, frames: int | None) -> None:
-        """See `fpsboost.evaluation.compare.Observer.begun`."""
+    def begin(self, name: str, frames: int | None) -> None:
+        """See `fpsboost.evaluation.compare.Observer.begin`."""
         self._task = self._progress.add_task(shown(name), total=frames)
 
-    def made(self) -> None:
-        """See `fpsboost.evaluation.compare.Observer.made`."""
+    def advance(self) -> None:
+        """See `fpsboost.evaluation.compare.Observer.advance`."""
         if self._task is not None:
             self._progress.advance(self._task)

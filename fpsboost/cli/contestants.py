@@ -12,8 +12,8 @@ from fpsboost.errors import OptionError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from fpsboost.evaluation.hiding import Interval
-    from fpsboost.evaluation.making import Maker
+    from fpsboost.evaluation.contestants import Contestant
+    from fpsboost.evaluation.hidden_frames import Interval
     from fpsboost.io.vectors.folder import VectorFolder
 
 
@@ -71,7 +71,7 @@ def _with_option(method: NamedMethod, text: str, part: str) -> NamedMethod:
     return NamedMethod(text, method.name, {**method.options, option: value})
 
 
-def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str, Maker], dict[str, str]]:
+def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str, Contestant], dict[str, str]]:
     """Return the methods of ``--methods``, and those that cannot be run with the reason.
 
     Raises
@@ -79,11 +79,11 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
     OptionError
         A method or one of its options is unknown, and the message lists the known ones; or a value is out of range.
     """
-    from fpsboost.evaluation.making import MINTERPOLATE, Minterpolate, known_methods  # noqa: PLC0415
+    from fpsboost.evaluation.contestants import MINTERPOLATE, Minterpolate, method_names  # noqa: PLC0415
     from fpsboost.method_table import vector_methods  # noqa: PLC0415
 
-    every = known_methods()
-    makers: dict[str, Maker] = {}
+    every = method_names()
+    contestants: dict[str, Contestant] = {}
     skipped: dict[str, str] = {}
     for method in split_methods(texts):
         chosen = [method]
@@ -95,17 +95,17 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
             if each.name in vector_methods and vectors is None:
                 skipped[each.text] = "it needs the renderer's motion vectors (--vectors)"
                 continue
-            maker = _make(each, vectors)  # first, because a wrong option is one wherever FFmpeg is missing
+            contestant = _make(each, vectors)  # first, because a wrong option is one wherever FFmpeg is missing
             reason = Minterpolate.missing() if each.name == MINTERPOLATE else None
             if reason is None:
-                makers[each.text] = maker
+                contestants[each.text] = contestant
             else:
                 skipped[each.text] = reason
-    return makers, skipped
+    return contestants, skipped
 
 
-def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
-    from fpsboost.evaluation.making import MINTERPOLATE, InterpolatorMaker, Minterpolate  # noqa: PLC0415
+def _make(method: NamedMethod, vectors: VectorFolder | None) -> Contestant:
+    from fpsboost.evaluation.contestants import MINTERPOLATE, InterpolatorContestant, Minterpolate  # noqa: PLC0415
     from fpsboost.method_table import (  # noqa: PLC0415
         configure,
         find_method,
@@ -123,7 +123,7 @@ def _make(method: NamedMethod, vectors: VectorFolder | None) -> Maker:
     interpolator = find_method(method.name, vectors)
     options = read_options(interpolator, method.name, texts)
     try:
-        return InterpolatorMaker(configure(interpolator, method.name, options))
+        return InterpolatorContestant(configure(interpolator, method.name, options))
     except OptionError as error:
         raise OptionError(f"In {method.text}: {error}") from None
 
@@ -151,9 +151,9 @@ class Others(NamedTuple):
             for word in (option, f"{name}={value}")
         )
 
-    def makers(
-        self, intervals: Callable[[], Iterable[Interval]], scratch: Path, begun: Callable[[str, None], None]
-    ) -> Iterator[tuple[str, Maker]]:
+    def contestants(
+        self, intervals: Callable[[], Iterable[Interval]], scratch: Path, begin: Callable[[str, None], None]
+    ) -> Iterator[tuple[str, Contestant]]:
         """Match the folders to the clip and run the commands, before anything else because failures occur here.
 
         Parameters
@@ -168,10 +168,10 @@ class Others(NamedTuple):
         from fpsboost.evaluation.peers import find_frames, run_peer  # noqa: PLC0415
 
         for name, folder in self.folders.items():
-            begun(name, None)
+            begin(name, None)
             yield name, find_frames(name, Path(folder), intervals())
         for name, command in self.commands.items():
-            begun(name, None)
+            begin(name, None)
             yield name, run_peer(name, command, intervals(), Path(tempfile.mkdtemp(dir=scratch)))
 
 
@@ -183,10 +183,10 @@ def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
     OptionError
         A name is missing, given twice or that of a method, or a command lacks its folders.
     """
-    from fpsboost.evaluation.making import known_methods  # noqa: PLC0415
+    from fpsboost.evaluation.contestants import method_names  # noqa: PLC0415
     from fpsboost.evaluation.peers import split_command  # noqa: PLC0415
 
-    taken = set(known_methods()) | {"all", "truth"}
+    taken = set(method_names()) | {"all", "truth"}
     found: dict[str, dict[str, str]] = {"--frames": {}, "--peer": {}}
     for option, value, text in [
         *(("--frames", "FOLDER", each) for each in frames),

@@ -102,17 +102,19 @@ def _methods(options: PreviewOptions, cuts: CutOptions) -> dict[str, Interpolato
     OptionError
         One is unknown, or none of this package.
     """
-    from fpsboost.evaluation.making import InterpolatorMaker  # noqa: PLC0415
+    from fpsboost.evaluation.contestants import InterpolatorContestant  # noqa: PLC0415
     from fpsboost.interpolator import Interpolator  # noqa: PLC0415
 
-    makers, skipped = choose(options.methods, None)
-    makers_of_ours = {name: maker for name, maker in makers.items() if isinstance(maker, InterpolatorMaker)}
-    others = [*skipped, *(name for name in makers if name not in makers_of_ours)]
+    contestants, skipped = choose(options.methods, None)
+    makers_of_ours = {
+        name: contestant for name, contestant in contestants.items() if isinstance(contestant, InterpolatorContestant)
+    }
+    others = [*skipped, *(name for name in contestants if name not in makers_of_ours)]
     if others:
         raise OptionError(f"A preview cannot show {', '.join(others)}; leave it out of --methods.")
     methods = dict[str, Interpolator]()
-    for name, maker in makers_of_ours.items():
-        method = replace(cuts.applied_to(maker.interpolator), match_grain=options.match_grain)
+    for name, contestant in makers_of_ours.items():
+        method = replace(cuts.applied_to(contestant.interpolator), match_grain=options.match_grain)
         methods[name] = method if options.duplicates == "interpolate" else replace(method, duplicates=None)
     return methods
 

@@ -47,8 +47,8 @@ def tune(
     quiet
         Print the options and nothing else.
     """
+    from fpsboost.evaluation.tune import check_drawable, draw_tuning  # noqa: PLC0415
     from fpsboost.evaluation.tune import tune as run  # noqa: PLC0415
-    from fpsboost.evaluation.tuning_chart import check_drawable, draw_tuning  # noqa: PLC0415
 
     console = Console(highlight=False)
     hiding = hiding_of(chosen, decoding)

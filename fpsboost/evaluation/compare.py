@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy, counts_frames
 from fpsboost.errors import InputError, OptionError, OutputError, explained
+from fpsboost.evaluation.contestants import Contestant, InterpolatedFrame
 from fpsboost.evaluation.further_metrics import Meters
-from fpsboost.evaluation.hiding import Hiding, Interval
-from fpsboost.evaluation.making import Made, Maker
+from fpsboost.evaluation.hidden_frames import Hiding, Interval
 from fpsboost.evaluation.metrics import absolute_error, score
 from fpsboost.evaluation.regions import AREAS, Regions, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
@@ -38,11 +38,11 @@ from fpsboost.version import __version__
 class Observer(Protocol):
     """Contract: is told how a comparison goes."""
 
-    def begun(self, name: str, frames: int | None) -> None:
+    def begin(self, name: str, frames: int | None) -> None:
         """Take note that a method begins, or reading; `frames` will be made, None if that is not known yet."""
         ...
 
-    def made(self) -> None:
+    def advance(self) -> None:
         """Handle that one more frame is done."""
         ...
 
@@ -87,7 +87,7 @@ class _Areas:
 
 def compare(
     path: str,
-    makers: Mapping[str, Maker],
+    contestants: Mapping[str, Contestant],
     hiding: Hiding,
     observer: Observer,
     *,
@@ -106,7 +106,7 @@ def compare(
     ----------
     path : str
         A video, a folder or a pattern of images.
-    makers : mapping of str to Maker
+    contestants : mapping of str to Contestant
         The methods by name.
     hiding : Hiding
         Which frames are hidden.
@@ -139,7 +139,7 @@ def compare(
     OutputError
         There is no space for what is kept meanwhile.
     """
-    if not makers:
+    if not contestants:
         reasons = "".join(f"; {name} was skipped, {reason}" for name, reason in (skipped or {}).items())
         raise OptionError(f"There is no method to compare{reasons}; name others with `methods`.")
     if vectors is not None:  # which say what moves, as in conversions
@@ -148,18 +148,18 @@ def compare(
         hiding = replace(hiding, counts_frames=True)
     advice = "free some space there, or name another folder with TMPDIR"
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
-        observer.begun("reading", None)
+        observer.begin("reading", None)
         overview = _look(path, hiding.intervals(path, input_fps), _Areas(file), observer, vectors, cuts)
         results = []
-        for name, maker in makers.items():
-            observer.begun(name, len(overview.hidden))
+        for name, contestant in contestants.items():
+            observer.begin(name, len(overview.hidden))
             # the true frames are read beside: a method may read far ahead
             truths = hiding.intervals(path, input_fps)
-            made = maker.make(hiding.intervals(path, input_fps))
+            made = contestant.interpolate(hiding.intervals(path, input_fps))
             frames = list(_scored(made, truths, overview, observer, meters := Meters(metrics, overview.rate)))
             measured = meters.values(len(frames))
             frames = [replace(frame, metrics=row) for frame, row in zip(frames, measured, strict=True)]
-            results.append(MethodResult(name, maker.describe(), frames))
+            results.append(MethodResult(name, contestant.describe(), frames))
     return Comparison(
         path,
         overview.kind,
@@ -271,7 +271,7 @@ def _passing(
         for regions in find_regions(interval, vectors):
             areas.add(regions)
             shares.append([float(each.mean()) for each in regions])
-            observer.made()
+            observer.advance()
         passed.append(
             _Passed(
                 describe(interval.shown0.array),
@@ -321,7 +321,11 @@ def _check_some_count(path: str, hidden: int, cuts: int, doubtful: int) -> None:
 
 
 def _scored(
-    made: Iterator[Made], truths: Iterator[Interval], overview: _Overview, observer: Observer, meters: Meters
+    made: Iterator[InterpolatedFrame],
+    truths: Iterator[Interval],
+    overview: _Overview,
+    observer: Observer,
+    meters: Meters,
 ) -> Iterator[FrameResult]:
     for index, (frame, truth) in enumerate(zip(made, meters.passing(truths), strict=True)):
         meters.add(truth.truth, frame.image)
@@ -336,7 +340,7 @@ def _scored(
             {name: _mean_where(error, ~area) for name, area in areas.items()},
             frame.search_radius,
         )
-        observer.made()
+        observer.advance()
 
 
 def _mean_where(error: NDArray[Any], area: NDArray[Any]) -> float:

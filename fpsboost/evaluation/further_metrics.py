@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.filter_metrics import VmafMeter, XpsnrMeter, missing_filter
-from fpsboost.evaluation.hiding import Hidden, Interval
+from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.evaluation.metrics import as_shown, mean
 from fpsboost.frame import Image
 

@@ -29,8 +29,8 @@ import cv2
 import numpy as np
 
 from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.evaluation.hiding import Interval
-from fpsboost.evaluation.making import Made, seconds_of_children
+from fpsboost.evaluation.contestants import InterpolatedFrame, seconds_of_children
+from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.frame import Image, has_alpha
 from fpsboost.io.images.files import IMAGE_SUFFIXES, encode_image, extension_of, read_image
 from fpsboost.io.images.sequence import list_files
@@ -63,8 +63,10 @@ class PeerFrames:
     looks_far: ClassVar[bool] = False  # whatever the tool looked at: its images stay the same
     any_time: ClassVar[bool] = False  # it was given frames without times
 
-    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
-        """See `Maker.make`.
+    def interpolate(
+        self, intervals: Iterable[Interval], wanted: Container[int] | None = None
+    ) -> Iterator[InterpolatedFrame]:
+        """See `Contestant.interpolate`.
 
         Raises
         ------
@@ -75,10 +77,10 @@ class PeerFrames:
             for hidden in interval.hidden:
                 if wanted is None or hidden.number in wanted:
                     image = read_like(self.files[hidden.number], hidden.truth)
-                    yield Made(hidden.number, image, self.seconds, self.cpu_seconds)
+                    yield InterpolatedFrame(hidden.number, image, self.seconds, self.cpu_seconds)
 
     def describe(self) -> str:
-        """See `Maker.describe`."""
+        """See `Contestant.describe`."""
         return self.description
 
 

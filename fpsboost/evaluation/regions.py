@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.analysis.duplicates import DuplicateDetector, brightness
-from fpsboost.evaluation.hiding import Interval
+from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.motion.opencv import Dis

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from fpsboost.evaluation.contestants import Contestant
 from fpsboost.evaluation.further_metrics import summarise
-from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.making import Maker
+from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.evaluation.metrics import Scores, low_percentile, mean, mean_scores
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 
@@ -100,7 +100,7 @@ class Comparison:
         Numbers of frames that show what the one before shows: neither shown nor a truth, unless in a still.
     doubtful : list of int
         Those of `hidden` at whose times nobody knows what should be seen, most often beside repeats; see
-        `fpsboost.evaluation.hiding.Hiding`. No mean counts them.
+        `fpsboost.evaluation.hidden_frames.Hiding`. No mean counts them.
     clip_frames : int
         Frames from the first shown one to the last, all counted.
     metrics : tuple of str
@@ -138,12 +138,12 @@ class Comparison:
         even = [(place % self.hiding.skip + 1) / steps for place in range(len(self.hidden))]
         return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
 
-    def notes(self, makers: Mapping[str, Maker]) -> list[str]:
+    def notes(self, contestants: Mapping[str, Contestant]) -> list[str]:
         """Return what must be known of duplicates and times to understand the figures, as sentences.
 
         Parameters
         ----------
-        makers : mapping of str to Maker
+        contestants : mapping of str to Contestant
             The methods.
         """
         notes = []
@@ -156,7 +156,7 @@ class Comparison:
             )
         uneven = [number for number in self.uneven if number not in {*self.cuts, *self.doubtful}]
         if uneven:
-            rigid = [name for name, maker in makers.items() if not maker.any_time]
+            rigid = [name for name, contestant in contestants.items() if not contestant.any_time]
             but = f" (even ones with {', '.join(rigid)})" if rigid else ""
             notes.append(
                 f"These hidden frames do not divide the time between the shown ones evenly, and were made at their own "
@@ -192,11 +192,11 @@ class Comparison:
         return mean([(frame.inside if inside else frame.outside)[area] for frame in frames])
 
 
-class Compared(NamedTuple):
+class ComparedClip(NamedTuple):
     """A comparison, and its methods by name, to make some frames again."""
 
     comparison: Comparison
-    makers: Mapping[str, Maker]
+    contestants: Mapping[str, Contestant]
 
 
 def _some(numbers: Sequence[int]) -> str:

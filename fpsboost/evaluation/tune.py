@@ -12,18 +12,20 @@ import math
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.errors import InputError, OptionError
+from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.evaluation.compare import Observer
-from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.making import InterpolatorMaker
+from fpsboost.evaluation.contestants import InterpolatorContestant
+from fpsboost.evaluation.hidden_frames import Hiding, Sample, read_samples
 from fpsboost.evaluation.metrics import mean, score
-from fpsboost.evaluation.picking import Picked, pick
 from fpsboost.interpolator import Interpolator
+from fpsboost.io.new_output import write_whole
 from fpsboost.method_table import configure, find_method, methods
 from fpsboost.motion.search_radius import choose_search_radius, expected_motion
 
@@ -41,6 +43,11 @@ IN_VAIN = 2
 
 AS_GOOD = 1.005
 """An error at most so many times the least is as good, and then the smaller value, which costs less, is taken."""
+
+
+CURVE_COLOURS = {"box": "#0072b2", "gaussian": "#e69f00", "": "#0072b2"}
+CURVE_LABELS = {"box": "box", "gaussian": "Gaussian", "": ""}
+FORMATS = (".svg", ".png", ".pdf")
 
 
 @dataclass(frozen=True)
@@ -128,34 +135,34 @@ def tune(
     known = {field.name for field in fields(interpolator.estimator)}  # type: ignore[arg-type]
     if "patch_radius" not in known:
         raise OptionError(f"The method {method!r} has no patch to tune; take nlm or nlm-exhaustive.")
-    observer.begun("reading", None)
-    picked = choose_frames(path, hiding, count, observer, input_fps)
-    tuner = _Tuner(interpolator, method, picked, observer)
+    observer.begin("reading", None)
+    samples = choose_frames(path, hiding, count, observer, input_fps)
+    tuner = _Tuner(interpolator, method, samples, observer)
     best: dict[str, Any] = {}
     sweeps: dict[str, list[Trial]] = {}
     if "search_radius" in known:
-        usual = max(_usual_search_radius(each) for each in picked)
-        observer.begun("search radius", None)
+        usual = max(_usual_search_radius(each) for each in samples)
+        observer.begin("search radius", None)
         sweeps["search_radius"] = sweep_around(usual, lambda radius: tuner.attempt({"search_radius": radius}))
         best = _best(sweeps["search_radius"]).options
     for name, settings in (("patch_radius", patches(known)), ("v", [{"v": width} for width in WIDTHS])):
         accepted = tuner.accepted([{**best, **each} for each in settings])
-        observer.begun(name.replace("_", " "), len(accepted) * len(picked))
+        observer.begin(name.replace("_", " "), len(accepted) * len(samples))
         sweeps[name] = [trial for trial in map(tuner.attempt, accepted) if trial is not None]
         best = _best(sweeps[name]).options
-    observer.begun(DEFAULT, len(picked))
-    default = _Tuner(methods[DEFAULT], DEFAULT, picked, observer).attempt({})
+    observer.begin(DEFAULT, len(samples))
+    default = _Tuner(methods[DEFAULT], DEFAULT, samples, observer).attempt({})
     assert default is not None
-    return Tuning(path, method, [each.hidden.number for each in picked], sweeps, _best(sweeps["v"]), default)
+    return Tuning(path, method, [each.hidden.number for each in samples], sweeps, _best(sweeps["v"]), default)
 
 
 def choose_frames(
     path: str, hiding: Hiding, count: int, observer: Observer, input_fps: Fraction | None = None
-) -> list[Picked]:
+) -> list[Sample]:
     """Hidden frames whose motion is spread evenly from the middle of the clip's to its largest.
 
     Frames across a scene cut are left out, as long as there are others, and so are those that are no truth (see
-    `fpsboost.evaluation.hiding.Hiding`).
+    `fpsboost.evaluation.hidden_frames.Hiding`).
     """
     motions: list[tuple[float, int]] = []
     match_scores: list[float] = []
@@ -167,7 +174,7 @@ def choose_frames(
         motions.append((motion, middle))
         known.append(interval.is_known)
         match_scores.append(methods["nlm"].pair(image0, image1).match_score)
-        observer.made()
+        observer.advance()
     cuts = CutDetector().find_cuts(match_scores)
     fair = [(each, cut) for each, cut, is_known in zip(motions, cuts, known, strict=True) if is_known]
     if not fair:
@@ -178,7 +185,7 @@ def choose_frames(
     usable = [each for each, cut in fair if not cut] or [each for each, _ in fair]
     ranked = [number for _, number in sorted(usable)]
     places = np.linspace(len(ranked) - 1, (len(ranked) - 1) // 2, min(count, len(ranked)))
-    return pick(path, hiding, sorted({ranked[round(place)] for place in places.tolist()}), input_fps)
+    return read_samples(path, hiding, sorted({ranked[round(place)] for place in places.tolist()}), input_fps)
 
 
 def patches(known: Container[str]) -> list[dict[str, Any]]:
@@ -227,8 +234,8 @@ def _larger(radius: int) -> int:
     return max(radius + 1, round(radius * STEP))
 
 
-def _usual_search_radius(picked: Picked) -> int:
-    interval = next(each for each in picked.window if picked.hidden in each.hidden)
+def _usual_search_radius(sample: Sample) -> int:
+    interval = next(each for each in sample.window if sample.hidden in each.hidden)
     return choose_search_radius(*interval.prepared())
 
 
@@ -238,7 +245,7 @@ class _Tuner:
 
     interpolator: Interpolator
     method: str
-    picked: Sequence[Picked]
+    samples: Sequence[Sample]
     observer: Observer
 
     def accepted(self, settings: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -250,13 +257,13 @@ class _Tuner:
         interpolator = self._configured(options)
         if interpolator is None:
             return None
-        interpolator.compile_for(self.picked[0].hidden.truth)
+        interpolator.compile_for(self.samples[0].hidden.truth)
         errors, cpu_seconds = [], []
-        for each in self.picked:
-            (made,) = InterpolatorMaker(interpolator).make(each.window, {each.hidden.number})
+        for each in self.samples:
+            (made,) = InterpolatorContestant(interpolator).interpolate(each.window, {each.hidden.number})
             errors.append(score(each.hidden.truth, made.image).mse)
             cpu_seconds.append(made.cpu_seconds)
-            self.observer.made()
+            self.observer.advance()
         return Trial(options, mean(errors), mean(cpu_seconds))
 
     def _configured(self, options: dict[str, Any]) -> Interpolator | None:
@@ -270,3 +277,59 @@ def _best(trials: Sequence[Trial]) -> Trial:
     """Return the first of those that are about as good as the best: sweeps go from what is cheap to what is dear."""
     least = min(trial.mse for trial in trials)
     return next(trial for trial in trials if trial.mse <= least * AS_GOOD)
+
+
+def draw_tuning(tuning: Tuning, path: Path) -> None:
+    """Draw all sweeps side by side into a new file.
+
+    Parameters
+    ----------
+    tuning : Tuning
+    path : Path
+        Ends in .svg, .png or .pdf.
+
+    Raises
+    ------
+    OutputError
+        The ending is another, or the file cannot be written.
+    """
+    # takes half a second, and only this needs it
+    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
+    check_drawable(path)
+    figure = Figure(figsize=(4 * len(tuning.sweeps), 3.4), layout="constrained")
+    for axes, (name, trials) in zip(
+        figure.subplots(1, len(tuning.sweeps), squeeze=False)[0], tuning.sweeps.items(), strict=True
+    ):
+        for window, curve in _curves(name, trials).items():
+            x, y = zip(*curve, strict=True)
+            axes.plot(x, y, "o-", color=CURVE_COLOURS[window], label=CURVE_LABELS[window], markersize=4)
+        chosen = tuning.best.options[name]
+        axes.axvline(chosen, color="0.6", linewidth=0.8, linestyle="--")
+        axes.set_xlabel(f"{name.replace('_', ' ')}{'' if name == 'v' else ', pixels'}")
+        axes.set_ylim(0, 1.08 * max(trial.mse for trial in trials))
+        axes.spines[["top", "right"]].set_visible(False)
+        if name != "v":
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        if len(_curves(name, trials)) > 1:
+            axes.legend(frameon=False)
+    figure.axes[0].set_ylabel("mean squared error, levels of 255")
+    drawing = BytesIO()
+    figure.savefig(drawing, format=path.suffix[1:], dpi=150)
+    write_whole(path, drawing.getvalue())
+
+
+def check_drawable(path: Path) -> None:
+    """Raise `OutputError` if the file's ending is none that can be drawn."""
+    if path.suffix.lower() not in FORMATS:
+        raise OutputError(f"{path} cannot be drawn; choose a name that ends in {', '.join(FORMATS)}.")
+
+
+def _curves(name: str, trials: list[Trial]) -> dict[str, list[tuple[float, float]]]:
+    """Error against the swept value; where the windows are swept too, one curve each."""
+    curves: dict[str, list[tuple[float, float]]] = {}
+    for trial in trials:
+        window = trial.options.get("window", "") if name == "patch_radius" else ""
+        curves.setdefault(window, []).append((trial.options[name], trial.mse))
+    return curves

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fpsboost.errors import OutputError
-from fpsboost.evaluation.page_templates import templates_of
-from fpsboost.evaluation.pictures import as_heat, data_uri, encode
-from fpsboost.evaluation.writing import appearing
+from fpsboost.evaluation.report.self_contained import as_heat, data_uri, encode, templates_of
+from fpsboost.io.new_output import write_whole
 from fpsboost.preview.trial import Estimate, Preview
 from fpsboost.threads import available_cores
 from fpsboost.timing.position import format_time
@@ -48,8 +47,7 @@ def write_page(path: Path, shown: Preview, command: str, *, overwrite: bool = Fa
     """
     check_page(path, overwrite=overwrite)
     text = make_page(shown, command)
-    with appearing(path) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
+    write_whole(path, text.encode())
 
 
 def check_page(path: Path, *, overwrite: bool) -> None:
@@ -64,7 +62,7 @@ def check_page(path: Path, *, overwrite: bool) -> None:
 
 def make_page(shown: Preview, command: str) -> str:
     """Return a page as text; see `write_page`."""
-    environment = templates_of("fpsboost.preview", "fpsboost.evaluation")
+    environment = templates_of("fpsboost.preview")
     environment.filters["as_time"] = format_time
     height, width = shown.found.shown[0].before.image_at(Fraction(0)).shape[:2]
     return environment.get_template("preview.html.j2").render(

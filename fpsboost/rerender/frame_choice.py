@@ -29,11 +29,11 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE
 from fpsboost.io.staging import write_safely
 from fpsboost.method_table import find_method
 from fpsboost.motion.rendered import UsesVectors
-from fpsboost.rerender.output_folder import check_new, new_folder
 from fpsboost.rerender.planning import check_input
 from fpsboost.rerender.score import comparable, squared_error
 from fpsboost.threads import available_cores, run_in_parallel
@@ -158,7 +158,7 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     if any(isinstance(part, UsesVectors) and part.vectors is not None for part in parts):
         raise OptionError("`vectors` lead from frame to frame, and frames are chosen at any distance; leave it out.")
     check_input(preview)
-    check_new(Path(folder))
+    check_new_folder(Path(folder))
     with ImageSource(preview, ASSUMED_IMAGE_RATE) as source:
         images, info = source.images, source.info
         for place, frame in enumerate(source):  # which checks that all are alike

@@ -32,10 +32,10 @@ from fpsboost.io.images.numbering import find_images
 from fpsboost.io.images.passes import ALL, Passes, encode_like
 from fpsboost.io.images.sequence import list_files
 from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.staging import write_safely
 from fpsboost.layered import Layer, LayeredImage
 from fpsboost.rerender.options import MergeOptions
-from fpsboost.rerender.output_folder import check_new, new_folder
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.tiles import Rectangle
 
@@ -107,7 +107,7 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
     """
     if options.plan is None:
         raise OptionError("Rendered regions go by a plan; name its folder with `plan=DIR`.")
-    check_new(Path(output))
+    check_new_folder(Path(output))
     plan = RerenderPlan.read(Path(options.plan))
     with explained(InputError, "read", made, "check that it exists and that you may read it"):
         found = find_images(made)

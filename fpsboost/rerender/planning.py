@@ -14,11 +14,11 @@ from fpsboost.errors import InputError
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.rerender.options import PlanOptions, RenderBudget
-from fpsboost.rerender.output_folder import check_new, new_folder
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import RenderCost, choose_regions
 from fpsboost.rerender.score import expect_errors
@@ -66,7 +66,7 @@ def plan_rerender(
     options = options or PlanOptions()
     interpolator = find_method(method) if isinstance(method, str) else method
     check_input(input)
-    check_new(Path(folder))
+    check_new_folder(Path(folder))
     with ImageSource(input, ASSUMED_IMAGE_RATE) as source:
         images, info = source.images, source.info
         if len(images.files) < MIN_IMAGES:

@@ -21,8 +21,7 @@ from starlette.routing import Route
 from fpsboost.cli.app import explain
 from fpsboost.cli.options import in_flags
 from fpsboost.errors import FpsboostError, InputError, OptionError, notes_of
-from fpsboost.evaluation.page_templates import templates_of
-from fpsboost.evaluation.pictures import data_uri
+from fpsboost.evaluation.report.self_contained import data_uri, templates_of
 from fpsboost.timing.position import format_time
 from fpsboost.ui.choices import Choices
 from fpsboost.ui.clip import Prober, header
@@ -109,7 +108,7 @@ class Desk:
 
 def make_app(desk: Desk) -> Starlette:
     """Return the server's application, guarded."""
-    template = templates_of("fpsboost.ui", "fpsboost.evaluation").get_template("ui.html.j2")
+    template = templates_of("fpsboost.ui").get_template("ui.html.j2")
 
     async def page(request: Request) -> Response:
         nonce = secrets.token_urlsafe(16)

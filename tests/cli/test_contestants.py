@@ -10,7 +10,7 @@ from truth import SCENES, needs_scenes, noise
 
 from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.errors import OptionError
-from fpsboost.evaluation.making import InterpolatorMaker, Minterpolate, known_methods
+from fpsboost.evaluation.contestants import InterpolatorContestant, Minterpolate, method_names
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import configure, methods, read_options
 
@@ -77,12 +77,12 @@ def test_what_is_no_method_is_one_sentence(text, sentence):
 
 def test_options_have_the_types_of_the_fields():
     """Numbers, choices, and a field that may be None; the estimator goes before the synthesizer."""
-    makers, skipped = choose(["nlm-exhaustive:search-radius=6,window=gaussian,v=0.05,search=brute-force"], None)
-    (maker,) = makers.values()
-    assert isinstance(maker, InterpolatorMaker)
-    estimator = maker.interpolator.estimator
+    contestants, skipped = choose(["nlm-exhaustive:search-radius=6,window=gaussian,v=0.05,search=brute-force"], None)
+    (contestant,) = contestants.values()
+    assert isinstance(contestant, InterpolatorContestant)
+    estimator = contestant.interpolator.estimator
     assert (estimator.search_radius, estimator.window, estimator.v) == (6, "gaussian", 0.05)
-    assert maker.interpolator.synthesizer.search == "brute-force"
+    assert contestant.interpolator.synthesizer.search == "brute-force"
     assert skipped == {}
 
 
@@ -119,15 +119,15 @@ def test_values_out_of_range_are_refused():
     for text in ("levels=0", "window-size=0", "iterations=0"):
         with pytest.raises(OptionError, match="must be at least 1"):
             choose([f"farneback:{text}"], None)
-    (maker,) = choose(["nlm:smoothness=0,finest-level=99,merge-distance=0"], None)[0].values()
-    assert isinstance(maker, InterpolatorMaker)
-    assert len(maker.interpolator.interpolate(image, image, [0.5])) == 1
+    (contestant,) = choose(["nlm:smoothness=0,finest-level=99,merge-distance=0"], None)[0].values()
+    assert isinstance(contestant, InterpolatorContestant)
+    assert len(contestant.interpolator.interpolate(image, image, [0.5])) == 1
 
 
 def test_all_stands_for_every_method_beside_others():
     """Also beside one with options; those that need vectors are named with the reason."""
-    makers, skipped = choose(["all", "dis:preset=fast"], None)
-    assert {*makers, *skipped} == {*known_methods(), "dis:preset=fast"}
+    contestants, skipped = choose(["all", "dis:preset=fast"], None)
+    assert {*contestants, *skipped} == {*method_names(), "dis:preset=fast"}
     assert {"reproject-image", "reproject-scene"} <= set(skipped)
 
 
@@ -168,9 +168,9 @@ def test_the_command_compares_one_method_with_several_options(fpsboost_, folder)
 def test_vectors_go_to_all_that_take_them():
     """The report's search chooses its radius by them, as in a conversion; the default method never sees them."""
     folder = VectorFolder(SCENES / "glass" / "vectors")
-    makers, skipped = choose(["nlm-exhaustive:v=0.1,nlm,reproject-image"], folder)
+    contestants, skipped = choose(["nlm-exhaustive:v=0.1,nlm,reproject-image"], folder)
     assert skipped == {}
-    searching, default, reprojecting = (maker.interpolator.estimator for maker in makers.values())
+    searching, default, reprojecting = (contestant.interpolator.estimator for contestant in contestants.values())
     assert (searching.vectors, searching.v) == (folder, 0.1)
     assert reprojecting.vectors is folder
     assert not hasattr(default, "vectors")

@@ -17,10 +17,9 @@ from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError
 from fpsboost.evaluation.compare import compare
-from fpsboost.evaluation.exporting import as_json
-from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.making import InterpolatorMaker, Made, Minterpolate
-from fpsboost.evaluation.picking import pick
+from fpsboost.evaluation.contestants import InterpolatedFrame, InterpolatorContestant, Minterpolate
+from fpsboost.evaluation.export import as_json
+from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.regions import find_regions
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vectors.folder import VectorFolder
@@ -42,11 +41,11 @@ class Nobody:
     def __init__(self):
         self.told = []
 
-    def begun(self, name, frames):
+    def begin(self, name, frames):
         """A method begins."""
         self.told.append((name, frames))
 
-    def made(self):
+    def advance(self):
         """A frame is done."""
         self.told.append("made")
 
@@ -77,8 +76,8 @@ def psnr(truth, made):
 @pytest.mark.parametrize("name", methods)
 def test_every_method_makes_what_is_known_to_lie_between(folder, name):
     """A pan by whole pixels, far better than mixing does; mixing and repeating are what their names say."""
-    (picked,) = pick(folder, Hiding(), [3])
-    made = picked.make(InterpolatorMaker(find_method(name)))
+    (sample,) = read_samples(folder, Hiding(), [3])
+    made = sample.interpolate(InterpolatorContestant(find_method(name)))
     if name == "blend":
         np.testing.assert_allclose(made, (pan(2).astype(float) + pan(4)) / 2, atol=0.51)
     elif name == "nearest":
@@ -96,19 +95,19 @@ def test_a_comparison_makes_the_frames_of_a_conversion(folder, tmp_path):
     convert(str(tmp_path / "half"), str(tmp_path / "whole"), factor=2, method="nlm")
     converted = [cv2.imread(str(path)) for path in sorted((tmp_path / "whole").iterdir())]
     intervals = Hiding().intervals(folder)
-    made = list(InterpolatorMaker(find_method("nlm")).make(intervals))
+    made = list(InterpolatorContestant(find_method("nlm")).interpolate(intervals))
     assert [each.number for each in made] == [1, 3, 5]
     for each in made:
         np.testing.assert_array_equal(each.image, converted[each.number])
-    for picked, each in zip(pick(folder, Hiding(), [1, 3, 5]), made, strict=True):
-        np.testing.assert_array_equal(picked.make(InterpolatorMaker(find_method("nlm"))), each.image)
+    for sample, each in zip(read_samples(folder, Hiding(), [1, 3, 5]), made, strict=True):
+        np.testing.assert_array_equal(sample.interpolate(InterpolatorContestant(find_method("nlm"))), each.image)
 
 
 def test_a_comparison_knows_who_is_better(folder):
     """Figures of every frame and method, their means, and no more said than asked."""
     observer = Nobody()
-    makers = {name: InterpolatorMaker(find_method(name)) for name in ("dis", "blend")}
-    comparison = compare(folder, makers, Hiding(), observer, skipped={"other": "it is not there"})
+    contestants = {name: InterpolatorContestant(find_method(name)) for name in ("dis", "blend")}
+    comparison = compare(folder, contestants, Hiding(), observer, skipped={"other": "it is not there"})
     dis, blend = comparison.methods
     assert comparison.hidden == [1, 3, 5] == [frame.number for frame in dis.frames]
     assert comparison.means(dis).psnr > comparison.means(blend).psnr + 5
@@ -126,8 +125,8 @@ def test_a_comparison_knows_who_is_better(folder):
 
 def test_a_comparison_knows_the_radius_that_was_searched(folder):
     """Of each frame of a method that has one; it is a number in the data, and null where there is none."""
-    makers = {name: InterpolatorMaker(find_method(name)) for name in ("nlm-exhaustive", "blend")}
-    searched, blended = as_json(compare(folder, makers, Hiding(last=3), Nobody()))["methods"]
+    contestants = {name: InterpolatorContestant(find_method(name)) for name in ("nlm-exhaustive", "blend")}
+    searched, blended = as_json(compare(folder, contestants, Hiding(last=3), Nobody()))["methods"]
     (radius,) = (frame["search_radius"] for frame in searched["frames"])
     assert 2 * STEP <= radius <= 2 * (2 * STEP)
     assert [frame["search_radius"] for frame in blended["frames"]] == [None]
@@ -143,7 +142,7 @@ def test_frames_across_a_cut_are_not_counted(tmp_path):
     for number in range(7):
         image = pan(number) if number < 4 else 255 - pan(number)[::-1]
         cv2.imwrite(str(tmp_path / f"{number}.png"), image)
-    comparison = compare(str(tmp_path), {"blend": InterpolatorMaker(find_method("blend"))}, Hiding(), Nobody())
+    comparison = compare(str(tmp_path), {"blend": InterpolatorContestant(find_method("blend"))}, Hiding(), Nobody())
     (blend,) = comparison.methods
     assert comparison.cuts == [3]
     assert [frame.number for frame in blend.frames] == [1, 3, 5]
@@ -153,7 +152,7 @@ def test_frames_across_a_cut_are_not_counted(tmp_path):
 def test_several_frames_can_be_hidden_at_once(folder):
     """Two of three, at a third and at two thirds."""
     intervals = list(Hiding(skip=2).intervals(folder))
-    made = list(InterpolatorMaker(find_method("dis")).make(intervals))
+    made = list(InterpolatorContestant(find_method("dis")).interpolate(intervals))
     assert [each.number for each in made] == [1, 2, 4, 5]
     for each in made:
         assert psnr(pan(each.number), each.image) > 25
@@ -216,10 +215,10 @@ def test_what_no_frame_has_is_uncertain(tmp_path):
 
 def test_a_contestant_has_no_say_in_the_areas(folder, monkeypatch):
     """Whatever a method believes, the areas are the same: they are found from the true frames alone."""
-    before = compare(folder, {"blend": InterpolatorMaker(find_method("blend"))}, Hiding(), Nobody()).shares
+    before = compare(folder, {"blend": InterpolatorContestant(find_method("blend"))}, Hiding(), Nobody()).shares
     monkeypatch.setattr(CoarseToFine, "estimate", lambda self, *images: pytest.fail("a contestant was asked"))
     monkeypatch.setattr(MultiHypothesis, "fuse", lambda self, *_: pytest.fail("a contestant was asked"))
-    assert compare(folder, {"blend": InterpolatorMaker(find_method("blend"))}, Hiding(), Nobody()).shares == before
+    assert compare(folder, {"blend": InterpolatorContestant(find_method("blend"))}, Hiding(), Nobody()).shares == before
 
 
 def test_fast_motion_is_no_cut(tmp_path):
@@ -234,8 +233,8 @@ def test_fast_motion_is_no_cut(tmp_path):
     near, far = ([match_score(*pair) for pair in zip(images, images[step:], strict=False)] for step in (1, 2))
     assert max(far) < min(near)
     between = CutDetector(threshold=(max(far) + min(near)) / 2, drop=1)
-    makers = {"blend": InterpolatorMaker(find_method("blend"))}
-    assert compare(str(tmp_path), makers, Hiding(), Nobody(), cuts=between).cuts == []
+    contestants = {"blend": InterpolatorContestant(find_method("blend"))}
+    assert compare(str(tmp_path), contestants, Hiding(), Nobody(), cuts=between).cuts == []
 
 
 def repeating(folder, at=7, count=12):
@@ -249,8 +248,8 @@ def repeating(folder, at=7, count=12):
 def test_a_repeat_gives_nobody_a_frame_for_nothing(tmp_path):
     """Where frame 7 repeats frame 6, blending has no frame 6 or 7 to win by, and what is beside it does not count."""
     path = repeating(tmp_path / "clip")
-    makers = {name: InterpolatorMaker(find_method(name)) for name in ("dis", "blend")}
-    comparison = compare(path, makers, Hiding(), Nobody())
+    contestants = {name: InterpolatorContestant(find_method(name)) for name in ("dis", "blend")}
+    comparison = compare(path, contestants, Hiding(), Nobody())
     assert comparison.repeats == [7]
     assert comparison.hidden == [1, 3, 5, 8, 10]
     assert comparison.doubtful == [8]
@@ -259,7 +258,7 @@ def test_a_repeat_gives_nobody_a_frame_for_nothing(tmp_path):
     assert min(np.subtract(dis, blend)) > 3
     plain = as_json(comparison)
     assert (plain["repeats"], plain["doubtful"], plain["times"]) == ([7], [8], [0.5, 0.5, 0.5, 2 / 3, 0.5])
-    assert len(comparison.notes(makers)) == 2
+    assert len(comparison.notes(contestants)) == 2
 
 
 def test_motion_at_uneven_times_is_made_at_them(tmp_path):
@@ -268,15 +267,15 @@ def test_motion_at_uneven_times_is_made_at_them(tmp_path):
     path = str(write_clip(tmp_path / "a.mkv", times=times, time_base=Fraction(1, 100), rate=Fraction(25)))
     intervals = list(Hiding().intervals(path))
     assert [float(each.hidden[0].t) for each in intervals] == [0.5, 0.125, 0.75]
-    makers = {"blend": InterpolatorMaker(find_method("blend")), "rigid": Rigid()}
-    comparison = compare(path, makers, Hiding(), Nobody())
+    contestants = {"blend": InterpolatorContestant(find_method("blend")), "rigid": Rigid()}
+    comparison = compare(path, contestants, Hiding(), Nobody())
     for interval, frame in zip(intervals, comparison.methods[0].frames, strict=True):
         t = float(interval.hidden[0].t)
         mixed = (1 - t) * interval.shown0.image.astype(float) + t * interval.shown1.image
         mse = float(((np.rint(mixed) - interval.hidden[0].truth) ** 2).mean())
         assert frame.scores.mse == pytest.approx(mse, rel=0.1)
     assert comparison.uneven == [3, 5]
-    (note,) = comparison.notes(makers)
+    (note,) = comparison.notes(contestants)
     assert "(even ones with rigid): 3, 5." in note
 
 
@@ -286,10 +285,10 @@ class Rigid:
     looks_far = False
     any_time = False
 
-    def make(self, intervals, wanted=None):
+    def interpolate(self, intervals, wanted=None):
         for interval in intervals:
             for hidden in interval.hidden:
-                yield Made(hidden.number, interval.shown0.image, 0.1, 0.1)
+                yield InterpolatedFrame(hidden.number, interval.shown0.image, 0.1, 0.1)
 
     def describe(self):
         return "rigid"
@@ -301,13 +300,13 @@ def test_minterpolate_joins(tmp_path, dtype):
     """FFmpeg's filter makes every hidden frame, in the clip's own type, and only those wanted if so told."""
     for number in range(5):
         cv2.imwrite(str(tmp_path / f"{number}.png"), pan(number, dtype))
-    made = list(Minterpolate().make(Hiding().intervals(str(tmp_path))))
+    made = list(Minterpolate().interpolate(Hiding().intervals(str(tmp_path))))
     assert [each.number for each in made] == [1, 3]
     scale = np.iinfo(dtype).max / 255
     for each in made:
         assert each.image.dtype == dtype
         assert psnr(pan(each.number), each.image / scale) > 22
-    (wanted,) = Minterpolate().make(Hiding().intervals(str(tmp_path)), {3})
+    (wanted,) = Minterpolate().interpolate(Hiding().intervals(str(tmp_path)), {3})
     np.testing.assert_array_equal(wanted.image, made[1].image)
 
 
@@ -315,7 +314,7 @@ def test_a_filter_that_fails_says_why(folder):
     """The last line of what ffmpeg said."""
     if Minterpolate.missing() is None:
         with pytest.raises(InputError, match="minterpolate failed"):
-            list(Minterpolate("no_such_option=1").make(Hiding().intervals(folder)))
+            list(Minterpolate("no_such_option=1").interpolate(Hiding().intervals(folder)))
 
 
 def test_the_command_prints_tables_and_writes_figures(fpsboost_, folder, tmp_path):

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from fpsboost.errors import OutputError
-from fpsboost.evaluation.exporting import DATA_VERSION, as_json, write_csv, write_json
+from fpsboost.evaluation.export import DATA_VERSION, as_json, write_csv, write_json
 from fpsboost.evaluation.further_metrics import metrics
-from fpsboost.evaluation.hiding import Hiding
+from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.evaluation.metrics import Scores
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult

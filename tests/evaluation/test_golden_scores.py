@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from truth import SCENES, needs_scenes
 
-from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.making import InterpolatorMaker
+from fpsboost.evaluation.contestants import InterpolatorContestant
+from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.evaluation.metrics import mean, score
 from fpsboost.method_table import find_method
 
@@ -25,7 +25,7 @@ def psnr_of(method: str, scene: str) -> float:
     """Mean PSNR of the three frames that are hidden of seven."""
     path = str(SCENES / scene / "####.png")
     truths = [hidden.truth for interval in HIDING.intervals(path) for hidden in interval.hidden]
-    made = InterpolatorMaker(find_method(method)).make(HIDING.intervals(path))
+    made = InterpolatorContestant(find_method(method)).interpolate(HIDING.intervals(path))
     return mean([score(truth, each.image).psnr for truth, each in zip(truths, made, strict=True)])
 
 

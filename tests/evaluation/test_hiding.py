@@ -13,7 +13,7 @@ from truth import waves
 from video_truth import write_clip
 
 from fpsboost.errors import InputError, OptionError
-from fpsboost.evaluation.hiding import Hiding, parse_range
+from fpsboost.evaluation.hidden_frames import Hiding, parse_range
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.position import parse_position
 from fpsboost.timing.trim import Trim

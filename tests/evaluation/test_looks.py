@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 
 from fpsboost.cli.options import ContestOptions
-from fpsboost.evaluation.looks import DASH_DOTTED, DASHED, MAX_LINE, NAMED, SOLID, break_name, colours_of, looks_of
-from fpsboost.evaluation.making import known_methods
+from fpsboost.evaluation.contestants import method_names
+from fpsboost.evaluation.report.styles import (
+    DASH_DOTTED,
+    DASHED,
+    MAX_LINE,
+    NAMED,
+    SOLID,
+    break_name,
+    colours_of,
+    styles_of,
+)
 
 MANY = [f"nlm-exhaustive:patch-radius={r},v={v}" for r in range(1, 13) for v in (0.05, 0.1, 0.2)] + [
     "rife",
@@ -41,9 +50,9 @@ def seen(colour: str, loss: str) -> np.ndarray:
 
 def test_a_method_keeps_its_colour_in_every_company():
     """The same alone, first or last, among few or many; options in another order are the same method."""
-    for name in [*known_methods(), *MANY]:
-        alone = looks_of([name])[0]
-        beside = looks_of(["blend", *MANY, *known_methods(), name])[-1]
+    for name in [*method_names(), *MANY]:
+        alone = styles_of([name])[0]
+        beside = styles_of(["blend", *MANY, *method_names(), name])[-1]
         assert (beside.on_light, beside.on_dark, beside.line) == (alone.on_light, alone.on_dark, alone.line)
     assert colours_of("nlm:v=0.1,patch-radius=3") == colours_of("nlm:patch-radius=3,v=0.1")
 
@@ -61,7 +70,7 @@ def test_the_usual_methods_are_told_apart_with_any_colour_vision(loss, paper):
 def test_colours_stand_out_from_the_paper():
     """A contrast of 3 to 1 on light and on dark paper, as WCAG wants of figures."""
     papers = [np.dot(linear(each), [0.2126, 0.7152, 0.0722]) for each in ("#fcfcfb", "#15171a")]
-    for name in [*known_methods(), *MANY]:
+    for name in [*method_names(), *MANY]:
         for colour, paper in zip(colours_of(name), papers, strict=True):
             light = np.dot(linear(colour), [0.2126, 0.7152, 0.0722])
             assert (max(light, paper) + 0.05) / (min(light, paper) + 0.05) > 2.9, (name, colour)
@@ -69,16 +78,16 @@ def test_colours_stand_out_from_the_paper():
 
 def test_nine_methods_have_nine_marks():
     """Whoever they are, and solid lines are methods as they are, dashed ones have options, others are dotted, too."""
-    for names in (known_methods()[:9], MANY[:9], [*MANY[-3:], "nlm", "dis", "nlm:v=1", "dis-warp", "block", "blend"]):
-        assert len({look.mark for look in looks_of(names)}) == 9
-    assert [look.line for look in looks_of(["nlm", "nlm:v=1", "rife"])] == [SOLID, DASHED, DASH_DOTTED]
+    for names in (method_names()[:9], MANY[:9], [*MANY[-3:], "nlm", "dis", "nlm:v=1", "dis-warp", "block", "blend"]):
+        assert len({style.mark for style in styles_of(names)}) == 9
+    assert [style.line for style in styles_of(["nlm", "nlm:v=1", "rife"])] == [SOLID, DASHED, DASH_DOTTED]
 
 
-def test_known_methods_differ():
+def test_method_names_differ():
     """No two of them have the same colour and the same mark."""
-    names = known_methods()
-    looks = [looks_of([name])[0] for name in names]
-    assert len({(look.on_light, look.mark) for look in looks}) == len(names)
+    names = method_names()
+    styles = [styles_of([name])[0] for name in names]
+    assert len({(style.on_light, style.mark) for style in styles}) == len(names)
 
 
 def test_of_many_others_few_share_a_colour():

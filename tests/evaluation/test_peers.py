@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from fpsboost.errors import InputError
-from fpsboost.evaluation.hiding import Hiding
+from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.peers import find_frames, list_images, read_like, run_peer
-from fpsboost.evaluation.picking import pick
 
 # said only under pytest
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
@@ -75,15 +74,15 @@ def command(program: str, *words: str) -> str:
 def test_images_are_matched(tmp_path, clip, names, hiding):
     """By position in a whole sequence, in order if they are the hidden ones, else by number; numbers by their value."""
     folder = save(tmp_path / "made", names)
-    maker = find_frames("tool", folder, hiding.intervals(clip))
-    made = list(maker.make(hiding.intervals(clip)))
+    contestant = find_frames("tool", folder, hiding.intervals(clip))
+    made = list(contestant.interpolate(hiding.intervals(clip)))
     wanted = [hidden.number for interval in hiding.intervals(clip) for hidden in interval.hidden]
     assert [each.number for each in made] == wanted
     for each in made:
         np.testing.assert_array_equal(each.image, gray(each.number))
         assert np.isnan(each.seconds)
-    (picked,) = pick(clip, hiding, [wanted[-1]])
-    np.testing.assert_array_equal(picked.make(maker), gray(wanted[-1]))
+    (sample,) = read_samples(clip, hiding, [wanted[-1]])
+    np.testing.assert_array_equal(sample.interpolate(contestant), gray(wanted[-1]))
 
 
 def test_numbers_count_and_not_letters(tmp_path):
@@ -118,13 +117,13 @@ def test_a_peer_gets_the_frames_without_loss(tmp_path, dtype, channels):
         cv2.imwrite(str(tmp_path / "clip" / f"{number}.{suffix}"), image)
     hiding = Hiding(duplicates="keep")
     (tmp_path / "scratch").mkdir()
-    maker = run_peer(
+    contestant = run_peer(
         "repeats",
         command(REPEATS, "{in}", "{out}", "{factor}"),
         hiding.intervals(str(tmp_path / "clip")),
         tmp_path / "scratch",
     )
-    (made,) = maker.make(hiding.intervals(str(tmp_path / "clip")))
+    (made,) = contestant.interpolate(hiding.intervals(str(tmp_path / "clip")))
     assert made.number == 1
     np.testing.assert_array_equal(made.image, frames[0])
     assert made.seconds > 0
@@ -139,9 +138,9 @@ def test_a_peer_is_told_how_many_and_how_fast(tmp_path, clip):
     (tmp_path / "a scratch").mkdir()
     words = shlex.quote(str(tmp_path / "told")), "{in}", "{out}", "{factor}", "{fps}", "{other}"
     intervals = Hiding(skip=2).intervals(clip, 24)
-    maker = run_peer("tool", command(program, *words), intervals, tmp_path / "a scratch")
+    contestant = run_peer("tool", command(program, *words), intervals, tmp_path / "a scratch")
     assert (tmp_path / "told").read_text() == "3 8 {other}"
-    made = list(maker.make(Hiding(skip=2).intervals(clip, 24)))
+    made = list(contestant.interpolate(Hiding(skip=2).intervals(clip, 24)))
     assert [(each.number, int(each.image[-1, -1, 0])) for each in made] == [(1, 0), (2, 0), (4, 30), (5, 30)]
 
 

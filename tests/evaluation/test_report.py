@@ -27,19 +27,18 @@ from playwright.sync_api import Page, Request, expect
 from video_truth import scene
 
 from fpsboost.errors import OutputError
-from fpsboost.evaluation.charts import Dot, Series, draw_dots, draw_lines
 from fpsboost.evaluation.compare import compare
-from fpsboost.evaluation.hiding import Hiding, Interval
-from fpsboost.evaluation.looks import colours_of, looks_of
-from fpsboost.evaluation.making import InterpolatorMaker, Made, Maker
+from fpsboost.evaluation.contestants import Contestant, InterpolatedFrame, InterpolatorContestant
+from fpsboost.evaluation.hidden_frames import Hiding, Interval, read_samples
 from fpsboost.evaluation.metrics import Scores, as_shown
-from fpsboost.evaluation.passages import choose_exact, choose_passages, view_passages
-from fpsboost.evaluation.picking import pick
-from fpsboost.evaluation.pictures import find_spots, in_colour
-from fpsboost.evaluation.report import DIFFERENT, _view_frames, choose_frames, command, write_report
-from fpsboost.evaluation.report_tables import _cells
-from fpsboost.evaluation.results import Compared, Comparison, FrameResult, MethodResult
-from fpsboost.evaluation.several import judge_all
+from fpsboost.evaluation.report.charts import Dot, Series, draw_dots, draw_lines
+from fpsboost.evaluation.report.page import DIFFERENT, _view_frames, choose_frames, command, write_report
+from fpsboost.evaluation.report.passages import choose_exact, choose_passages, view_passages
+from fpsboost.evaluation.report.pictures import find_spots, in_colour
+from fpsboost.evaluation.report.styles import colours_of, styles_of
+from fpsboost.evaluation.report.tables import _cells
+from fpsboost.evaluation.results import ComparedClip, Comparison, FrameResult, MethodResult
+from fpsboost.evaluation.verdict import judge_all
 from fpsboost.method_table import methods
 
 NAMES = ("dis", "blend", "nearest")
@@ -49,32 +48,32 @@ HEIGHT, WIDTH, FRAMES = 48, 64, 7
 class Silence:
     """An observer with nothing to say."""
 
-    def begun(self, name: str, frames: int | None) -> None:
+    def begin(self, name: str, frames: int | None) -> None:
         pass
 
-    def made(self) -> None:
+    def advance(self) -> None:
         pass
 
 
 @pytest.fixture(scope="module")
-def makers() -> dict[str, Maker]:
-    return {name: InterpolatorMaker(methods[name]) for name in NAMES}
+def contestants() -> dict[str, Contestant]:
+    return {name: InterpolatorContestant(methods[name]) for name in NAMES}
 
 
 @pytest.fixture(scope="module")
-def comparison(tmp_path_factory: pytest.TempPathFactory, makers: dict[str, Maker]) -> Comparison:
+def comparison(tmp_path_factory: pytest.TempPathFactory, contestants: dict[str, Contestant]) -> Comparison:
     """Of a tiny clip that speeds up, so that no two frames are equally hard."""
     folder = tmp_path_factory.mktemp("clip")
     for number in range(FRAMES):
         image = scene(number * (number + 3) // 3, HEIGHT, WIDTH)
         (folder / f"{number:04d}.png").write_bytes(cv2.imencode(".png", image)[1].tobytes())
     reason = "there is no <ffmpeg> here"
-    return compare(str(folder), makers, Hiding(), Silence(), skipped={"minterpolate": reason})
+    return compare(str(folder), contestants, Hiding(), Silence(), skipped={"minterpolate": reason})
 
 
 @pytest.fixture(scope="module")
-def path(comparison: Comparison, makers: dict[str, Maker], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_report(tmp_path_factory.mktemp("report") / "page", [Compared(comparison, makers)])
+def path(comparison: Comparison, contestants: dict[str, Contestant], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_report(tmp_path_factory.mktemp("report") / "page", [ComparedClip(comparison, contestants)])
 
 
 @pytest.fixture(scope="module")
@@ -149,90 +148,95 @@ def test_page_says_how_to_repeat_it(text: str, comparison: Comparison) -> None:
     assert command(rendered, None).endswith("--vectors 'my passes' --no-cuts --report DIR")
 
 
-def test_existing_folder_is_refused(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path) -> None:
+def test_existing_folder_is_refused(comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path) -> None:
     """A folder that is there is left alone, with one sentence that names it."""
     with pytest.raises(OutputError, match=rf"^{re.escape(str(tmp_path))} exists; [^.]*\.$"):
-        write_report(tmp_path, [Compared(comparison, makers)])
+        write_report(tmp_path, [ComparedClip(comparison, contestants)])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_folder_appears_whole_or_not_at_all(
-    comparison: Comparison, makers: dict[str, Maker], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """When the disk is full, neither the folder nor anything half done remains."""
 
-    def fail(path: Path, data: str, encoding: str) -> int:
-        path.write_bytes(data[:100].encode())
+    def fail(number: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", fail)
+    monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(OutputError, match=r"cannot be written \(No space left on device\)"):
-        write_report(tmp_path / "page", [Compared(comparison, makers)])
+        write_report(tmp_path / "page", [ComparedClip(comparison, contestants)])
     assert list(tmp_path.iterdir()) == []
 
 
-def test_frames_across_cuts_are_named_and_not_drawn(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path):
+def test_frames_across_cuts_are_named_and_not_drawn(
+    comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path
+):
     """A frame across a cut is said not to count, marked in every figure, and never picked to be shown."""
     worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
     cut = replace(comparison, cuts=[worst])
-    text = write_report(tmp_path / "page", [Compared(cut, makers)]).read_text()
+    text = write_report(tmp_path / "page", [ComparedClip(cut, contestants)]).read_text()
     assert f"Not counted: frame {worst}," in text
     assert text.count('class="cut"') == 8
     assert worst not in [chosen.number for chosen in choose_frames(cut)]
 
 
 def test_frames_that_are_no_truth_are_named_and_not_drawn(
-    comparison: Comparison, makers: dict[str, Maker], tmp_path: Path
+    comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path
 ) -> None:
     """Beside a repeat nobody knows what should be seen: said, marked in every figure, never picked to be shown."""
     worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
     beside = replace(comparison, repeats=[worst + 1], doubtful=[worst])
-    text = write_report(tmp_path / "page", [Compared(beside, makers)]).read_text()
+    text = write_report(tmp_path / "page", [ComparedClip(beside, contestants)]).read_text()
     assert f"show what the one before shows, and are no truths: {worst + 1}." in text
     assert f"nobody knows what should be seen: {worst}." in text
     assert text.count('class="cut"') == 8
     assert worst not in [chosen.number for chosen in choose_frames(beside)]
 
 
-def test_small_areas_are_not_on_the_page(comparison: Comparison, makers: dict[str, Maker], tmp_path: Path) -> None:
+def test_small_areas_are_not_on_the_page(
+    comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path
+) -> None:
     """An area of less than 2 % of the picture, or of more than 98 %, has no columns; without any there is no table."""
     shares = {"moving": 0.5, "occluded": 0.019, "uncertain": 0.03}
-    text = write_report(tmp_path / "page", [Compared(replace(comparison, shares=shares), makers)]).read_text()
+    text = write_report(tmp_path / "page", [ComparedClip(replace(comparison, shares=shares), contestants)]).read_text()
     assert "50 % moving" in text
     assert "3 % uncertain" in text
     assert "% occluded" not in text
     none = replace(comparison, shares=dict.fromkeys(shares, 0.01) | {"moving": 0.99})
-    assert 'id="by-area"' not in write_report(tmp_path / "other", [Compared(none, makers)]).read_text()
+    assert 'id="by-area"' not in write_report(tmp_path / "other", [ComparedClip(none, contestants)]).read_text()
 
 
 class Darkening:
-    """A method that looks far: each frame is darker than the one made before, and the first is white."""
+    """A method that styles far: each frame is darker than the one made before, and the first is white."""
 
     looks_far: ClassVar[bool] = True
     any_time: ClassVar[bool] = False
 
-    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
+    def interpolate(
+        self, intervals: Iterable[Interval], wanted: Container[int] | None = None
+    ) -> Iterator[InterpolatedFrame]:
         for count, interval in enumerate(intervals):
             for hidden in interval.hidden:
                 if wanted is None or hidden.number in wanted:
-                    yield Made(hidden.number, np.full_like(hidden.truth, 255 - 60 * count), 0.1, 0.1)
+                    yield InterpolatedFrame(hidden.number, np.full_like(hidden.truth, 255 - 60 * count), 0.1, 0.1)
 
     def describe(self) -> str:
         return "darkens"
 
 
 def test_frames_shown_are_those_that_were_scored(comparison: Comparison) -> None:
-    """A method that looks far is run over the whole clip again, so that it makes what it made before."""
-    makers = {"darkening": Darkening()}
-    scored = compare(comparison.clip, makers, Hiding(), Silence())
+    """A method that styles far is run over the whole clip again, so that it makes what it made before."""
+    contestants = {"darkening": Darkening()}
+    scored = compare(comparison.clip, contestants, Hiding(), Silence())
 
     def has_level(uri: str, number: int) -> bool:
         image = cv2.imdecode(np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
         return np.allclose(image, 255 - 60 * scored.hidden.index(number), atol=2)  # WebP is lossy
 
-    for frame in _view_frames(scored, makers, choose_frames(scored), None)[0]:
+    for frame in _view_frames(scored, contestants, choose_frames(scored), None)[0]:
         assert has_level(frame.view.strips[0].crops[1].uri, frame.view.number)
-    played = view_passages(scored, makers, [scored.hidden[1:3]])
+    played = view_passages(scored, contestants, [scored.hidden[1:3]])
     hidden = [frame for frame in played.frames if frame["note"] == "hidden"]
     assert [frame["number"] for frame in hidden] == scored.hidden[1:3]
     assert all(has_level(played.uris[frame["images"][1]], frame["number"]) for frame in hidden)
@@ -281,7 +285,7 @@ def test_a_tiny_frame_has_one_spot() -> None:
 
 
 def test_motion_has_the_wheels_colours() -> None:
-    """No motion is white; motion to the right is red; what is longer than the wheel's rim looks like its rim."""
+    """No motion is white; motion to the right is red; what is longer than the wheel's rim styles like its rim."""
     flow = np.array([[[0, 0], [5, 0], [50, 0]]], np.float32)
     assert in_colour(flow, 5).tolist() == [[[255, 255, 255], [0, 0, 255], [0, 0, 255]]]
 
@@ -290,13 +294,13 @@ def test_motion_has_the_wheels_colours() -> None:
 def test_names_lie_in_the_figure_or_in_a_legend(form: int) -> None:
     """Far right they stand on the left, long ones in lines; what fits nowhere is left out and said."""
     names = ["minterpolate", "nlm-exhaustive:patch-radius=9,v=0.05", "rife"]
-    looks = looks_of(names)
-    apart = [Dot(index, name, 10.0**index, 20.0 + index, looks[index]) for index, name in enumerate(names)]
+    styles = styles_of(names)
+    apart = [Dot(index, name, 10.0**index, 20.0 + index, styles[index]) for index, name in enumerate(names)]
     chart = draw_dots("quality", "PSNR, dB", "seconds", apart)[form]
     assert chart.is_labelled
     for word in ("minterpolate", "nlm-exhaustive:", "v=0.05", "rife"):
         assert f">{word}</text>" in chart.svg
-    crowd = [Dot(k, f"a-name-that-has-{k}-long-words-in-it", 1.0, 20.0, looks[0]) for k in range(20)]
+    crowd = [Dot(k, f"a-name-that-has-{k}-long-words-in-it", 1.0, 20.0, styles[0]) for k in range(20)]
     chart = draw_dots("quality", "PSNR, dB", "seconds", crowd)[form]
     assert not chart.is_labelled
     assert chart.svg.count("-long-words-in-it</text>") < len(crowd)
@@ -304,8 +308,8 @@ def test_names_lie_in_the_figure_or_in_a_legend(form: int) -> None:
 
 def test_long_lines_have_marks_too() -> None:
     """So that no figure hangs on colour alone: some points of each line, and not the same ones of all."""
-    looks = looks_of(["nlm", "dis"])
-    series = [Series(k, list(np.linspace(1, 2 + k, 300)), looks[k]) for k in range(2)]
+    styles = styles_of(["nlm", "dis"])
+    series = [Series(k, list(np.linspace(1, 2 + k, 300)), styles[k]) for k in range(2)]
     wide = draw_lines("mse", "MSE", range(300), series)[0].svg
     marks = [re.findall(r'<use [^>]*x="([^"]+)"', line) for line in wide.split('class="series line')[1:]]
     assert all(10 <= len(each) <= 16 for each in marks)
@@ -518,13 +522,15 @@ def opening_of(comparison: Comparison) -> int:
     return next(each.number for each in choose_frames(comparison) if DIFFERENT in each.reasons)
 
 
-def test_page_opens_with_exact_pixels(page: Page, comparison: Comparison, makers: dict[str, Maker]) -> None:
+def test_page_opens_with_exact_pixels(page: Page, comparison: Comparison, contestants: dict[str, Contestant]) -> None:
     """There the values of pixels are the truth's and the method's, and the error map is their difference."""
     number = opening_of(comparison)
     at_frame(page, number)
     expect(page.locator(".loss")).to_have_text("Exact: kept without loss.")
-    (picked,) = pick(comparison.clip, comparison.hiding, [number])
-    truth, made = (as_shown(each).astype(int)[..., ::-1] for each in (picked.hidden.truth, picked.make(makers["dis"])))
+    (sample,) = read_samples(comparison.clip, comparison.hiding, [number])
+    truth, made = (
+        as_shown(each).astype(int)[..., ::-1] for each in (sample.hidden.truth, sample.interpolate(contestants["dis"]))
+    )
     box = page.locator(".stage").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] * 20.5 / WIDTH, box["y"] + box["height"] * 10.5 / HEIGHT)
@@ -682,10 +688,12 @@ def test_nothing_is_in_the_way_of_anybody(chromium: Any, several: Path, scheme: 
 
 
 @pytest.fixture(scope="module")
-def several(comparison: Comparison, makers: dict[str, Maker], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def several(
+    comparison: Comparison, contestants: dict[str, Contestant], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     """A page of two clips, of which the second is the first one's end."""
-    other = compare(comparison.clip, makers, Hiding(first=4), Silence())
-    clips = [Compared(each, makers) for each in (comparison, other)]
+    other = compare(comparison.clip, contestants, Hiding(first=4), Silence())
+    clips = [ComparedClip(each, contestants) for each in (comparison, other)]
     return write_report(tmp_path_factory.mktemp("report") / "page", clips)
 
 
@@ -811,25 +819,25 @@ def test_passages_are_where_methods_differ_and_err(comparison: Comparison) -> No
     assert choose_passages(replace(found, cuts=[4, 5, 6]), 6)[0] != [4, 5, 6]
 
 
-def test_played_frames_are_those_of_the_clip(comparison: Comparison, makers: dict[str, Maker]) -> None:
+def test_played_frames_are_those_of_the_clip(comparison: Comparison, contestants: dict[str, Contestant]) -> None:
     """Frames that were shown have one picture, hidden ones the truth and one of each method, in order."""
-    played = view_passages(comparison, makers, [comparison.hidden])
+    played = view_passages(comparison, contestants, [comparison.hidden])
     assert [frame["number"] for frame in played.frames] == list(range(comparison.clip_frames))
     assert {len(frame["images"]) for frame in played.frames[::2]} == {1}
     assert {len(frame["images"]) for frame in played.frames[1::2]} == {1 + len(NAMES)}
     assert (played.width, played.height, played.fps) == (WIDTH, HEIGHT, 24.0)
 
 
-def test_some_frames_are_kept_without_loss(comparison: Comparison, makers: dict[str, Maker]) -> None:
+def test_some_frames_are_kept_without_loss(comparison: Comparison, contestants: dict[str, Contestant]) -> None:
     """Those asked for, exactly; the others say what they lost. As many as their pixels allow, none that is reduced."""
     first, second = comparison.hidden[:2]
-    played = view_passages(comparison, makers, [[first, second]], exact=[second])
+    played = view_passages(comparison, contestants, [[first, second]], exact=[second])
     frames = {frame["number"]: frame for frame in played.frames}
     assert frames[second]["loss"] == 0 < frames[first]["loss"]
     uri = played.uris[frames[second]["images"][0]]
     decoded = cv2.imdecode(np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
-    (picked,) = pick(comparison.clip, comparison.hiding, [second])
-    assert np.array_equal(decoded, as_shown(picked.hidden.truth))
+    (sample,) = read_samples(comparison.clip, comparison.hiding, [second])
+    assert np.array_equal(decoded, as_shown(sample.hidden.truth))
     pixels = HEIGHT * WIDTH * (1 + len(NAMES))
     assert choose_exact(comparison, [second, first], 2 * pixels - 1) == [second]
     wide = replace(comparison, kind="1920x1080, 3 channels, 8-bit")

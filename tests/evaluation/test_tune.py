@@ -12,9 +12,8 @@ from truth import noise
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.evaluation import tune as tuning_module
-from fpsboost.evaluation.hiding import Hiding
-from fpsboost.evaluation.tune import AS_GOOD, Trial, Tuning, choose_frames, patches, sweep_around, tune
-from fpsboost.evaluation.tuning_chart import draw_tuning
+from fpsboost.evaluation.hidden_frames import Hiding
+from fpsboost.evaluation.tune import AS_GOOD, Trial, Tuning, choose_frames, draw_tuning, patches, sweep_around, tune
 from fpsboost.method_table import configure, methods
 
 # said only under pytest

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from video_truth import scene
 
-from fpsboost.evaluation.hiding import Hiding
+from fpsboost.evaluation.hidden_frames import Hiding
 from fpsboost.evaluation.metrics import Scores
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 from fpsboost.evaluation.verdict import difference, judge

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -266,13 +267,12 @@ def test_too_short_a_clip(fpsboost_: Command, tmp_path: Path) -> None:
 def test_page_appears_whole_or_not_at_all(shown: Preview, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where writing fails nothing is left, and a page that was there stays."""
 
-    def fail(path: Path, text: str, encoding: str) -> None:
-        path.write_bytes(b"half")
+    def fail(number: int) -> None:
         raise OSError(28, "No space left on device")
 
     page = tmp_path / "page.html"
     page.write_bytes(b"mine")
-    monkeypatch.setattr(Path, "write_text", fail)
+    monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(Exception, match="cannot be written"):
         write_page(page, shown, "fpsboost", overwrite=True)
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("page.html", b"mine")]

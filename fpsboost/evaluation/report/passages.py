@@ -8,10 +8,11 @@ from fractions import Fraction
 from statistics import median
 from typing import Any
 
-from fpsboost.evaluation.hiding import Interval
-from fpsboost.evaluation.making import Maker
+from fpsboost.evaluation.contestants import Contestant
+from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.evaluation.metrics import as_shown
-from fpsboost.evaluation.pictures import LOSSLESS, WIDEST, as_webp, data_uri, find_loss, not_too_wide
+from fpsboost.evaluation.report.pictures import find_loss
+from fpsboost.evaluation.report.self_contained import LOSSLESS, MAX_WIDTH, as_webp, data_uri, not_too_wide
 from fpsboost.evaluation.results import Comparison
 from fpsboost.frame import Image
 
@@ -101,7 +102,7 @@ def _size_of(comparison: Comparison) -> tuple[int, int]:
 def count_for(comparison: Comparison, max_pixels: int) -> int:
     """Return how many hidden frames can be played within a number of pixels."""
     width, height = _size_of(comparison)
-    scale = min(1.0, WIDEST / width)
+    scale = min(1.0, MAX_WIDTH / width)
     pictures = len(comparison.methods) + 1 + 1 / comparison.hiding.skip
     return max(MIN_HIDDEN, int(max_pixels / (pictures * width * height * scale**2)))
 
@@ -113,12 +114,12 @@ def choose_exact(comparison: Comparison, numbers: Sequence[int], max_pixels: int
     """
     width, height = _size_of(comparison)
     pixels = (len(comparison.methods) + 1) * width * height
-    return [] if width > WIDEST else list(numbers)[: max_pixels // pixels]
+    return [] if width > MAX_WIDTH else list(numbers)[: max_pixels // pixels]
 
 
 def view_passages(
     comparison: Comparison,
-    makers: Mapping[str, Maker],
+    contestants: Mapping[str, Contestant],
     passages: Sequence[Sequence[int]],
     input_fps: Fraction | None = None,
     exact: Collection[int] = (),
@@ -128,7 +129,7 @@ def view_passages(
     Parameters
     ----------
     comparison : Comparison
-    makers : mapping of str to Maker
+    contestants : mapping of str to Contestant
     passages : sequence of sequence of int
         See `choose_passages`.
     input_fps : Fraction, optional
@@ -168,10 +169,10 @@ def view_passages(
             size = hidden.truth.shape[1], hidden.truth.shape[0]
             fps = float((len(interval.hidden) + 1) / (interval.shown1.time - interval.shown0.time))
     for method in comparison.methods:
-        maker = makers[method.name]
-        # one interval more, whose motion has a say; a method that looks far gets all
-        read = intervals() if maker.looks_far else _until(intervals(), max(wanted), 1)
-        for made in maker.make(read, wanted):
+        contestant = contestants[method.name]
+        # one interval more, whose motion has a say; a method that styles far gets all
+        read = intervals() if contestant.looks_far else _until(intervals(), max(wanted), 1)
+        for made in contestant.interpolate(read, wanted):
             add(made.number, wanted[made.number], made.image, "hidden")
     return Played(*size, fps, uris, [entries[key] for key in sorted(entries)])
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from fpsboost.io.trim import trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
+
+if TYPE_CHECKING:
+    from fpsboost.evaluation.contestants import Contestant
 
 Duplicates = Literal["interpolate", "keep"]
 
@@ -120,7 +123,7 @@ class Hiding:
     decoding : DecodeOptions
         How a video file is read.
     duplicates : {'interpolate', 'keep'}
-        Look for frames that repeat another, or take each frame for a picture of its own.
+        Style for frames that repeat another, or take each frame for a picture of its own.
     counts_frames : bool
         Count the frames before the excerpt one by one, for what goes by their numbers, rather than leave them unread.
 
@@ -300,6 +303,68 @@ def _check_numbers(image: Image, number: int, path: str) -> None:
             f"Frame {number} of {path} holds values that are no numbers (NaN or infinity), to which nothing can be "
             "compared; repair it, or leave it out with `range`."
         )
+
+
+class Sample(NamedTuple):
+    """A hidden frame with as much of the clip around it as methods look at."""
+
+    hidden: Hidden
+    window: list[Interval]
+    """Its interval, the one before and the one after."""
+
+    def interpolate(self, contestant: Contestant) -> Image:
+        """Make it once more, exactly as in a comparison unless the method looks farther than the window."""
+        (made,) = contestant.interpolate(self.window, {self.hidden.number})
+        return made.image
+
+
+def read_samples(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction | None = None) -> list[Sample]:
+    """Read some of the hidden frames with their surroundings.
+
+    Parameters
+    ----------
+    path, hiding, input_fps
+        As for `compare`.
+    numbers : sequence of int
+        Of the frames, in any order.
+
+    Returns
+    -------
+    list of Sample
+        In the order of `numbers`.
+    """
+    found: dict[int, Sample] = {}
+    before: Interval | None = None
+    unfinished: list[Sample] = []
+    for interval in hiding.intervals(path, input_fps):
+        for sample in unfinished:
+            sample.window.append(interval)
+        window = [interval] if before is None else [before, interval]
+        unfinished = [Sample(hidden, [*window]) for hidden in interval.hidden if hidden.number in numbers]
+        found.update((sample.hidden.number, sample) for sample in unfinished)
+        before = interval
+    return [found[number] for number in numbers]
+
+
+def interpolate_some(
+    path: str, hiding: Hiding, numbers: Sequence[int], contestant: Contestant, input_fps: Fraction | None = None
+) -> dict[int, Image]:
+    """Make some of the hidden frames once more, exactly as in a comparison, by running a method over the whole clip.
+
+    `Sample.interpolate` is quicker, and enough for a method that does not look far.
+
+    Parameters
+    ----------
+    path, hiding, numbers, input_fps
+        As for `read_samples`.
+    contestant : Contestant
+
+    Returns
+    -------
+    dict of int to image
+        By number.
+    """
+    return {made.number: made.image for made in contestant.interpolate(hiding.intervals(path, input_fps), numbers)}
 
 
 def parse_range(text: str) -> tuple[int, int | None]:

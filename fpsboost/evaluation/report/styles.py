@@ -9,15 +9,12 @@ dashed and dotted for other tools.
 
 from __future__ import annotations
 
-import math
 import re
 import zlib
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from fpsboost.evaluation.making import known_methods
+from fpsboost.evaluation.contestants import method_names
 
 MARKERS = ("o", "s", "^", "D", "v", "p", "h", "*", "X")
 """Matplotlib's names; the page has the same shapes under the same numbers."""
@@ -42,19 +39,26 @@ Found by a search for those that differ most in CIELAB, with full colour vision 
 and more among the first five, which are compared by default, and by 15 and more among all.
 """
 
-HUES = 12
-LIGHTNESSES = ((0.44, 0.86), (0.53, 0.77), (0.62, 0.68))
-"""Of the colours for all others, in OKLCH, on light and on dark paper: each with a contrast of 3 at least."""
+OTHER_COLOURS = """
+882c50 febccf  8c2e23 febfb4  7a4306 fdc495  65500b f2cd64  4c5a09 c6de78  03642b 90e9a3
+0f6054 5aedd4  045d69 57e7fe  025884 a4d8fe  374b99 c0d0fd  5f3d8e d9c6fe  783274 feb4f7
+a54769 f78fb1  aa493c fc9382  9d580c f09f58  83680b d4b045  637502 aac05b  218041 73cb87
+067d6e 30cfb7  087988 1acae2  0573aa 5cbefe  4f65b6 98b0fe  7857ab c1a0fb  944c8f e395dc
+c46183 d87495  c86556 dd7767  be7125 d2833b  a38207 b79420  7c9128 8ea43d  429c5a 56ae6c
+0f9b89 16b09b  0e97a9 13abbf  248fcc 3ca2e0  6880d4 7993e8  9372c8 a584dc  b167ab c579be
+"""
+"""Colours on light and on dark paper for all others: 12 hues and 3 lightnesses of OKLCH (Ottosson 2020).
 
-COLOURS = HUES * len(LIGHTNESSES)
+The chroma is 0.13, or what sRGB has of it; each has a contrast of 3 at least with its paper.
+"""
 
-CHROMA = 0.13
+COLOURS = 36
 
 MAX_LINE = 16
 """Letters of a long name that stand side by side where there is little room."""
 
 
-class Look(NamedTuple):
+class Style(NamedTuple):
     """How a method is drawn."""
 
     on_light: str
@@ -66,17 +70,17 @@ class Look(NamedTuple):
     """Matplotlib's line style."""
 
 
-def looks_of(names: Sequence[str]) -> list[Look]:
+def styles_of(names: Sequence[str]) -> list[Style]:
     """Return how each of the methods of a page is drawn.
 
     Examples
     --------
-    >>> looks_of(["nlm", "dis"])[1] == looks_of(["blend", "nearest", "dis"])[2]
+    >>> styles_of(["nlm", "dis"])[1] == styles_of(["blend", "nearest", "dis"])[2]
     True
     """
-    known = known_methods()
+    known = method_names()
     taken: list[int] = []
-    looks = []
+    styles = []
     for name in names:
         base, options, _ = name.partition(":")
         line = DASH_DOTTED if base not in known else DASHED if options else SOLID
@@ -86,8 +90,8 @@ def looks_of(names: Sequence[str]) -> list[Look]:
         if mark not in free:
             mark = free[place % len(free)]
         taken.append(mark)
-        looks.append(Look(*colours_of(name), mark, line))
-    return looks
+        styles.append(Style(*colours_of(name), mark, line))
+    return styles
 
 
 def break_name(name: str) -> list[str]:
@@ -110,47 +114,12 @@ def colours_of(name: str) -> tuple[str, str]:
     """Return the colours of a method on light and on dark paper."""
     if name in NAMED:
         return NAMED[name]
-    lightness, hue = divmod(_checksum(name) % COLOURS, HUES)
-    on_light, on_dark = (from_oklch(each, CHROMA, 2 * math.pi * hue / HUES) for each in LIGHTNESSES[lightness])
-    return on_light, on_dark
+    place = 2 * (_checksum(name) % COLOURS)
+    on_light, on_dark = OTHER_COLOURS.split()[place : place + 2]
+    return f"#{on_light}", f"#{on_dark}"
 
 
 def _checksum(name: str) -> int:
     """Return a checksum that does not depend on the order of the options."""
     base, colon, options = name.partition(":")
     return zlib.crc32(f"{base}{colon}{','.join(sorted(options.split(',')))}".encode())
-
-
-def from_oklch(lightness: float, chroma: float, hue: float) -> str:
-    """Convert a colour of OKLCH (Ottosson 2020) to sRGB, with less chroma where sRGB has not as much.
-
-    Parameters
-    ----------
-    lightness : float
-        0 to 1.
-    chroma : float
-    hue : float
-        Radians.
-
-    Examples
-    --------
-    >>> from_oklch(1, 0, 0), from_oklch(0, 0, 0)
-    ('#ffffff', '#000000')
-    """
-    lab = np.array([lightness, chroma * math.cos(hue), chroma * math.sin(hue)])
-    to_cones = np.array(
-        [[1, 0.3963377774, 0.2158037573], [1, -0.1055613458, -0.0638541728], [1, -0.0894841775, -1.291485548]]
-    )
-    to_linear = np.array(
-        [
-            [4.0767416621, -3.3077115913, 0.2309699292],
-            [-1.2684380046, 2.6097574011, -0.3413193965],
-            [-0.0041960863, -0.7034186147, 1.707614701],
-        ]
-    )
-    linear = to_linear @ (to_cones @ lab) ** 3
-    if chroma > 0 and (linear.min() < 0 or linear.max() > 1):
-        return from_oklch(lightness, max(0.0, chroma - 0.005), hue)
-    linear = linear.clip(0, 1)
-    values = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return "#" + "".join(f"{round(255 * float(value)):02x}" for value in values)

@@ -18,12 +18,11 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from fpsboost.errors import OutputError
-from fpsboost.evaluation.charts import Chart, Dot, Series, draw_dots, draw_lines
+from fpsboost.evaluation.contestants import MINTERPOLATE, Contestant, method_names
 from fpsboost.evaluation.further_metrics import metrics
-from fpsboost.evaluation.looks import looks_of
-from fpsboost.evaluation.making import MINTERPOLATE, Maker, known_methods
-from fpsboost.evaluation.page_templates import templates_of
-from fpsboost.evaluation.passages import (
+from fpsboost.evaluation.hidden_frames import interpolate_some, read_samples
+from fpsboost.evaluation.report.charts import Chart, Dot, Series, draw_dots, draw_lines
+from fpsboost.evaluation.report.passages import (
     MAX_EXACT_PIXELS,
     MAX_PIXELS,
     choose_exact,
@@ -31,13 +30,13 @@ from fpsboost.evaluation.passages import (
     count_for,
     view_passages,
 )
-from fpsboost.evaluation.picking import make_some, pick
-from fpsboost.evaluation.pictures import MAX_DRAWN_ERROR, FrameView, MotionView, view_frame, view_motion
-from fpsboost.evaluation.report_tables import COLUMNS, area_rows, further_rows, mean_rows, overall_rows
-from fpsboost.evaluation.results import Compared, Comparison
-from fpsboost.evaluation.several import judge_all
-from fpsboost.evaluation.verdict import judge
-from fpsboost.evaluation.writing import appearing
+from fpsboost.evaluation.report.pictures import MAX_DRAWN_ERROR, FrameView, MotionView, view_frame, view_motion
+from fpsboost.evaluation.report.self_contained import templates_of
+from fpsboost.evaluation.report.styles import styles_of
+from fpsboost.evaluation.report.tables import COLUMNS, area_rows, further_rows, mean_rows, overall_rows
+from fpsboost.evaluation.results import ComparedClip, Comparison
+from fpsboost.evaluation.verdict import judge, judge_all
+from fpsboost.io.new_output import new_folder, write_whole
 
 PAGE = "index.html"
 
@@ -70,13 +69,13 @@ class ShownFrame(NamedTuple):
     view: FrameView
 
 
-def write_report(folder: Path, clips: Sequence[Compared], *, input_fps: Fraction | None = None) -> Path:
+def write_report(folder: Path, clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None) -> Path:
     """Write the page of comparisons into a new folder, which appears whole or not at all.
 
     Parameters
     ----------
     folder : Path
-    clips : sequence of Compared
+    clips : sequence of ComparedClip
         One or more, by the same methods.
     input_fps : Fraction, optional
         Frames per second of images, as in the comparisons.
@@ -94,13 +93,12 @@ def write_report(folder: Path, clips: Sequence[Compared], *, input_fps: Fraction
     if folder.exists():
         raise OutputError(f"{folder} exists; name a new folder with `report`, or remove it first.")
     page = make_page(clips, input_fps=input_fps)
-    with appearing(folder) as unfinished:
-        unfinished.mkdir(exist_ok=True)  # one of an earlier, stopped attempt is taken over
-        (unfinished / PAGE).write_text(page, encoding="utf-8")
+    with new_folder(folder) as unfinished:
+        write_whole(unfinished / PAGE, page.encode())
     return folder / PAGE
 
 
-def make_page(clips: Sequence[Compared], *, input_fps: Fraction | None = None, date: datetime | None = None) -> str:
+def make_page(clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None, date: datetime | None = None) -> str:
     """Return the page of comparisons as text.
 
     Parameters
@@ -110,7 +108,7 @@ def make_page(clips: Sequence[Compared], *, input_fps: Fraction | None = None, d
     date : datetime, optional
         When it was made; now, if not given.
     """
-    environment = templates_of("fpsboost.evaluation")
+    environment = templates_of()
     environment.filters["breakable"] = breakable
     comparisons = [each.comparison for each in clips]
     written = (date or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M")
@@ -128,7 +126,7 @@ def make_page(clips: Sequence[Compared], *, input_fps: Fraction | None = None, d
         has_times=has_times(comparisons[0]),
         means=mean_rows(comparisons),
         bodies=[Markup(each) for each in bodies],
-        looks=looks_of([method.name for method in comparisons[0].methods]),
+        styles=styles_of([method.name for method in comparisons[0].methods]),
     )
 
 
@@ -136,12 +134,12 @@ def _name_of(comparison: Comparison) -> str:
     return Path(comparison.clip).name or comparison.clip
 
 
-def _clip_values(each: Compared, at: str, clips: int, input_fps: Fraction | None) -> dict[str, Any]:
+def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | None) -> dict[str, Any]:
     """Return what the sections about one of so many clips are made of; `at` tells their names from those of others."""
-    comparison, makers = each
+    comparison, contestants = each
     chosen = choose_frames(comparison)
     opening = next((one for one in chosen if DIFFERENT in one.reasons), chosen[0]).number
-    shown, motion = _view_frames(comparison, makers, chosen, input_fps)
+    shown, motion = _view_frames(comparison, contestants, chosen, input_fps)
     count = count_for(comparison, MAX_PIXELS // clips)
     passages = choose_passages(comparison, count, [one.number for one in chosen])
     exact = choose_exact(comparison, [*dict.fromkeys([opening, chosen[0].number])], MAX_EXACT_PIXELS // clips)
@@ -151,7 +149,7 @@ def _clip_values(each: Compared, at: str, clips: int, input_fps: Fraction | None
         "name": _name_of(comparison),
         "hidden": describe_hidden(comparison),
         "verdict": judge(comparison),
-        "notes": comparison.notes(makers),
+        "notes": comparison.notes(contestants),
         "columns": COLUMNS,
         "overall": overall_rows(comparison),
         "areas": comparison.areas,
@@ -169,29 +167,31 @@ def _clip_values(each: Compared, at: str, clips: int, input_fps: Fraction | None
         "motion": motion,
         "opening": opening,
         "exact": exact,
-        "played": view_passages(comparison, makers, passages, input_fps, exact),
+        "played": view_passages(comparison, contestants, passages, input_fps, exact),
         "plays_all": len(passages) == 1 and len(passages[0]) == len(comparison.hidden),
         "command": command(comparison, input_fps),
         "is_float": comparison.kind.endswith("float"),
-        "looks": looks_of([method.name for method in comparison.methods]),
+        "styles": styles_of([method.name for method in comparison.methods]),
         "brightest": MAX_DRAWN_ERROR,
     }
 
 
 def _view_frames(
-    comparison: Comparison, makers: Mapping[str, Maker], chosen: Sequence[Chosen], input_fps: Fraction | None
+    comparison: Comparison, contestants: Mapping[str, Contestant], chosen: Sequence[Chosen], input_fps: Fraction | None
 ) -> tuple[list[ShownFrame], MotionView | None]:
     """Yield the chosen frames, each made again when its turn comes, so that few are in memory; motion at the first."""
     names = [method.name for method in comparison.methods]
     clip = comparison.clip, comparison.hiding, [each.number for each in chosen]
-    far = {name: make_some(*clip, makers[name], input_fps) for name in names if makers[name].looks_far}
+    far = {name: interpolate_some(*clip, contestants[name], input_fps) for name in names if contestants[name].looks_far}
     shown: list[ShownFrame] = []
     motion: MotionView | None = None
-    for each, picked in zip(chosen, pick(*clip, input_fps), strict=True):
-        made = {name: far[name][each.number] if name in far else picked.make(makers[name]) for name in names}
-        shown.append(ShownFrame(_title(each, names[0]), view_frame(picked, made)))
+    for each, sample in zip(chosen, read_samples(*clip, input_fps), strict=True):
+        made = {
+            name: far[name][each.number] if name in far else sample.interpolate(contestants[name]) for name in names
+        }
+        shown.append(ShownFrame(_title(each, names[0]), view_frame(sample, made)))
         if len(shown) == 1:
-            motion = view_motion(picked, made, makers)
+            motion = view_motion(sample, made, contestants)
     return shown, motion
 
 
@@ -273,14 +273,14 @@ def time_plot(comparison: Comparison, at: str = "") -> Plot | None:
 
 def _frame_charts(comparison: Comparison, key: str, label: str, at: str, **how: bool) -> list[Chart]:
     values = frame_values(comparison)
-    looks = looks_of([method.name for method in comparison.methods])
-    series = [Series(index, each[key], looks[index]) for index, each in enumerate(values["methods"])]
+    styles = styles_of([method.name for method in comparison.methods])
+    series = [Series(index, each[key], styles[index]) for index, each in enumerate(values["methods"])]
     return draw_lines(key + at, label, comparison.hidden, series, [*comparison.cuts, *comparison.doubtful], **how)
 
 
 def shared_out(comparison: Comparison) -> list[str]:
     """Return the methods whose time is that of another program's whole run, which nobody can tell frame by frame."""
-    ours = {*known_methods()} - {MINTERPOLATE}
+    ours = {*method_names()} - {MINTERPOLATE}
     return [
         method.name
         for method in comparison.methods
@@ -290,9 +290,9 @@ def shared_out(comparison: Comparison) -> list[str]:
 
 def quality_charts(comparison: Comparison, at: str = "") -> list[Chart]:
     """Return one dot a method: what it costs and what it is worth."""
-    looks = looks_of([method.name for method in comparison.methods])
+    styles = styles_of([method.name for method in comparison.methods])
     dots = [
-        Dot(index, method.name, comparison.mean_seconds(method)[0], comparison.means(method).psnr, looks[index])
+        Dot(index, method.name, comparison.mean_seconds(method)[0], comparison.means(method).psnr, styles[index])
         for index, method in enumerate(comparison.methods)
         if math.isfinite(comparison.mean_seconds(method)[0])
     ]
@@ -321,7 +321,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
 
 def command(comparison: Comparison, input_fps: Fraction | None) -> str:
     """Return the command line that makes the comparison again."""
-    known = known_methods()
+    known = method_names()
     names = [*(method.name for method in comparison.methods), *comparison.skipped]
     names = [name for name in names if name.partition(":")[0] in known]
     words = ["fpsboost", "compare", comparison.clip, "-m", ",".join(names)]

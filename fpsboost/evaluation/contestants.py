@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError
-from fpsboost.evaluation.hiding import Hidden, Interval
+from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
@@ -31,12 +31,12 @@ from fpsboost.motion.colour import normalised
 MINTERPOLATE = "minterpolate"
 
 
-def known_methods() -> list[str]:
+def method_names() -> list[str]:
     """Return the names of all methods that can be compared; those of other tools differ from them."""
     return [*methods, *vector_methods, MINTERPOLATE]
 
 
-class Made(NamedTuple):
+class InterpolatedFrame(NamedTuple):
     """What a method made of a hidden frame, and at what price."""
 
     number: int
@@ -49,7 +49,7 @@ class Made(NamedTuple):
     """That its motion was searched in, pixels; None where a method has none."""
 
 
-class Maker(Protocol):
+class Contestant(Protocol):
     """Contract: makes the hidden frames of a clip, in order.
 
     Attributes
@@ -63,7 +63,9 @@ class Maker(Protocol):
     looks_far: ClassVar[bool]
     any_time: ClassVar[bool]
 
-    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
+    def interpolate(
+        self, intervals: Iterable[Interval], wanted: Container[int] | None = None
+    ) -> Iterator[InterpolatedFrame]:
         """Yield one frame for each that is hidden, or for those whose numbers are wanted.
 
         Parameters
@@ -80,7 +82,7 @@ class Maker(Protocol):
 
 
 @dataclass(frozen=True)
-class InterpolatorMaker:
+class InterpolatorContestant:
     """A method of this package.
 
     Time is counted from the moment a frame is asked for, kernels compiled beforehand; the first frame of an interval
@@ -95,21 +97,25 @@ class InterpolatorMaker:
     looks_far: ClassVar[bool] = False
     any_time: ClassVar[bool] = True
 
-    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
-        """See `Maker.make`."""
+    def interpolate(
+        self, intervals: Iterable[Interval], wanted: Container[int] | None = None
+    ) -> Iterator[InterpolatedFrame]:
+        """See `Contestant.interpolate`."""
         for before, (interval, pair), after in with_neighbours(self._pairs(intervals)):
             chosen = [hidden for hidden in interval.hidden if wanted is None or hidden.number in wanted]
             if chosen:
                 yield from self._timed(pair, chosen, *(each and each[1] for each in (before, after)))
             pair.release_caches()
 
-    def _timed(self, pair: Pair, chosen: Sequence[Hidden], before: Pair | None, after: Pair | None) -> Iterator[Made]:
+    def _timed(
+        self, pair: Pair, chosen: Sequence[Hidden], before: Pair | None, after: Pair | None
+    ) -> Iterator[InterpolatedFrame]:
         begin, begin_cpu = time.perf_counter(), time.process_time()
         images = self.interpolator.between(pair, [hidden.t for hidden in chosen], before, after).images
         for hidden in chosen:
             image = as_array(next(images))
             seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
-            yield Made(hidden.number, image, seconds, cpu, pair.search_radius)
+            yield InterpolatedFrame(hidden.number, image, seconds, cpu, pair.search_radius)
             begin, begin_cpu = time.perf_counter(), time.process_time()
 
     def _pairs(self, intervals: Iterable[Interval]) -> Iterator[tuple[Interval, Pair]]:
@@ -123,7 +129,7 @@ class InterpolatorMaker:
             last = image
 
     def describe(self) -> str:
-        """See `Maker.describe`."""
+        """See `Contestant.describe`."""
         return f"{self.interpolator.estimator}, {self.interpolator.synthesizer}"
 
 
@@ -175,11 +181,13 @@ class Minterpolate:
         return None if shutil.which("ffmpeg") else "there is no ffmpeg on the PATH"
 
     def describe(self) -> str:
-        """See `Maker.describe`."""
+        """See `Contestant.describe`."""
         return f"ffmpeg -vf minterpolate={self.options}, 4:4:4, 8 bit"
 
-    def make(self, intervals: Iterable[Interval], wanted: Container[int] | None = None) -> Iterator[Made]:
-        """See `Maker.make`; its time is that of the whole command, shared out evenly.
+    def interpolate(
+        self, intervals: Iterable[Interval], wanted: Container[int] | None = None
+    ) -> Iterator[InterpolatedFrame]:
+        """See `Contestant.interpolate`; its time is that of the whole command, shared out evenly.
 
         Raises
         ------
@@ -214,7 +222,7 @@ class Minterpolate:
                 if len(data) < size:
                     raise InputError(f"ffmpeg's minterpolate made no frame {number}; leave it out with `methods`.")
                 image = _like(np.frombuffer(data, np.uint8).reshape(*shown.shape[:2], 3), shown)
-                yield Made(number, image, seconds / len(places), cpu_seconds / len(places))
+                yield InterpolatedFrame(number, image, seconds / len(places), cpu_seconds / len(places))
 
     def _start(self, shown: Image, factor: int, made: IO[bytes], complaints: IO[bytes]) -> subprocess.Popen[bytes]:
         height, width = shown.shape[:2]

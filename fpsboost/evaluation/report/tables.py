@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from fpsboost.evaluation.further_metrics import metrics
 from fpsboost.evaluation.results import Comparison, MethodResult
-from fpsboost.evaluation.several import means_over_clips
+from fpsboost.evaluation.verdict import means_over_clips
 
 
 class Column(NamedTuple):

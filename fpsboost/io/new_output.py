@@ -1,4 +1,4 @@
-"""A folder of results that appears whole or not at all."""
+"""Results that appear under their name whole or not at all: a file, or a folder of files."""
 
 from __future__ import annotations
 
@@ -8,11 +8,21 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fpsboost.errors import OutputError, explained
-from fpsboost.io.staging import StagingDirectory, hidden_place
+from fpsboost.io.staging import StagingDirectory, hidden_place, write_safely
 
 
-def check_new(path: Path) -> None:
-    """Raise `OutputError` unless a folder can be made here: nothing is there but an empty folder."""
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file, or raise OutputError and leave nothing behind."""
+    try:
+        write_safely(path, data)
+    except OSError as error:
+        if path.parent.is_dir():
+            path.with_name(f"{path.name}.part").unlink(missing_ok=True)
+        raise OutputError(f"{path} cannot be written ({error.strerror}); choose another place.") from None
+
+
+def check_new_folder(path: Path) -> None:
+    """Raise OutputError unless a folder can be made here: nothing is there but an empty folder."""
     with explained(OutputError, "write to", path, "check the path and the permissions"):
         if path.is_dir() and os.listdir(path):
             raise OutputError(f"{path} is not empty; name a new folder.")
@@ -24,30 +34,21 @@ def check_new(path: Path) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """Give a hidden folder to write to, which gets its name at the end of the block, or is removed by an exception.
-
-    Parameters
-    ----------
-    path : Path
-        Its final name; see `check_new`.
-
-    Yields
-    ------
-    Path
+    """Yield a hidden folder to write to, which gets its name at the end of the block, or is removed by an exception.
 
     Raises
     ------
     OutputError
-        It cannot be written, or another run writes it.
+        See `check_new_folder`; it cannot be written, or another run writes it.
     """
-    check_new(path)
+    check_new_folder(path)
     with explained(OutputError, "write to", path, "check the free space and the permissions"):
         staging = StagingDirectory(hidden_place(path.absolute().parent, path.name), "output", str(path), None)
         staging.open()
         try:
             staging.staged.mkdir()
             yield staging.staged
-            check_new(path)  # once more: hours may have passed
+            check_new_folder(path)  # once more: hours may have passed
             if path.is_dir():
                 path.rmdir()
             staging.publish(path)

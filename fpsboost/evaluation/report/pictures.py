@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -11,24 +10,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.evaluation.hiding import Interval
-from fpsboost.evaluation.making import InterpolatorMaker, Maker
+from fpsboost.evaluation.contestants import Contestant, InterpolatorContestant
+from fpsboost.evaluation.hidden_frames import Interval, Sample
 from fpsboost.evaluation.metrics import absolute_error, as_shown
-from fpsboost.evaluation.picking import Picked
+from fpsboost.evaluation.report.self_contained import LOSSLESS, as_heat, encode, not_too_wide
 from fpsboost.frame import Image
 from fpsboost.interpolator import Pair
 from fpsboost.motion.field import point_places
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair, FusesHypotheses
-
-WIDEST = 1280
-"""Pixels of a picture on the page."""
-
-QUALITY = 92
-"""Of WebP; crops are lossless."""
-
-LOSSLESS = 101
-"""What OpenCV calls WebP without loss."""
 
 MIN_CROP = 48
 """Pixels; a tenth of the frame's width where that is more."""
@@ -66,7 +56,7 @@ class Picture:
 
 
 class Spot(NamedTuple):
-    """A square of a frame that is worth a closer look."""
+    """A square of a frame that is worth a closer style."""
 
     x: int
     y: int
@@ -92,7 +82,7 @@ class Strip:
 
 @dataclass(frozen=True)
 class FrameView:
-    """Closer looks at a hidden frame, in the truth and as every method made it."""
+    """Closer styles at a hidden frame, in the truth and as every method made it."""
 
     number: int
     strips: list[Strip]
@@ -154,16 +144,16 @@ class MotionView:
     doubts: list[tuple[Picture, Picture]]
 
 
-def view_frame(picked: Picked, made: Mapping[str, Image]) -> FrameView:
-    """Find the spots of a frame that are worth a closer look, and encode them as every method made them.
+def view_frame(sample: Sample, made: Mapping[str, Image]) -> FrameView:
+    """Find the spots of a frame that are worth a closer style, and encode them as every method made them.
 
     Parameters
     ----------
-    picked : Picked
+    sample : Sample
     made : mapping of str to image
         By method, in the order of the comparison.
     """
-    truth = picked.hidden.truth
+    truth = sample.hidden.truth
     images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(made.items()))]
     errors = [absolute_error(truth, image) for image in made.values()]
     strips = []
@@ -179,27 +169,31 @@ def view_frame(picked: Picked, made: Mapping[str, Image]) -> FrameView:
             for name, index, image in images
         ]
         strips.append(Strip(letter, spot, crops))
-    return FrameView(picked.hidden.number, strips)
+    return FrameView(sample.hidden.number, strips)
 
 
-def view_motion(picked: Picked, made: Mapping[str, Image], makers: Mapping[str, Maker]) -> MotionView | None:
+def view_motion(sample: Sample, made: Mapping[str, Image], contestants: Mapping[str, Contestant]) -> MotionView | None:
     """Draw the motion that every method finds around a hidden frame, and the doubts of those that have any.
 
     Parameters
     ----------
-    picked : Picked
+    sample : Sample
     made : mapping of str to image
         The hidden frame by method, in the order of the comparison.
-    makers : mapping of str to Maker
+    contestants : mapping of str to Contestant
 
     Returns
     -------
     MotionView or None
         None where no method estimates motion.
     """
-    interval = _interval_of(picked)
+    interval = _interval_of(sample)
     places = {name: index for index, name in enumerate(made)}
-    pairs = {name: _pair(maker, interval) for name, maker in makers.items() if _moves(maker) and name in places}
+    pairs = {
+        name: _pair(contestant, interval)
+        for name, contestant in contestants.items()
+        if _moves(contestant) and name in places
+    }
     if not pairs:
         return None
     flows = {name: pair.fields[0].flow for name, pair in pairs.items()}
@@ -216,7 +210,7 @@ def view_motion(picked: Picked, made: Mapping[str, Image], makers: Mapping[str, 
         for name, flow in flows.items()
     ]
     return MotionView(
-        number=picked.hidden.number,
+        number=sample.hidden.number,
         between=(interval.number, interval.last),
         width=width,
         height=height,
@@ -225,60 +219,39 @@ def view_motion(picked: Picked, made: Mapping[str, Image], makers: Mapping[str, 
         edge=edge,
         stretch=stretch,
         fields=fields,
-        doubts=list(_doubts(picked, made, makers, pairs)),
+        doubts=list(_doubts(sample, made, contestants, pairs)),
     )
 
 
-def _interval_of(picked: Picked) -> Interval:
-    return next(each for each in picked.window if picked.hidden.number in {hidden.number for hidden in each.hidden})
+def _interval_of(sample: Sample) -> Interval:
+    return next(each for each in sample.window if sample.hidden.number in {hidden.number for hidden in each.hidden})
 
 
-def _moves(maker: Maker) -> bool:
-    return isinstance(maker, InterpolatorMaker) and not isinstance(maker.interpolator.estimator, ZeroMotion)
+def _moves(contestant: Contestant) -> bool:
+    return isinstance(contestant, InterpolatorContestant) and not isinstance(
+        contestant.interpolator.estimator, ZeroMotion
+    )
 
 
-def _pair(maker: Maker, interval: Interval) -> Pair:
-    assert isinstance(maker, InterpolatorMaker)
-    return maker.interpolator.pair(*interval.prepared_for(maker.interpolator))
+def _pair(contestant: Contestant, interval: Interval) -> Pair:
+    assert isinstance(contestant, InterpolatorContestant)
+    return contestant.interpolator.pair(*interval.prepared_for(contestant.interpolator))
 
 
 def _doubts(
-    picked: Picked, made: Mapping[str, Image], makers: Mapping[str, Maker], pairs: Mapping[str, Pair]
+    sample: Sample, made: Mapping[str, Image], contestants: Mapping[str, Contestant], pairs: Mapping[str, Pair]
 ) -> Iterator[tuple[Picture, Picture]]:
     for index, name in enumerate(made):
-        maker = makers[name]
-        if name not in pairs or not isinstance(maker, InterpolatorMaker):
+        contestant = contestants[name]
+        if name not in pairs or not isinstance(contestant, InterpolatorContestant):
             continue
-        synthesizer = maker.interpolator.synthesizer
+        synthesizer = contestant.interpolator.synthesizer
         if isinstance(synthesizer, FusesHypotheses):
             frame_pair = FramePair(*pairs[name].compensated, *pairs[name].fields)
-            confidence = next(synthesizer.fuse(frame_pair, [float(picked.hidden.t)])).confidence
-            error = absolute_error(picked.hidden.truth, made[name])
+            confidence = next(synthesizer.fuse(frame_pair, [float(sample.hidden.t)])).confidence
+            error = absolute_error(sample.hidden.truth, made[name])
             doubt, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / MAX_DRAWN_ERROR))
             yield Picture(name, index, encode(doubt)), Picture(name, index, encode(wrong), float(error.mean()))
-
-
-def not_too_wide(image: NDArray[Any]) -> NDArray[Any]:
-    """Reduce an image that is wider than a page can use."""
-    height, width = image.shape[:2]
-    if width <= WIDEST:
-        return image
-    return cv2.resize(image, (WIDEST, max(1, round(height * WIDEST / width))), interpolation=cv2.INTER_AREA)
-
-
-def encode(image: NDArray[Any], quality: int = QUALITY) -> str:
-    """Encode an image as text that a page can hold."""
-    return data_uri(as_webp(image, quality), "webp")
-
-
-def data_uri(picture: bytes, kind: str) -> str:
-    """Return an encoded picture as text that a page can hold; `kind` is ``webp``, ``jpeg``..."""
-    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
-
-
-def as_webp(image: NDArray[Any], quality: int) -> bytes:
-    """Encode an image."""
-    return cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()
 
 
 def find_loss(image: NDArray[Any], picture: bytes) -> float:
@@ -383,15 +356,3 @@ def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, 
                 shafts.append(f"M{x} {y}l{dx:.1f} {dy:.1f}")
                 tips.append(f"M{x + dx:.1f} {y + dy:.1f}h0")
     return "".join(shafts), "".join(tips)
-
-
-def as_heat(values: NDArray[Any]) -> NDArray[Any]:
-    """Return values from 0 to 1 from black over red to pale yellow.
-
-    Returns
-    -------
-    (H, W, 3) uint8
-    """
-    levels = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
-    colours: NDArray[Any] = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
-    return colours

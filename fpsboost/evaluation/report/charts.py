@@ -1,7 +1,7 @@
 """Figures drawn by matplotlib as SVG text that a page can colour and read.
 
 Nothing in a figure has a colour of its own that matters: what belongs to a method carries ``class="series method-N"``
-and ``data-method="N"``, everything else is frame, and the page's style sheet colours both for light and dark.
+and ``data-method="N"``, everything else is frame, and the page's rc_params sheet colours both for light and dark.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from fpsboost.evaluation.looks import MARKERS, Look, break_name
+from fpsboost.evaluation.report.styles import MARKERS, Style, break_name
 
 MARKED_FRAMES = 80
 """Up to so many frames, each point of a line is marked."""
@@ -40,7 +40,7 @@ MAGNITUDE = 8
 WIDEST = 1e5
 """Ratio of the largest to the smallest value that a logarithmic scale shows: equal frames have next to no error."""
 
-style: Mapping[str, Any] = {
+rc_params: Mapping[str, Any] = {
     "svg.fonttype": "none",  # text stays text: the page's fonts, and readable by machines
     "svg.hashsalt": "fpsboost",  # the same figure gets the same names
     "axes.spines.top": False,
@@ -59,7 +59,7 @@ style: Mapping[str, Any] = {
 
 
 class Form(NamedTuple):
-    """How large a figure is drawn: it is scaled to the page's width, so this decides how large its text looks."""
+    """How large a figure is drawn: it is scaled to the page's width, so this decides how large its text styles."""
 
     name: str
     size: tuple[float, float]
@@ -79,7 +79,7 @@ class Series(NamedTuple):
     """Its place among the methods: the page gives it its colour."""
     values: Sequence[float]
     """No number where it has none."""
-    look: Look
+    style: Style
 
 
 class Dot(NamedTuple):
@@ -89,7 +89,7 @@ class Dot(NamedTuple):
     name: str
     x: float
     y: float
-    look: Look
+    style: Style
 
 
 class Chart(NamedTuple):
@@ -176,7 +176,7 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
                 axes.plot(
                     [dot.x],
                     [dot.y],
-                    MARKERS[dot.look.mark],
+                    MARKERS[dot.style.mark],
                     markersize=9,
                     markeredgewidth=0,
                     gid=f"series-{dot.method}-dot",
@@ -194,7 +194,7 @@ def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[C
 
 
 def _styled(form: Form) -> AbstractContextManager[None]:
-    settings: Any = {**style, "font.size": form.text}
+    settings: Any = {**rc_params, "font.size": form.text}
     return mpl.rc_context(settings)
 
 
@@ -220,8 +220,8 @@ def _fitted(title: str, form: Form) -> str:
 
 
 def _draw_line(axes: Axes, series: Series, numbers: Sequence[int], values: NDArray[Any]) -> None:
-    (line,) = axes.plot(numbers, values, linewidth=1.6, linestyle=series.look.line, gid=f"series-{series.method}-line")
-    line.set(marker=MARKERS[series.look.mark], markersize=5.5, markeredgewidth=0)
+    (line,) = axes.plot(numbers, values, linewidth=1.6, linestyle=series.style.line, gid=f"series-{series.method}-line")
+    line.set(marker=MARKERS[series.style.mark], markersize=5.5, markeredgewidth=0)
     if len(numbers) > MARKED_FRAMES:
         step = len(numbers) // MARKS_OF_A_LINE
         line.set_markevery((series.method * step // len(MARKERS) % step, step))  # not all at the same frames

@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,8 @@ import numpy as np
 
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 from fpsboost.evaluation.results import Comparison
-from fpsboost.evaluation.several import means_as_json
-from fpsboost.evaluation.verdict import judge
-from fpsboost.evaluation.writing import appearing
+from fpsboost.evaluation.verdict import judge, means_as_json
+from fpsboost.io.new_output import write_whole
 
 DATA_VERSION = 1
 """Of `Comparison.as_json`: higher where a name has gone or means something else, the same where names were added."""
@@ -37,8 +37,7 @@ def write_json(path: Path, comparisons: Sequence[Comparison]) -> None:
     """
     data = [as_json(comparison) for comparison in comparisons]
     several = {"version": DATA_VERSION, "clips": data, "mean": means_as_json(comparisons)}
-    with appearing(path) as unfinished:
-        unfinished.write_text(json.dumps(data[0] if len(data) == 1 else several, indent=1) + "\n", encoding="utf-8")
+    write_whole(path, f"{json.dumps(data[0] if len(data) == 1 else several, indent=1)}\n".encode())
 
 
 def as_json(comparison: Comparison) -> dict[str, Any]:
@@ -77,10 +76,11 @@ def write_csv(path: Path, comparisons: Sequence[Comparison]) -> None:
     rows = [row for each in comparisons for row in rows_of(each)]
     if len(comparisons) > 1:
         rows = [{"clip": each.clip, **row} for each in comparisons for row in rows_of(each)]
-    with appearing(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]))
-        table.writeheader()
-        table.writerows(rows)
+    text = StringIO(newline="")
+    table = csv.DictWriter(text, list(rows[0]))
+    table.writeheader()
+    table.writerows(rows)
+    write_whole(path, text.getvalue().encode())
 
 
 def rows_of(comparison: Comparison) -> Iterator[dict[str, Any]]:
