@@ -14,6 +14,8 @@ import av
 import av.error
 import numpy as np
 
+from fpsboost.io.video.pyav import open_input
+
 COMPARED_FRAMES = 40
 """Frames whose colours are compared: the first ones that both files show at one time."""
 
@@ -72,7 +74,7 @@ def read_video(path: Path, keep: int, *, in_rgb: bool = False) -> Video:
         Keep them in RGB whatever they are stored as, to compare them with such.
     """
     video = Video()
-    with av.open(str(path.absolute()), metadata_errors="replace") as file:
+    with open_input(str(path.absolute())) as file:
         moving = [each for each in file.streams.video if not each.disposition & av.stream.Disposition.attached_pic]
         stream = max(moving, key=lambda each: each.codec_context.width * each.codec_context.height)
         tracks: dict[int, list[tuple[Fraction, str]]] = {each.index: [] for each in file.streams.audio}

@@ -16,10 +16,10 @@ from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.images.passes import ALL, BEAUTY
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.staging import JobFingerprint, fingerprint_files, fingerprint_options
-from fpsboost.io.video.availability import pyav_version
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions, View
 from fpsboost.io.video.pipe import PipeSource
+from fpsboost.io.video.pyav import pyav_version
 from fpsboost.io.video.source import VideoSource
 from fpsboost.version import __version__
 

@@ -18,8 +18,8 @@ from fpsboost.io.output import OutputPart
 from fpsboost.io.part import Part, part_folder
 from fpsboost.io.part_folder import INDEX_NAME, part_files
 from fpsboost.io.staging import fingerprint_options, identify_files
-from fpsboost.io.video.availability import pyav_version
 from fpsboost.io.video.chunks import CHUNK_FRAMES
+from fpsboost.io.video.pyav import pyav_version
 from fpsboost.observer import Summary
 from fpsboost.parts.entry import find_entry
 from fpsboost.parts.index_file import read_index, write_index

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fpsboost.evaluation.metrics import as_shown
 from fpsboost.frame import Frame
-from fpsboost.io.video.orientation import turned_upright
+from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.ycbcr import YCbCrImage
 

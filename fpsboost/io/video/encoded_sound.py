@@ -23,7 +23,7 @@ from av.packet import PacketSideData, PktSideDataT
 from numpy.typing import NDArray
 
 from fpsboost.io.trim import Window
-from fpsboost.io.video.damage import counted
+from fpsboost.io.video.remarks import counted
 from fpsboost.io.video.sound_encoders import BITRATE_PER_CHANNEL, Traits, is_lossless, named_layout, traits_for
 
 MIN_GAP = Fraction(1, 50)

@@ -18,12 +18,12 @@ import av.error
 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.output import Output
+from fpsboost.io.video.demuxer import open_video
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode
 from fpsboost.io.video.encoding import containers, holds
 from fpsboost.io.video.muxing import INCOMPLETE_LIST_CONTAINERS, open_muxer
 from fpsboost.io.video.sound_encoders import choose_sound_encoder, defaults, friendly_name
-from fpsboost.io.video.source import open_video
 from fpsboost.io.video.subtitles import is_text
 
 MAX_PROBED_PACKETS = 200

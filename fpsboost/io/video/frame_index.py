@@ -1,4 +1,4 @@
-"""Times of a video's frames, and the frames at which decoding can begin, from its packets alone.
+"""Index of a video's frames, from its packets alone: their times, and the key frames at which decoding can begin.
 
 Indexes of containers list decoding times (MP4) or only some key frames (Matroska), so the packets are listed; nothing
 is decoded. What they promise is believed only where every packet becomes one picture at a time of its own.
@@ -6,26 +6,37 @@ is decoded. What they promise is believed only where every packet becomes one pi
 
 from __future__ import annotations
 
+import os
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, cast, overload
+from typing import Any, BinaryIO, cast, overload
 
 import av
 import av.container
 import av.error
+import av.stream
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.io.video.damage import Damage
-from fpsboost.io.video.entry_points import HIDING, is_shown
-from fpsboost.io.video.header_reader import HeaderReader, has_whole_header
-from fpsboost.io.video.packets import read_packets
+from fpsboost.io.video.demuxer import read_packets
+from fpsboost.io.video.pyav import open_input
+from fpsboost.io.video.remarks import Damage
+
+BLANK_BLOCK = bytes(1 << 20)
 
 INDEXED = ("matroska", "mov")
 """Containers that store a presentation time with every packet, and an index of key frames."""
+
+H264_IDR, H264_SEI = 5, 6
+RECOVERY_POINT = 6
+HEVC_RANDOM_ACCESS = range(16, 22)
+HIDING = ("vp8", "vp9")
+"""Codecs that have packets of which no picture is shown."""
+
+MPEG2_PICTURE, MPEG4_PICTURE = b"\x00\x00\x01\x00", b"\x00\x00\x01\xb6"
 
 
 class TickTimes(Sequence[Fraction]):
@@ -134,7 +145,7 @@ def read_index(path: Path, video: int) -> FrameIndex:
     """
     file = HeaderReader(path)
     try:
-        with av.open(file, "r", metadata_errors="replace") as container:
+        with open_input(file) as container:
             codec = container.streams[video].codec_context.codec.canonical_name
             is_listed = container.format.name.startswith("mov") and has_whole_header(path)
             file.is_blank = is_listed and codec not in HIDING
@@ -202,3 +213,188 @@ def _entry_points(
         if number < len(ticks) and earliest[number] >= place and number > last:
             last = number
             yield EntryPoint(number, int(pts[place]), dts[place])
+
+
+def can_begin(stream: av.VideoStream, packet: av.Packet[Any]) -> bool:
+    """Return whether decoding that begins at a packet gives the same pictures, from this one on, as decoding all.
+
+    Parameters
+    ----------
+    stream : av.VideoStream
+    packet : av.Packet
+        One of its packets, marked as a key frame.
+    """
+    codec, header = stream.codec_context.codec, stream.codec_context.extradata
+    check = checks.get(codec.canonical_name)
+    return codec.intra_only if check is None else check(bytes(packet), header)
+
+
+def _begins_h264(data: bytes, header: bytes | None) -> bool:
+    return any(_is_h264_entry(unit) for unit in _units(data, header, 4))
+
+
+def _begins_hevc(data: bytes, header: bytes | None) -> bool:
+    return any(unit and (unit[0] >> 1 & 63) in HEVC_RANDOM_ACCESS for unit in _units(data, header, 21))
+
+
+def _begins_mpeg2(data: bytes, _: bytes | None) -> bool:
+    place = data.find(MPEG2_PICTURE)
+    return 0 <= place < len(data) - 5 and data[place + 5] >> 3 & 7 == 1
+
+
+def _begins_mpeg4(data: bytes, _: bytes | None) -> bool:
+    place = data.find(MPEG4_PICTURE)
+    return 0 <= place < len(data) - 4 and data[place + 4] >> 6 == 0
+
+
+def _begins_vp8(data: bytes, _: bytes | None) -> bool:
+    return bool(data) and not data[0] & 1
+
+
+def _begins_vp9(data: bytes, _: bytes | None) -> bool:
+    return bool(data) and not _vp9_flags(data[0]) & 6
+
+
+def _begins_as_marked(_: bytes, __: bytes | None) -> bool:
+    return True
+
+
+checks: dict[str, Callable[[bytes, bytes | None], bool]] = {
+    "h264": _begins_h264,
+    "hevc": _begins_hevc,
+    "mpeg1video": _begins_mpeg2,
+    "mpeg2video": _begins_mpeg2,
+    "mpeg4": _begins_mpeg4,
+    "vp8": _begins_vp8,
+    "vp9": _begins_vp9,
+    "av1": _begins_as_marked,
+    "ffv1": _begins_as_marked,
+}
+"""For each codec whose key frames end all dependence on earlier packets, the check of one; see `can_begin`."""
+
+
+def is_shown(codec: str, packet: av.Packet[Any]) -> bool:
+    """Return whether a packet of this codec becomes a picture that is shown.
+
+    VP8 and VP9 have frames that only serve as references, in packets of their own; H.264 and others have none.
+    """
+    if codec == "vp8":
+        return bool(memoryview(packet)[0] & 0x10)
+    if codec == "vp9":
+        data = memoryview(packet)
+        is_superframe = data[-1] & 0xE0 == 0xC0
+        return is_superframe or bool(_vp9_flags(data[0]) & 5)
+    return True
+
+
+def _vp9_flags(first: int) -> int:
+    """Return, from the first byte of a frame, 4 if it repeats an earlier one, 2 if it is no key frame, 1 if shown."""
+    is_profile_3 = first & 0x30 == 0x30  # has one bit more before them
+    return (first if is_profile_3 else first >> 1) & 7
+
+
+def _is_h264_entry(unit: bytes) -> bool:
+    kind = unit[0] & 31 if unit else 0
+    return kind == H264_IDR or (kind == H264_SEI and _recovers_at_once(unit[1:]))
+
+
+def _recovers_at_once(messages: bytes) -> bool:
+    """Return whether an SEI unit says that decoding is right from the picture that it belongs to on."""
+    place = 0
+    while place + 2 < len(messages):
+        numbers = []
+        for _ in range(2):  # type and size, each as bytes of 255 and a rest
+            number = 0
+            while place < len(messages) and messages[place] == 255:
+                number, place = number + 255, place + 1
+            if place >= len(messages):
+                return False
+            numbers.append(number + messages[place])
+            place += 1
+        kind, size = numbers
+        if kind == RECOVERY_POINT and place < len(messages):
+            return bool(messages[place] & 0x80)  # the Exp-Golomb code of 0 frames
+        place += size
+    return False
+
+
+def _units(data: bytes, header: bytes | None, place_of_length: int) -> Iterator[bytes]:
+    """Yield the NAL units of a packet, behind lengths where the header says so, else behind start codes."""
+    if not header or header[0] != 1 or len(header) <= place_of_length:
+        yield from data.split(b"\x00\x00\x01")[1:]
+        return
+    width = (header[place_of_length] & 3) + 1
+    place = 0
+    while place + width < len(data):
+        length = int.from_bytes(data[place : place + width], "big")
+        yield data[place + width : place + width + length]
+        place += width + length
+
+
+class HeaderReader:
+    """File for FFmpeg whose content is zeros from a moment on.
+
+    Parameters
+    ----------
+    path : Path
+
+    Attributes
+    ----------
+    is_blank : bool
+        Whether to return zeros, as many as the file has bytes.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("rb")
+        self._size, self._place = os.fstat(self._file.fileno()).st_size, 0
+        self.is_blank = False
+
+    def read(self, count: int) -> bytes:
+        """Return at most this many bytes; none at the end of the file."""
+        count = min(count, self._size - self._place, len(BLANK_BLOCK))
+        if count <= 0:
+            return b""
+        if self.is_blank:
+            data = BLANK_BLOCK if count == len(BLANK_BLOCK) else BLANK_BLOCK[:count]
+        else:
+            self._file.seek(self._place)
+            data = self._file.read(count)
+        self._place += len(data)
+        return data
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place; return it."""
+        base = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._size}[whence]
+        self._place = base + offset
+        return self._place
+
+    def tell(self) -> int:
+        """Return the place."""
+        return self._place
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def has_whole_header(path: Path) -> bool:
+    """Return whether all packets of an MP4 or QuickTime file are listed in one place, not in fragments."""
+    with path.open("rb") as file:
+        kinds = list(_kinds_of_boxes(file))
+    return b"moov" in kinds and b"moof" not in kinds
+
+
+def _kinds_of_boxes(file: BinaryIO) -> list[bytes]:
+    """Return the types of the outermost boxes of a file."""
+    kinds, place, size = [], 0, os.fstat(file.fileno()).st_size
+    while place + 8 <= size:
+        file.seek(place)
+        head = file.read(16)
+        length, kind = int.from_bytes(head[:4], "big"), head[4:8]
+        if length == 1:
+            length = int.from_bytes(head[8:], "big")
+        kinds.append(kind)
+        if length < 8:  # 0 for a box up to the end
+            break
+        place += length
+    return kinds

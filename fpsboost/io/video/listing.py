@@ -8,9 +8,8 @@ from typing import Any
 import av
 
 from fpsboost.io.stream_info import VideoFile
+from fpsboost.io.video.demuxer import is_cover_art, open_video
 from fpsboost.io.video.fitting import first_packets, fits, keeps_data
-from fpsboost.io.video.source import open_video
-from fpsboost.io.video.stream_choice import is_cover_art
 from fpsboost.io.video.subtitles import is_text
 from fpsboost.io.video.timecode import find_timecode
 

@@ -19,18 +19,16 @@ import av.error
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import VideoFile
 from fpsboost.io.trim import Window
-from fpsboost.io.video.damage import Damage
+from fpsboost.io.video.demuxer import is_cover_art, open_video, read_packets
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import EncodedSound, remark_on
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
 from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
-from fpsboost.io.video.packets import read_packets
-from fpsboost.io.video.source import open_video
-from fpsboost.io.video.stream_choice import is_cover_art
+from fpsboost.io.video.pyav import open_input, printable
+from fpsboost.io.video.remarks import Damage, not_held_remark
 from fpsboost.io.video.subtitles import TextConverter, formats, is_text
 from fpsboost.io.video.tags import copy_labels, lost_labels, tags_for
 from fpsboost.io.video.timecode import at_rate, find_timecode, frames_later
-from fpsboost.io.video.unsupported import not_held_remark
 
 MAX_INTERLEAVING = 10
 """Maximum time by which packets of different streams in one file may be out of order, seconds."""
@@ -125,7 +123,7 @@ class OtherStreams:
 
     def check_labels(self, path: Path) -> None:
         """Add remarks on the labels of the source's streams that are missing in the finished file."""
-        with av.open(str(path.absolute()), metadata_errors="replace") as file:
+        with open_input(str(path.absolute())) as file:
             for index, target in self._targets.items():
                 if target.type == "video" or target.index >= len(file.streams):
                     continue  # cover art
@@ -327,7 +325,7 @@ def _chapters_within(file: av.container.InputContainer, window: Window | None, s
                 name: round((time - window.begin) * window.stretch / tick)
                 for name, time in (("start", begin), ("end", end))
             }
-            kept.append({**chapter, **times})
+            kept.append({**chapter, **times, "metadata": printable(chapter["metadata"])})
     return kept
 
 

@@ -37,8 +37,8 @@ from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.video.nominal_rate import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.planes import as_picture, coding_of, in_planes
+from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits
-from fpsboost.io.video.unsupported import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.ycc import (
     FULL_RANGE,
     LIMITED_RANGE,

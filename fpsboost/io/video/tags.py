@@ -14,6 +14,7 @@ import av.error
 
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
 from fpsboost.io.video.languages import spellings
+from fpsboost.io.video.pyav import open_input
 
 FILE_SPECIFIC_TAGS = {
     *("major_brand", "minor_version", "compatible_brands", "encoder", "timecode", "duration"),
@@ -143,7 +144,7 @@ def _tags_read_back(
             packet.is_keyframe = True
             output.mux(packet)
         file.seek(0)
-        with av.open(file, metadata_errors="replace") as again:
+        with open_input(file) as again:
             return _lower(again.metadata), _lower(again.streams[0].metadata)
     except (av.error.FFmpegError, ValueError):
         return {}, {}

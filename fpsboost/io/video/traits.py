@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
 
 import av
 import numpy as np
@@ -12,7 +11,7 @@ from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
 from fpsboost.io.video.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display
-from fpsboost.io.video.nominal_rate import as_fraction
+from fpsboost.io.video.pyav import as_fraction, side_data_of
 from fpsboost.io.video.ycc import chroma_location_of, color_space_of, is_full_range
 
 DYNAMIC_HDR_SIDE_DATA = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
@@ -90,7 +89,7 @@ def read_traits(
     InputError
         The colour matrix is not supported.
     """
-    sides = {side.type.name: bytes(side) for side in _side_data(picture)}
+    sides = side_data_of(picture)
     matrix = sides.get("DISPLAYMATRIX")
     try:
         color_space = color_space_of(picture)
@@ -119,8 +118,3 @@ def read_traits(
         has_dynamic_hdr=not DYNAMIC_HDR_SIDE_DATA.isdisjoint(sides),
         codec=codec,
     )
-
-
-def _side_data(picture: av.VideoFrame) -> list[Any]:
-    held: Any = picture.side_data
-    return [held[index] for index in range(len(held))]

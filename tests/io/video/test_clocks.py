@@ -18,9 +18,9 @@ from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
 
 from fpsboost import convert
 from fpsboost.cli.options import in_flags
-from fpsboost.io.video.continuous_clock import ContinuousClock
+from fpsboost.io.video.demuxer import ContinuousClock
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.reorder_buffer import MAX_REORDERED, ReorderBuffer
+from fpsboost.io.video.pictures import MAX_REORDERED, ReorderBuffer
 from fpsboost.io.video.source import VideoSource
 from fpsboost.probing import probe
 

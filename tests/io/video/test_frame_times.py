@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fpsboost.io.video.damage import Damage
-from fpsboost.io.video.frame_times import in_rising_order
+from fpsboost.io.video.clock import in_rising_order
+from fpsboost.io.video.remarks import Damage
 
 TICK = Fraction(1, 1000)
 INTERVAL = Fraction(1, 25)

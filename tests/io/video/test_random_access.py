@@ -105,8 +105,7 @@ def test_what_lies_before_is_not_decoded(tmp_path, name):
     clip = write_clip(tmp_path / name, times=range(60), **CODECS[name])
     with VideoSource(clip) as source:
         source.begin_at(55)
-        assert source._first == 55
-        assert source._decoded == 1
+        assert (source._reader.first, source._reader.dropped) == (55, 0)
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])

@@ -14,7 +14,7 @@ from av.video.reformatter import VideoReformatter
 from video_truth import QUARTER_TURN, pictures_of, png, samples_of, scene, spoil_packets, write_clip
 
 from fpsboost.errors import InputError
-from fpsboost.io.video.orientation import turned_upright
+from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import bgr_to_ycc, chroma_location_of, from_bgr, to_bgr
 

@@ -1,0 +1,322 @@
+"""Demux a video file: open it, choose its video stream, and read packets past damage and across joined recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, cast
+
+import av
+import av.container
+import av.error
+import av.stream
+from av.format import Flags
+
+from fpsboost.errors import InputError, OptionError
+from fpsboost.io.video.pyav import open_input
+from fpsboost.io.video.remarks import Damage
+from fpsboost.threads import available_cores
+
+STILL_CODECS = ("png", "mjpeg", "bmp", "gif", "tiff", "webp")
+
+DEFAULT_STREAM_SCORE = 5_000_000
+"""Score of the default stream's flag, pixels, as in FFmpeg."""
+
+MAX_FAILURES = 10
+"""Number of consecutive read errors without a packet after which the rest of a file counts as unreadable."""
+
+MAX_LOST_SAMPLES = 1000
+"""Maximum number of consecutive samples beyond the end of a file; each costs one attempt of a few microseconds."""
+
+SAMPLE_INDEX_FORMATS = ("mov", "avi")
+"""Containers with an index of every sample, where a truncated sample ends one demuxing pass but not other streams."""
+
+MAX_STEP_BACK = Fraction(1, 10)
+"""Maximum backward step of decoding times, as in damaged streams, that is not taken for a new recording, seconds."""
+
+MAX_GAP = Fraction(10)
+"""Maximum gap between packets that is not taken for a new recording, seconds.
+
+Both values are those of FFmpeg's programs.
+"""
+
+UNTIMED_FORMAT = "avi"
+"""Container that stores no times, only packets in order; FFmpeg guesses presentation times from picture types."""
+
+
+class Demuxer:
+    """Video file with one of its video streams chosen, which can be read again from its beginning.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        Name of the file in messages.
+    wanted : int or None
+        Number of the video stream; see `choose_video`.
+
+    Attributes
+    ----------
+    container : av.container.InputContainer
+    stream : av.VideoStream
+        Its decoder uses several threads.
+    furthest : Fraction
+        End of the last packet of video, sound or subtitles read so far, seconds on the file's own clock.
+    last_start : Fraction
+        Start of the last video packet in presentation order read so far, seconds on the file's own clock.
+    """
+
+    def __init__(self, path: Path, name: str, wanted: int | None) -> None:
+        self._path, self._name = path, name
+        self.container = open_video(path, name)
+        try:
+            self.stream = choose_video(self.container, name, wanted)
+        except BaseException:
+            self.container.close()
+            raise
+        self._number = self.stream.index
+        self._decode_in_threads()
+        self.furthest = self.last_start = Fraction(0)
+
+    def packets(self, damage: Damage) -> Iterator[av.Packet[Any]]:
+        """Yield the video stream's packets from where the file is, and update `damage`, `furthest` and `last_start`."""
+        video, streams = self.stream.index, self.container.streams
+        companions = {stream.index for stream in (*streams.audio, *streams.subtitles)}
+        for packet in read_packets(self.container, {video, *companions}, damage):
+            start = packet.pts if packet.pts is not None else packet.dts
+            if start is not None and packet.time_base:
+                tick = Fraction(packet.time_base)
+                self.furthest = max((start + (packet.duration or 0)) * tick, self.furthest)
+                if packet.stream.index == video:
+                    self.last_start = max(start * tick, self.last_start)
+            if packet.stream.index == video:
+                yield packet
+
+    def seek(self, ticks: int) -> bool:
+        """Go to the key frame before a time in ticks of the video stream; return whether the container can."""
+        try:
+            self.container.seek(ticks, stream=self.stream, backward=True)
+        except av.error.FFmpegError:
+            return False
+        return True
+
+    def reopen(self) -> None:
+        """Go to the very beginning."""
+        self.container.close()
+        self.container = open_video(self._path, self._name)
+        self.stream = cast(av.VideoStream, self.container.streams[self._number])
+        self._decode_in_threads()
+
+    def close(self) -> None:
+        """Close the file."""
+        self.container.close()
+
+    def _decode_in_threads(self) -> None:
+        """Let the decoder use a quarter of the cores: it has little to do, and every thread holds frames of its own."""
+        self.stream.thread_type = "AUTO"
+        self.stream.thread_count = max(1, available_cores() // 4)
+
+
+def open_video(path: Path, name: str) -> av.container.InputContainer:
+    """Open a file for demuxing, or raise `InputError` with a sentence about `name`."""
+    if path.is_dir():
+        raise InputError(f"{name} is a folder; name a video file, or a pattern of images inside it.")
+    if not path.exists():
+        raise InputError(f"{name} does not exist; check the path.")
+    try:
+        # An absolute path, because FFmpeg takes what stands before a colon in a relative one for a protocol.
+        container = open_input(str(path.absolute()))
+    except PermissionError:
+        raise InputError(f"{name} may not be read; check its permissions.") from None
+    except (av.error.FFmpegError, OSError, ValueError):
+        raise InputError(f"{name} is not a video file that can be read, or it is damaged at its beginning.") from None
+    if container.format.name == "tty":  # FFmpeg shows any text file as a terminal session
+        container.close()
+        raise InputError(f"{name} is a text file; name a video file.")
+    return container
+
+
+def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
+    """Choose a video stream: the one asked for, or the one that FFmpeg considers the best.
+
+    That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first.
+
+    Parameters
+    ----------
+    container : av.container.InputContainer
+    name : str
+        Name of the file in messages.
+    wanted : int or None
+        Number of a stream in the file.
+
+    Raises
+    ------
+    InputError
+        There is no video stream, or it cannot be decoded here.
+    OptionError
+        There is no video stream with that number.
+    """
+    videos = [stream for stream in container.streams.video if not is_cover_art(stream)]
+    if not videos:
+        raise InputError(f"{name} has no video stream; name a file that has one.")
+    if wanted is not None:
+        chosen = next((stream for stream in videos if stream.index == wanted), None)
+        if chosen is None:
+            listed = ", ".join(f"{stream.index} ({_described(stream)})" for stream in videos)
+            raise OptionError(f"`stream={wanted}` is no video stream of {name}; choose one of {listed}.")
+    else:
+        chosen = max(videos, key=_score)
+    if chosen.codec_context is None:
+        raise InputError(f"{name} uses a video codec that cannot be decoded here; convert it to H.264 first.")
+    return chosen
+
+
+def left_out_remarks(container: av.container.InputContainer, chosen: av.VideoStream, name: str) -> list[str]:
+    """Return the remarks on the video streams that are not read."""
+    others = [
+        f"stream {stream.index} ({_described(stream)})"
+        for stream in container.streams.video
+        if stream.index != chosen.index and not is_cover_art(stream)
+    ]
+    if not others:
+        return []
+    return [
+        f"{name} has more than one video stream; stream {chosen.index} ({_described(chosen)}) was taken, left out: "
+        f"{', '.join(others)}."
+    ]
+
+
+def is_cover_art(stream: av.stream.Stream) -> bool:
+    """Return whether a video stream is only a picture attached to the file."""
+    if stream.disposition & (av.stream.Disposition.attached_pic | av.stream.Disposition.timed_thumbnails):
+        return True
+    return bool(
+        stream.codec_context is not None
+        and stream.codec_context.codec.canonical_name in STILL_CODECS
+        and (stream.frames == 1 or "mimetype" in stream.metadata)
+    )
+
+
+def _described(stream: av.VideoStream) -> str:
+    """Describe a video stream by its format and size: ``h264 1280x720``."""
+    context = stream.codec_context
+    return "unknown format" if context is None else f"{stream.name or 'unknown'} {context.width}x{context.height}"
+
+
+def _score(stream: av.VideoStream) -> int:
+    context = stream.codec_context
+    if context is None:
+        return -1
+    is_default = bool(stream.disposition & av.stream.Disposition.default)
+    return context.width * context.height + DEFAULT_STREAM_SCORE * is_default
+
+
+def clock_may_jump(container: av.container.InputContainer) -> bool:
+    """Return whether a container's clock may start at any time and may jump, as in transport and program streams."""
+    return bool(Flags(container.format.flags) & Flags.ts_discont)
+
+
+def read_packets(
+    container: av.container.InputContainer, wanted: Collection[int], damage: Damage
+) -> Iterator[av.Packet[Any]]:
+    """Yield the non-empty packets of the wanted streams, past damaged places and with clock jumps removed.
+
+    If a container has no presentation times, they are set from the decoding times; `ReorderBuffer` corrects them.
+
+    Parameters
+    ----------
+    container : av.container.InputContainer
+        Its other streams are discarded from now on, so that damage to them has no effect.
+    wanted : collection of int
+        Numbers of the streams.
+    damage : Damage
+        Counts of unreadable places and clock jumps, which are updated.
+    """
+    clock = ContinuousClock() if clock_may_jump(container) else None
+    for stream in container.streams:
+        tells_time = clock is not None and stream.type in ("video", "audio")  # all readers must see the same jumps
+        if stream.index not in wanted and not tells_time:
+            stream.discard = av.stream.Discard.all
+    for packet in _demux_past_damage(container, damage):
+        if clock is not None:
+            clock.move(packet)
+            damage.joints = clock.jumps
+        if packet.stream.index in wanted:
+            yield packet
+
+
+def _demux_past_damage(container: av.container.InputContainer, damage: Damage) -> Iterator[av.Packet[Any]]:
+    delays: dict[int, int] = {}
+    is_timed_by_decoding = container.format.name == UNTIMED_FORMAT
+    is_listed = container.format.name.startswith(SAMPLE_INDEX_FORMATS)
+    failures = ends = 0
+    while failures < MAX_FAILURES and ends < (MAX_LOST_SAMPLES if is_listed else 1):
+        try:
+            for packet in container.demux():
+                if not packet.size:
+                    continue
+                failures = ends = 0
+                if is_timed_by_decoding and packet.dts is not None:
+                    first = packet.dts if packet.pts is None else packet.pts
+                    packet.pts = packet.dts + delays.setdefault(packet.stream.index, first - packet.dts)
+                yield packet
+            ends += 1
+        except av.error.FFmpegError:
+            failures += 1
+            damage.unreadable += failures == 1
+
+
+class ContinuousClock:
+    """Offsets for the times of packets, read in file order, that make video and audio continuous across jumps.
+
+    Streams jump at different places of the file because their packets are interleaved. The first stream to jump
+    determines the offset of everything after it, so that video and audio keep the distance that they have in each
+    recording.
+
+    Attributes
+    ----------
+    jumps : int
+        Number of jumps, each from the end of one recording to the start of the next.
+    """
+
+    def __init__(self) -> None:
+        self.jumps = 0
+        self._moves = [Fraction(0)]
+        """Time offset of each recording, seconds."""
+        self._places: dict[int, int] = {}
+        """Index of the current recording of each stream."""
+        self._ends: dict[int, Fraction] = {}
+        """End of the last packet of each stream after its offset, seconds."""
+
+    def move(self, packet: av.Packet[Any]) -> None:
+        """Add the offset of its recording to the times of a packet of any stream."""
+        time = packet.pts if packet.dts is None else packet.dts
+        if time is None:
+            return
+        tick, index = Fraction(packet.time_base), packet.stream.index
+        if packet.stream.type in ("video", "audio"):
+            place = self._recording_of(index, time * tick)
+            self._places[index] = place
+            self._ends[index] = (time + (packet.duration or 0)) * tick + self._moves[place]
+        else:
+            place = max(self._places.values(), default=0)
+        ticks = round(self._moves[place] / tick)
+        if ticks:
+            packet.dts = None if packet.dts is None else packet.dts + ticks
+            packet.pts = None if packet.pts is None else packet.pts + ticks
+
+    def _recording_of(self, index: int, time: Fraction) -> int:
+        """Return the recording that a time of a stream belongs to: the current one, a later one, or a new one."""
+        place = self._places.get(index, 0)
+        if index not in self._ends or self._is_continuous(index, time + self._moves[place]):
+            return place
+        for later in range(place + 1, len(self._moves)):
+            if abs(time + self._moves[later] - self._ends[index]) <= MAX_GAP:
+                return later
+        self._moves.append(self._ends[index] - time)
+        self.jumps += 1
+        return len(self._moves) - 1
+
+    def _is_continuous(self, index: int, time: Fraction) -> bool:
+        return self._ends[index] - MAX_STEP_BACK <= time <= max(self._ends.values()) + MAX_GAP

@@ -1,0 +1,408 @@
+"""Pictures of a video stream: decoded, in presentation order, deinterlaced, upright, and all like the first one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator
+from fractions import Fraction
+from itertools import chain, pairwise
+from typing import Any, Generic, Protocol, Self, TypeVar, cast
+
+import av
+import av.error
+import av.filter
+import numpy as np
+from av.video.reformatter import VideoReformatter
+
+from fpsboost.errors import InputError
+from fpsboost.frame import Image
+from fpsboost.io.video.demuxer import Demuxer
+from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
+from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.ycc import color_space_of, from_bgr, is_full_range, reformatted, to_bgr
+
+MAX_REORDERED = 16
+"""Maximum reordering of H.264 and HEVC, pictures; a packet that is later than this produced no picture."""
+
+decoders_of_hidden_alpha = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
+
+
+class Pictures(Iterator[av.VideoFrame]):
+    """Pictures of a video stream in presentation order, from where its file is.
+
+    Parameters
+    ----------
+    file : Demuxer
+    name : str
+        Name of the file in messages.
+    tick, interval : Fraction
+        Time base of the stream and its usual picture interval, seconds.
+    deinterlace : bool
+        Make two pictures of each.
+    keeps_alpha : bool
+        Decode alpha that is stored beside the picture.
+    remarks : list of str
+        A remark is added if such alpha is not decoded.
+
+    Attributes
+    ----------
+    damage : Damage
+        What could not be read or decoded so far.
+    """
+
+    def __init__(
+        self,
+        file: Demuxer,
+        name: str,
+        *,
+        tick: Fraction,
+        interval: Fraction,
+        deinterlace: bool,
+        keeps_alpha: bool,
+        remarks: list[str],
+    ) -> None:
+        self.damage = Damage()
+        self._file, self._name, self._tick, self._deinterlace = file, name, tick, deinterlace
+        self._keeps_alpha, self._remarks = keeps_alpha, remarks
+        self._usual_ticks = float(interval / tick)
+        self._count = self._interlaced_count = 0
+        self._buffer: ReorderBuffer[av.VideoFrame] | None = None
+        self._coded = self._decode()
+        self._presented = frames_of_fields(self._coded, tick, name) if deinterlace else self._coded
+        self._next: av.VideoFrame | None = None
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> av.VideoFrame:
+        picture, self._next = self._next, None
+        return next(self._presented) if picture is None else picture
+
+    def peek(self) -> av.VideoFrame | None:
+        """Return the next picture, which stays the next one; None at the end."""
+        self._next = next(self, None)
+        return self._next
+
+    def forget_earlier(self, next_picture: av.VideoFrame) -> None:
+        """Continue with a picture that was just taken, and forget damage and fields of those before it."""
+        self._next = next_picture
+        self.damage.corrupt = 0
+        self._count, self._interlaced_count = 1, int(next_picture.interlaced_frame)
+
+    @property
+    def differ_from_packets(self) -> bool:
+        """Whether damage or interchanged times have shown that not every packet is a picture at its time."""
+        has_interchanged = self._buffer is not None and self._buffer.has_interchanged
+        return has_interchanged or self.damage != Damage(corrupt=self.damage.corrupt)
+
+    def close(self) -> None:
+        """Stop decoding."""
+        self._coded.close()
+
+    def interlacing_remarks(self) -> list[str]:
+        """Return the remarks on interlaced pictures that stayed whole, and on progressive ones that were halved."""
+        interlaced, count = self._interlaced_count, self._count
+        if not self._deinterlace:
+            which = "" if interlaced == count else f" in {interlaced} of {counted(count, 'frame')}"
+            return [interlaced_remark(self._name, which, "pass `deinterlace=True`")] if interlaced else []
+        if interlaced == count:
+            return []
+        which = "no frame" if not interlaced else f"only {interlaced} of {counted(count, 'frame')}"
+        return [f"{self._name} flags {which} as interlaced; every frame was made into two all the same."]
+
+    def _decode(self) -> Generator[av.VideoFrame, None, None]:
+        alpha_decoder = self._decoder_of_hidden_alpha()
+        decoder = self._file.stream.codec_context if alpha_decoder is None else alpha_decoder
+        lost_alpha = lost_alpha_remark(self._name)
+        buffer = ReorderBuffer[av.VideoFrame](self._usual_ticks) if decoder.codec.reorder else None
+        self._buffer = buffer
+        for packet in chain(self._file.packets(self.damage), [None]):
+            if packet is not None and alpha_decoder is None and lost_alpha not in self._remarks:
+                self._remarks += [lost_alpha] * self._has_hidden_alpha(packet)
+            if buffer is not None and packet is not None:
+                buffer.expect(packet.pts)
+            try:
+                pictures = decoder.decode(packet)
+            except av.error.FFmpegError:
+                self.damage.undecodable += 1
+                if buffer is not None and packet is not None:
+                    buffer.drop(packet.pts)
+                continue
+            for picture in pictures:
+                if not picture.time_base:  # of the last ones, which no packet brought out
+                    picture.time_base = self._tick
+                yield from self._counted([picture] if buffer is None else buffer.push(picture))
+        if buffer is not None:
+            yield from self._counted(buffer.flush())
+
+    def _counted(self, pictures: list[av.VideoFrame]) -> Iterator[av.VideoFrame]:
+        for picture in pictures:
+            self.damage.corrupt += picture.is_corrupt
+            self._count += 1
+            self._interlaced_count += picture.interlaced_frame
+            yield picture
+
+    def _decoder_of_hidden_alpha(self) -> av.VideoCodecContext | None:
+        """Return a decoder for VP8/VP9 alpha, which FFmpeg's native decoders ignore; None if not needed."""
+        name = decoders_of_hidden_alpha.get(self._file.stream.codec_context.name)
+        if name is None or not self._keeps_alpha or not self._says_alpha:
+            return None
+        return cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
+
+    def _has_hidden_alpha(self, packet: av.Packet[Any]) -> bool:
+        return self._says_alpha and packet.has_sidedata("matroska_block_additional")
+
+    @property
+    def _says_alpha(self) -> bool:
+        """Whether the stream has the tag of hidden alpha, as every recording by a browser has."""
+        return self._file.stream.metadata.get("alpha_mode") == "1"
+
+
+class Timed(Protocol):
+    """Picture with a presentation time in ticks, or None."""
+
+    pts: int | None
+
+
+P = TypeVar("P", bound=Timed)
+
+
+class ReorderBuffer(Generic[P]):
+    """Buffer that keeps pictures in decoder output order and assigns their presentation times in increasing order.
+
+    AVI, and MP4 without composition offsets, store decoding times only; the presentation times that FFmpeg derives from
+    them are wrong where pictures are reordered. The order in which a decoder outputs pictures is right. Pictures wait
+    only while the decoder still has to output one with an earlier time.
+
+    Parameters
+    ----------
+    interval : float
+        Usual picture interval, ticks. If sorted times are closer than half of it, they were not interchanged but
+        damaged, and are left unchanged.
+
+    Attributes
+    ----------
+    has_interchanged : bool
+        Whether pictures have come with interchanged times.
+    """
+
+    def __init__(self, interval: float) -> None:
+        self.has_interchanged = False
+        self._interval = interval
+        self._owed: Counter[int] = Counter()
+        self._waiting: list[P] = []
+        self._last: int | None = None
+
+    def expect(self, pts: int | None) -> None:
+        """Record that a packet with this time is sent to the decoder."""
+        if pts is not None:
+            self._owed[pts] += 1
+
+    def drop(self, pts: int | None) -> None:
+        """Record that the packet with this time produced no picture."""
+        if pts is not None and self._owed[pts]:
+            self._owed[pts] -= 1
+
+    def push(self, picture: P) -> list[P]:
+        """Record a picture that the decoder has output, and return the pictures that need not wait any longer."""
+        self.drop(picture.pts)
+        self._waiting.append(picture)
+        times = [waiting.pts for waiting in self._waiting if waiting.pts is not None]
+        if not times:
+            return self.flush()
+        self._owed = +self._owed
+        if any(owed < max(times) for owed in self._owed):
+            if len(self._waiting) <= MAX_REORDERED:
+                return []
+            self._owed = Counter({owed: count for owed, count in self._owed.items() if owed > max(times)})
+        return self.flush()
+
+    def flush(self) -> list[P]:
+        """Return all waiting pictures in decoder output order, with their times in increasing order."""
+        ready, self._waiting = self._waiting, []
+        times = [picture.pts for picture in ready if picture.pts is not None]
+        rising = sorted(times)
+        self.has_interchanged |= times != rising
+        if times != rising and self._are_plausible(rising):
+            following = iter(rising)
+            for picture in ready:
+                if picture.pts is not None:
+                    picture.pts = next(following)
+        if times:
+            self._last = rising[-1]
+        return ready
+
+    def _are_plausible(self, rising: list[int]) -> bool:
+        before = [] if self._last is None else [self._last]
+        return all(after - one >= self._interval / 2 for one, after in pairwise([*before, *rising]))
+
+
+def frames_of_fields(pictures: Iterable[av.VideoFrame], time_base: Fraction, name: str) -> Iterator[av.VideoFrame]:
+    """Yield two progressive pictures for each interlaced one, by FFmpeg's bwdif, in the field order of its flag.
+
+    The second is presented halfway to the next picture. If no order is flagged, the top field is first, as in FFmpeg.
+    The time base of the output is half of the pictures' own, or of `time_base`.
+
+    Raises
+    ------
+    InputError
+        Pictures are too small, or have a pixel format that cannot be deinterlaced.
+    """
+    deinterlacer: _Deinterlacer | None = None
+    for picture in pictures:
+        if deinterlacer is not None and deinterlacer.kind != _kind(picture):
+            yield from deinterlacer.rest()
+            deinterlacer = None
+        if deinterlacer is None:
+            try:
+                deinterlacer = _Deinterlacer(picture, time_base)
+            except (av.error.FFmpegError, ValueError):
+                raise InputError(
+                    f"{name} holds pictures of {picture.width}x{picture.height} {picture.format.name}, which cannot be "
+                    "deinterlaced; leave `deinterlace` out."
+                ) from None
+        yield from deinterlacer.frames_of(picture)
+    if deinterlacer is not None:
+        yield from deinterlacer.rest()
+
+
+class _Deinterlacer:
+    """Deinterlacing filter for pictures of one size, pixel format and colour coding, with a delay of one picture."""
+
+    def __init__(self, picture: av.VideoFrame, time_base: Fraction) -> None:
+        self.kind = _kind(picture)
+        self._graph = av.filter.Graph()
+        clock = Fraction(picture.time_base or time_base)
+        # The graph needs the colour tags too, so that a conversion to a format of bwdif does not change the colours.
+        entry = self._graph.add(
+            "buffer",
+            f"video_size={picture.width}x{picture.height}:pix_fmt={picture.format.name}:"
+            f"time_base={clock.numerator}/{clock.denominator}:"
+            f"colorspace={int(picture.colorspace)}:range={int(picture.color_range)}",
+        )
+        bwdif = self._graph.add("bwdif", "mode=send_field:parity=auto:deint=all")
+        self._graph.link_nodes(entry, bwdif, self._graph.add("buffersink")).configure()
+        self._count = 0
+
+    def frames_of(self, picture: av.VideoFrame) -> Iterator[av.VideoFrame]:
+        self._count += 1
+        self._graph.vpush(picture)
+        yield from self._finished()
+
+    def rest(self) -> Iterator[av.VideoFrame]:
+        """Flush the filter and yield the frames of the last picture."""
+        self._graph.vpush(None)
+        frames = list(self._finished())
+        if self._count == 1 and len(frames) == 2 and frames[0].pts is not None:
+            frames[1].pts = frames[0].pts + frames[0].duration  # without a neighbour, bwdif gives both the same time
+        yield from frames
+
+    def _finished(self) -> Iterator[av.VideoFrame]:
+        while True:
+            try:
+                yield self._graph.vpull()
+            except (av.error.BlockingIOError, av.error.EOFError):
+                return
+
+
+def _kind(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:
+    return picture.width, picture.height, picture.format.name, int(picture.colorspace), int(picture.color_range)
+
+
+class FormatUnifier:
+    """Converter of every picture to size, pixel format and colour coding of the first one, with counts for remarks."""
+
+    def __init__(self, width: int, height: int, traits: VideoTraits) -> None:
+        self._width, self._height, self._traits = width, height, traits
+        self._coding = av.VideoFormat(traits.pixel_format).is_rgb, traits.color_space, traits.full_range
+        self._reformatter = VideoReformatter()
+        self._reshaped = self._recoded = 0
+        self.first_change: str | None = None
+        """First change of size or pixel format: ``from 64x48 yuv420p to 96x64 yuv420p at frame 12``."""
+
+    def unified(self, picture: av.VideoFrame, index: int) -> av.VideoFrame:
+        """Scale and convert picture number `index`, counted from 0; return it unchanged if it matches the first one.
+
+        Raises
+        ------
+        ValueError
+            The colour matrix of the picture is not supported.
+        """
+        traits = self._traits
+        before = f"{self._width}x{self._height} {traits.pixel_format}"
+        now = f"{picture.width}x{picture.height} {picture.format.name}"
+        is_recoded = (picture.format.is_rgb, color_space_of(picture), is_full_range(picture)) != self._coding
+        if now == before and not is_recoded:
+            return picture
+        if now != before:
+            self._reshaped += 1
+            self.first_change = self.first_change or f"from {before} to {now} at frame {index}"
+        else:
+            self._recoded += 1
+        source = self._recoded_like_first(picture) if is_recoded else picture
+        size = self._height, self._width
+        alike = reformatted(source, self._reformatter, traits.pixel_format, traits.full_range, size=size)
+        alike.pts, alike.duration, alike.time_base = picture.pts, picture.duration, picture.time_base
+        alike.colorspace, alike.color_range = traits.tagged_color_space, traits.color_range
+        alike.color_primaries, alike.color_trc = traits.color_primaries, traits.color_transfer
+        return alike
+
+    def remarks(self, name: str) -> list[str]:
+        """Return the remarks on the converted pictures."""
+        remarks = []
+        if self._reshaped:
+            remarks.append(f"{name} changes {self.first_change}; {_were(self._reshaped)} made like the first.")
+        if self._recoded:
+            remarks.append(
+                f"{name} changes its colour matrix or range; {_were(self._recoded)} converted to the first's."
+            )
+        return remarks
+
+    def _recoded_like_first(self, picture: av.VideoFrame) -> av.VideoFrame:
+        return from_bgr(
+            to_bgr(picture, self._reformatter),
+            self._traits.pixel_format,
+            self._traits.color_space,
+            self._traits.full_range,
+            chroma_location=self._traits.chroma_location,
+        )
+
+
+def _were(count: int) -> str:
+    return f"{counted(count, 'frame')} {'was' if count == 1 else 'were'}"
+
+
+def is_on_its_side(matrix: tuple[int, ...] | None) -> bool:
+    """Return whether a display matrix exchanges width and height; only quarter turns and flips are considered."""
+    return matrix is not None and _is_small(matrix[0], matrix[1]) and _is_small(matrix[4], matrix[3])
+
+
+def _is_small(value: int, other: int) -> bool:
+    """Return whether an element of a matrix differs from 0 by rounding only, beside another one."""
+    return 256 * abs(value) <= abs(other)
+
+
+def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
+    """Rotate and flip a picture according to its display matrix.
+
+    Parameters
+    ----------
+    image : (H, W, C)
+    matrix : tuple of 9 int or None
+        Maps (x, y) to (a x + c y, b x + d y), with a, b, c and d at indices 0, 1, 3 and 4. Rotations by other angles
+        than quarter turns are not applied.
+
+    Returns
+    -------
+    (H, W, C) or (W, H, C)
+    """
+    if matrix is None:
+        return image
+    if is_on_its_side(matrix):
+        image = image.transpose(1, 0, 2)
+        left, down = matrix[3], matrix[1]
+    elif _is_small(matrix[1], matrix[0]) and _is_small(matrix[3], matrix[4]):
+        left, down = matrix[0], matrix[4]
+    else:
+        return image
+    return np.ascontiguousarray(image[:: -1 if down < 0 else 1, :: -1 if left < 0 else 1])

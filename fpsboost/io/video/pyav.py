@@ -1,0 +1,92 @@
+"""PyAV 18.1 and 19 from one code, and what its FFmpeg was built with.
+
+PyAV 19 has rational numbers of its own, which are 0/1 where PyAV 18 has None, and keeps bytes of texts that are not
+UTF-8 as surrogates, which cannot be printed; PyAV 18 raises for them unless it is told to replace them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from typing import Any, Literal
+
+import av
+import av.container
+from av.codec.codec import UnknownCodecError
+from av.sidedata.sidedata import Type
+
+KEEPS_UNDECODABLE_BYTES = int(av.__version__.partition(".")[0]) >= 19
+
+
+def open_input(file: Any) -> av.container.InputContainer:
+    """Open a path or a file object for demuxing; bytes of its texts that are not UTF-8 become U+FFFD.
+
+    Raises
+    ------
+    av.error.FFmpegError, OSError, ValueError
+        It cannot be read.
+    """
+    if not KEEPS_UNDECODABLE_BYTES:
+        older: av.container.InputContainer = av.open(file, "r", metadata_errors="replace")
+        return older
+    container: av.container.InputContainer = av.open(file, "r")
+    for tags in (container.metadata, *(stream.metadata for stream in container.streams)):
+        texts = printable(tags)
+        tags.clear()
+        tags.update(texts)
+    return container
+
+
+def printable(tags: Mapping[str, str]) -> dict[str, str]:
+    """Return tags with U+FFFD in place of bytes that are not UTF-8."""
+
+    def replaced(text: str) -> str:
+        return text.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
+
+    return {replaced(key): replaced(value) for key, value in tags.items()}
+
+
+def as_fraction(value: Any) -> Fraction | None:
+    """Convert a rational of FFmpeg, which may also be absent, 0/1 or 1/0, into an exact Fraction or None."""
+    if not value:
+        return None
+    return Fraction(value.numerator, value.denominator)
+
+
+def side_data_of(picture: av.VideoFrame) -> dict[str, bytes]:
+    """Return the side data of a picture by the name of its type in FFmpeg: ``DISPLAYMATRIX``."""
+    try:
+        sides: Any = picture.side_data
+    except ValueError:  # PyAV 18 has no name for a type that its FFmpeg has
+        return {}
+    kinds = [item if isinstance(item, Type) else item.type for item in sides]  # PyAV 19 iterates over types
+    return {kind.name: bytes(sides[kind]) for kind in kinds}
+
+
+def pyav_version() -> str:
+    """Return the version of PyAV."""
+    return av.__version__
+
+
+def ffmpeg_version() -> str:
+    """Return the version of the FFmpeg that PyAV brings."""
+    return av.ffmpeg_version_info
+
+
+def missing_codecs(names: Iterable[str], mode: Literal["r", "w"]) -> list[str]:
+    """Return those of some decoders (``r``) or encoders (``w``) that FFmpeg was built without.
+
+    Examples
+    --------
+    >>> missing_codecs(["ffv1", "none-such"], "w")
+    ['none-such']
+    """
+
+    def exists(name: str) -> bool:
+        try:
+            av.Codec(name, mode)
+        except UnknownCodecError:
+            return False
+        return True
+
+    return [name for name in names if not exists(name)]

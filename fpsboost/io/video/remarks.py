@@ -1,0 +1,115 @@
+"""Remarks on a video file: the damage that was found while it was read, and what a target does not hold of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+
+@dataclass
+class Damage:
+    """Counts of the errors found while a video is read.
+
+    Attributes
+    ----------
+    undecodable, unreadable : int
+        Packets that could not be decoded, and places of the file that could not be read.
+    corrupt : int
+        Frames that decoded with errors.
+    misplaced, displaced : int
+        Frames whose time is not later than the frame before: left out, and moved into the gap that follows.
+    far_ahead : int
+        Frames whose time is far ahead of the next frame's, and which were moved back before it.
+    jumps : int
+        Places where the times of the video stream jump back; the times after each are offset to continue.
+    joints : int
+        Places where the clock of the whole file jumps; the times after each are offset to continue.
+    untimed : int
+        Frames without a time.
+    """
+
+    undecodable: int = 0
+    unreadable: int = 0
+    corrupt: int = 0
+    misplaced: int = 0
+    displaced: int = 0
+    far_ahead: int = 0
+    jumps: int = 0
+    joints: int = 0
+    untimed: int = 0
+
+    def remarks(self, name: str, frames: int) -> list[str]:
+        """Return remarks on the errors of a file of which `frames` frames could be read."""
+        losses = (
+            (self.undecodable, "packet", "could not be decoded"),
+            (self.unreadable, "place", "could not be read"),
+            (self.corrupt, "frame", "decoded with errors"),
+        )
+        parts = " and ".join(f"{counted(count, what)} {how}" for count, what, how in losses if count)
+        remarks = (
+            (parts, f"{name} is damaged: {parts}; {counted(frames, 'frame')} could be read."),
+            (
+                self.misplaced,
+                f"{name} shows {counted(self.misplaced, 'frame')} no later than the one before; left out.",
+            ),
+            (
+                self.displaced,
+                f"{name} gives {counted(self.displaced, 'frame')} no later time than the one before; put into the gap "
+                "that follows.",
+            ),
+            (
+                self.far_ahead,
+                f"{name} gives {counted(self.far_ahead, 'frame')} a time far ahead of the next; put back between its "
+                "neighbours.",
+            ),
+            (
+                self.jumps,
+                f"The times of {name} jump back at {counted(self.jumps, 'place')}; the pictures go on from there, but "
+                "sound and subtitles may not.",
+            ),
+            (
+                self.joints,
+                f"The clock of {name} jumps at {counted(self.joints, 'place')}, as where recordings were joined; "
+                "pictures, sound and subtitles go on from there.",
+            ),
+            (
+                self.untimed,
+                f"{name} gives no time for {counted(self.untimed, 'frame')}; the nominal rate was used.",
+            ),
+        )
+        return [sentence for applies, sentence in remarks if applies]
+
+
+def counted(count: int, what: str) -> str:
+    """Return a count with its noun: ``1 frame``, ``2 frames``."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def interlaced_remark(name: str, which: str = "", advice: str = "deinterlace it first") -> str:
+    """Return the remark on an interlaced clip; `which` may restrict it: `` in 2 of 10 frames``."""
+    return f"{name} is interlaced{which} and its fields were taken as whole pictures; {advice} for smooth motion."
+
+
+def lost_alpha_remark(name: str) -> str:
+    """Return the remark on alpha that the target cannot hold, with the targets that can."""
+    return (
+        f"{name} has an alpha channel, which was left out; a .webm, images as .png, or `codec='prores_ks'` in a .mov "
+        "keep it."
+    )
+
+
+def lost_companions_remark(name: str, companions: Sequence[str], target: str) -> str:
+    """Return the remark on audio and subtitles that a type of target cannot hold."""
+    return f"{name} has {' and '.join(companions)}, which {target} cannot hold; left out."
+
+
+def lost_shape_remark(name: str, aspect: Fraction | None) -> str:
+    """Return the remark on non-square pixels where images are written."""
+    return f"{name} has pixels of the shape {aspect}, which images cannot say; they come out unscaled."
+
+
+def not_held_remark(name: str, what: str, keeping: Sequence[str]) -> str:
+    """Return the remark on a stream that is left out; `keeping` holds the suffixes of containers that keep it."""
+    way = f"write {' or '.join(keeping)} to keep it" if keeping else "none of the containers written here does"
+    return f"{name} does not hold {what} of its source; {way}."
