@@ -89,6 +89,7 @@ def convert(
     where: Annotated[ClusterOptions, GROUPS["Run"]],
     messages: Annotated[MessageOptions, GROUPS["Run"]],
     tuning: Annotated[TuningOptions, GROUPS["Method options"]],
+    processes: Annotated[str | None, Parameter(show=False)] = None,
 ) -> None:
     """Raise the frame rate of a video or an image sequence.
 
@@ -102,10 +103,17 @@ def convert(
         For several inputs a folder, made if it is missing.
     more
         Further names; the last one is the folder.
+    processes
+        No longer there.
     """
+    if processes is not None:
+        raise OptionError(
+            "--processes no longer exists: threads use all cores; for processes of Dask on this machine, give "
+            "--cluster local."
+        )
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
-    from fpsboost.cluster.engines import convert_where  # noqa: PLC0415
+    from fpsboost.cluster.options import convert_where  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
     from fpsboost.streaming import one_opencv_thread  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""Conversions whose parts are made by many workers: processes of this machine, or a Dask cluster."""
+"""Conversions whose parts are made by the workers of a Dask cluster, on many machines or on this one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conversion in parts: planned here, made by workers, and joined here."""
+"""Conversion in parts: they are planned and joined here, and made by workers."""
 
 from __future__ import annotations
 
@@ -38,14 +38,7 @@ PARTS_PER_WORKER = 8
 
 @dataclass(frozen=True)
 class JobInParts:
-    """Conversion whose parts workers make.
-
-    Attributes
-    ----------
-    job : ConversionJob
-        With an output.
-    run : RunOptions
-    """
+    """Conversion to an output, whose parts workers make."""
 
     job: ConversionJob
     run: RunOptions
@@ -62,7 +55,7 @@ class JobInParts:
         return part_folder(self.output, Part(1, 1)).parent
 
     def task(self, part: Part) -> PartTask:
-        """Return what a worker needs to know to make a part."""
+        """Return the task of a part, as a worker gets it."""
         return PartTask(self.job, part, self.run.threads, self.run.limit)
 
 
@@ -71,7 +64,7 @@ StartExecutor = Callable[[JobInParts], AbstractContextManager[Executor]]
 
 
 def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: StartExecutor) -> Summary:
-    """Convert a clip in parts; the result is that of `fpsboost.conversion.convert_job`.
+    """Convert a clip in parts; the result is that of `fpsboost.convert_job`.
 
     Parts that earlier runs of the same job have made are taken over; all are removed when they are joined.
 
@@ -79,9 +72,9 @@ def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: S
     ----------
     job : ConversionJob
     run : RunOptions
-        `threads` is what each worker may use.
+        `threads` is the number for each worker.
     workers : int
-        Number of workers, which tells how many parts to make.
+        Number of workers, by which the number of parts is chosen.
     start : callable
 
     Returns
@@ -99,9 +92,9 @@ def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: S
     begin = time.perf_counter()
     parts = JobInParts(job, run)
     info, planned = _plan(parts, workers)
-    there = [each for each in planned if part_folder(parts.output, each.part).is_dir()]
+    complete = [each for each in planned if part_folder(parts.output, each.part).is_dir()]
     observer, progress = run.observer or SilentObserver(), Summary()
-    done_before = sum(each.frames for each in there)
+    done_before = sum(each.frames for each in complete)
     observer.opened(info, sum(each.frames for each in planned))
     observer.ready()
 
@@ -112,7 +105,7 @@ def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: S
 
     try:
         with start(parts) as executor:
-            utilisation = run_parts([each for each in planned if each not in there], executor, wrote)
+            utilisation = run_parts([each for each in planned if each not in complete], executor, wrote)
     finally:
         remove_if_empty(parts.folder)
     summary = _join(parts, [part_folder(parts.output, each.part) for each in planned])
@@ -122,18 +115,18 @@ def convert_in_parts(job: ConversionJob, run: RunOptions, workers: int, start: S
 
 
 def _plan(parts: JobInParts, workers: int) -> tuple[ClipInfo, list[PlannedPart]]:
-    """Plan the parts, after checking that they can be joined; return also what is known of the input."""
+    """Plan the parts, after checking that they can be joined; return also the properties of the input."""
     job, run = parts.job, parts.run
     given = [*["`in_place`"] * run.in_place, *["`chunk`"] * (run.chunk is not None), *run.side.given]
     if given:
         raise OptionError(
-            f"`cluster` and `processes` make a new output of parts, and {' and '.join(given)} cannot be made so; leave "
-            "one of them out."
+            f"`cluster` makes a new output of parts, and {' and '.join(given)} cannot be made so; leave one of them "
+            "out."
         )
     with opened_clip(job, run) as clip:
         ready = prepare(job, run, clip)
         _refuse_others(parts, facts_of(job, run, clip, ready))
-        count = _count_there(parts.folder) or workers * PARTS_PER_WORKER
+        count = _count_of_earlier_run(parts.folder) or workers * PARTS_PER_WORKER
         planned = plan_parts(job, clip, ready, count)
         fingerprint = JobFingerprint({}, resume=run.resume)
         ready.target.open(replace(ready.output, overwrite=run.overwrite, job=fingerprint))  # checks the place
@@ -144,13 +137,7 @@ def _plan(parts: JobInParts, workers: int) -> tuple[ClipInfo, list[PlannedPart]]
 
 
 def _join(parts: JobInParts, folders: Sequence[Path]) -> Summary:
-    """Join the parts in these folders, and remove them.
-
-    Raises
-    ------
-    CompleteAlreadyError
-        Another run of the same job has done that meanwhile.
-    """
+    """Join the parts in these folders, and remove them; raise `CompleteAlreadyError` if another run has done that."""
     while True:
         try:
             summary = join(parts.output, folders, overwrite=parts.run.overwrite)
@@ -182,7 +169,7 @@ def _refuse_others(parts: JobInParts, facts: Mapping[str, str]) -> None:
         return
 
 
-def _count_there(folder: Path) -> int | None:
+def _count_of_earlier_run(folder: Path) -> int | None:
     """Return in how many parts an earlier run has cut the job; None if there was none."""
     names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
     counts = {int(found[1]) for name in names if (found := re.search(r"\d{4}-of-(\d{4})\b", name))}

@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster: parts as tasks that return paths.
+"""Workers of a Dask cluster, as the client sees them: parts as tasks that return paths.
 
 A task is bound to the worker that it is meant for, so that a worker makes one part at a time with all its threads, and
 nothing but this part is made again if it dies. Keys follow from the job: two clients that convert the same thing on one
@@ -28,9 +28,16 @@ from distributed import Client, Future, KilledWorker, LocalCluster
 from distributed.security import Security
 
 from fpsboost.cluster.conversion import JobInParts, convert_in_parts
-from fpsboost.cluster.dask_worker import Outcome, WorkerOrder, make_on_worker, read_piece, remove_private
 from fpsboost.cluster.scheduler import MAX_LOST_WORKERS, Done, Failed, Progress, Report
-from fpsboost.cluster.worker_facts import job_facts, job_key
+from fpsboost.cluster.worker import (
+    Outcome,
+    WorkerOrder,
+    job_facts,
+    job_key,
+    make_on_worker,
+    read_piece,
+    remove_private,
+)
 from fpsboost.errors import ClusterError, OptionError, OutputError, explained
 from fpsboost.io.part import Part, part_folder
 from fpsboost.io.part_folder import remove_if_empty
@@ -48,15 +55,12 @@ WAIT_SECONDS = 0.5
 WORKERS_INTERVAL = 1.0
 """Seconds between questions to the scheduler which workers are there."""
 
-CONNECT_SECONDS = 10
-"""Time that a scheduler gets to accept a connection."""
-
-REPLY_SECONDS = 30
-"""Time that the scheduler and workers get for an answer."""
+CONNECT_SECONDS, REPLY_SECONDS = 10, 30
+"""Time for a scheduler to accept a connection, and for the scheduler and workers to answer."""
 
 PIECE_BYTES = 16 << 20
-"""Bytes of a part's file that travel at a time where storage is not shared: what each of worker, scheduler and client
-holds in memory of it."""
+"""Bytes of a part's file that travel at a time where storage is not shared; worker, scheduler and client hold as many
+in memory."""
 
 
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:
@@ -81,15 +85,7 @@ class _Running:
 
 
 class DaskExecutor:
-    """Executor whose workers are those of a Dask client.
-
-    Parameters
-    ----------
-    client : distributed.Client
-        Synchronous; it stays open.
-    parts : JobInParts
-        With absolute paths.
-    """
+    """Executor whose workers are those of a Dask client, which stays open; paths of the parts are absolute."""
 
     def __init__(self, client: Client, parts: JobInParts) -> None:
         self._client, self._parts, self._facts = client, parts, job_facts(parts.job)
@@ -120,13 +116,7 @@ class DaskExecutor:
         remove_if_empty(self._mark.parent)
 
     def workers(self) -> Sequence[str]:
-        """See `fpsboost.cluster.scheduler.Executor.workers`; asks the scheduler now and then.
-
-        Raises
-        ------
-        ClusterError
-            The scheduler does not answer.
-        """
+        """See `fpsboost.cluster.scheduler.Executor.workers`; asks the scheduler now and then."""
         now = time.monotonic()
         if now - self._asked < WORKERS_INTERVAL:
             return self._workers
@@ -158,20 +148,14 @@ class DaskExecutor:
         future.add_done_callback(lambda done: self._handle_end(part, worker, done))
 
     def wait(self) -> list[Report]:
-        """See `fpsboost.cluster.scheduler.Executor.wait`.
-
-        Raises
-        ------
-        ClusterError
-            The scheduler is gone.
-        """
-        found: list[Report | Exception] = []
+        """See `fpsboost.cluster.scheduler.Executor.wait`; raises `ClusterError` if the scheduler is gone."""
+        received: list[Report | Exception] = []
         with suppress(Empty):
-            found.append(self._reports.get(timeout=WAIT_SECONDS))
+            received.append(self._reports.get(timeout=WAIT_SECONDS))
             while True:
-                found.append(self._reports.get_nowait())
+                received.append(self._reports.get_nowait())
         reports: list[Report] = []
-        for report in found:
+        for report in received:
             if isinstance(report, Exception):
                 raise report
             if not isinstance(report, Progress):
@@ -285,16 +269,7 @@ def _unreadable(worker: str, error: Exception) -> ClusterError:
 
 @contextmanager
 def local_client(workers: int) -> Iterator[Client]:
-    """Start a scheduler here and workers with one thread each on this machine, and stop them at the end.
-
-    Parameters
-    ----------
-    workers : int
-
-    Yields
-    ------
-    distributed.Client
-    """
+    """Start a scheduler and workers with one thread each on this machine; stop them at the end."""
     settings = {
         "distributed.scheduler.allowed-failures": MAX_LOST_WORKERS,
         "distributed.worker.profile.enabled": False,  # takes a tenth of the time of Python code in threads
@@ -316,22 +291,7 @@ def local_client(workers: int) -> Iterator[Client]:
 
 @contextmanager
 def remote_client(address: str) -> Iterator[Client]:
-    """Connect to a scheduler, with the certificates of Dask's configuration.
-
-    Parameters
-    ----------
-    address : str
-        ``tls://host:port`` or ``tcp://host:port``.
-
-    Yields
-    ------
-    distributed.Client
-
-    Raises
-    ------
-    ClusterError
-        It cannot be reached, or certificates are missing.
-    """
+    """Connect to a scheduler with the certificates of Dask's configuration; raise `ClusterError` if that fails."""
     if address.startswith("tls://") and Security().get_connection_args("client").get("ssl_context") is None:
         raise ClusterError(
             f"{address} needs certificates, and Dask's configuration names none; set distributed.comm.tls.ca-file, and "
@@ -348,7 +308,7 @@ def remote_client(address: str) -> Iterator[Client]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep back what Dask logs of a scheduler that is gone, which is said in one sentence."""
+    """Keep Dask from logging that a scheduler is gone, which is said in one sentence."""
     logger = logging.getLogger("distributed")
     level = logger.level
     logger.setLevel(logging.CRITICAL)

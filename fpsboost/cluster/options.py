@@ -1,12 +1,18 @@
-"""Options for where the parts of a conversion are made."""
+"""Options for where the parts of a conversion are made, and the conversion by them."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from fpsboost.errors import OptionError
 from fpsboost.options import option
+
+if TYPE_CHECKING:
+    from fpsboost.observer import Summary
+    from fpsboost.preparation import ConversionJob
+    from fpsboost.run_options import RunOptions
 
 LOCAL = "local"
 
@@ -20,13 +26,11 @@ class ClusterOptions:
     cluster : str, optional
         Address of a Dask scheduler, ``tls://host:port`` or ``tcp://host:port``, or ``local`` for workers on this
         machine, one per core. Certificates are those of Dask's configuration.
-    processes : int, optional
-        Number of processes on this machine, without Dask.
 
     Raises
     ------
     OptionError
-        Both are given, or one is invalid.
+        It is no such address.
 
     Examples
     --------
@@ -39,16 +43,53 @@ class ClusterOptions:
         "Convert on Dask workers: tls://HOST:PORT, or local.",
         metavar="ADDRESS",
     )
-    processes: int | None = option(None, "Convert in N processes; else in threads of one.")
 
     def __post_init__(self) -> None:
-        if self.cluster is not None and self.processes is not None:
-            raise OptionError(
-                "`cluster` and `processes` both say who makes the parts of a conversion; give one of them."
-            )
         if self.cluster is not None and self.cluster != LOCAL and not re.match(r"(tcp|tls)://[^/]+:\d+$", self.cluster):
             raise OptionError(
                 f"`cluster` must be local, or the address of a scheduler such as tls://host:8786, not {self.cluster}."
             )
-        if self.processes is not None and self.processes < 1:
-            raise OptionError(f"`processes` must be at least 1, not {self.processes}.")
+
+
+def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:
+    """Convert a clip where options say; the output is the same everywhere.
+
+    Raises
+    ------
+    OptionError
+        Dask is not installed.
+    FpsboostError
+        See `fpsboost.convert` and `fpsboost.cluster.convert`.
+    """
+    # imported here because the command line reads the options for --help
+    from fpsboost.conversion import convert_job  # noqa: PLC0415
+
+    if where.cluster is None:
+        return convert_job(job, run)
+    try:
+        from fpsboost.cluster import dask_engine  # noqa: PLC0415
+    except ImportError as error:
+        raise OptionError("`cluster` needs Dask; install it with: pip install 'fpsboost[cluster]'.") from error
+    if where.cluster == LOCAL:
+        with dask_engine.local_client(_affordable_workers(job, run)) as client:
+            return dask_engine.convert(job, client, run=run)
+    with dask_engine.remote_client(where.cluster) as client:
+        summary = dask_engine.convert(job, client, run=run)
+    if re.match(r"tcp://(?!localhost:|127\.|\[::1\])", where.cluster):
+        summary.remarks.append(
+            f"The connection to {where.cluster} was not encrypted, and who reaches that port can run programs on the "
+            "workers; use tls:// with the certificates of Dask's configuration."
+        )
+    return summary
+
+
+def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
+    """Return the number of workers with one thread that this machine has cores and memory for."""
+    from fpsboost.io.memory_limit import MemoryLimit  # noqa: PLC0415
+    from fpsboost.threads import available_cores  # noqa: PLC0415
+    from fpsboost.preparation import opened_clip  # noqa: PLC0415
+
+    with opened_clip(job, run) as clip:
+        info, images = clip.source.info, clip.whole.stream_info.images
+    planes = 0 if images is None else images.planes
+    return (run.limit or MemoryLimit()).affordable_processes(info.width, info.height, available_cores(), planes)

@@ -40,15 +40,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Failed:
-    """Report that a part failed on a worker.
-
-    Attributes
-    ----------
-    part : Part
-    worker : str
-    error : Exception or None
-        None if the worker died.
-    """
+    """Report that a part failed on a worker; without an error if the worker died."""
 
     part: Part
     worker: str
@@ -80,25 +72,19 @@ class Executor(Protocol):
 
 @dataclass
 class Utilisation:
-    """How busy workers were, added up while they work.
+    """Seconds in which workers made parts and in which they were there, summed over workers.
 
     Attributes
     ----------
-    busy_seconds : float
-        Seconds in which a worker made a part, added over workers.
-    available_seconds : float
-        Seconds in which a worker was there, added over workers.
-    wall_seconds : float
-        Duration of the whole.
+    busy_seconds, available_seconds : float
     tail_seconds : float
-        Duration from when a worker first found no part left to the end.
+        Duration from when a worker first finds no part left to the end.
     most_workers : int
         Largest number of workers at a time.
     """
 
     busy_seconds: float = 0.0
     available_seconds: float = 0.0
-    wall_seconds: float = 0.0
     tail_seconds: float = 0.0
     most_workers: int = 0
 
@@ -107,7 +93,6 @@ class Utilisation:
         workers = max(workers, busy)
         self.busy_seconds += busy * seconds
         self.available_seconds += workers * seconds
-        self.wall_seconds += seconds
         self.tail_seconds += is_tail * seconds
         self.most_workers = max(self.most_workers, workers)
 
@@ -131,7 +116,7 @@ class Utilisation:
 
 @dataclass
 class _Attempts:
-    """What has happened to one part so far."""
+    """Attempts to make one part so far."""
 
     count: int = 0
     failures: int = 0
@@ -140,14 +125,7 @@ class _Attempts:
 
 
 class _Run:
-    """State of a conversion in parts.
-
-    Parameters
-    ----------
-    planned : sequence of PlannedPart
-    executor : Executor
-    wrote : callable
-    """
+    """State of a conversion in parts."""
 
     def __init__(self, planned: Sequence[PlannedPart], executor: Executor, wrote: Callable[[int], None]) -> None:
         self.waiting = sorted(planned, key=lambda each: (-each.cost, each.part.number))

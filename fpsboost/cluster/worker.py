@@ -1,19 +1,35 @@
-"""Making of one part on a worker, whichever engine has started it."""
+"""A Dask worker: compares itself with the client, and makes parts.
+
+A thread cannot be stopped from outside, so a part looks at every frame whether Dask still wants its result: it does
+not once every client that has asked for it has cancelled it, has ended, or has lost its connection.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import pickle
+import shutil
 import time
 import traceback
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
+from dask.typing import Key
+from distributed import Worker, get_worker
+from distributed.core import Status
+
 from fpsboost.conversion import convert_job
-from fpsboost.errors import CompleteAlreadyError, FpsboostError, InUseError
+from fpsboost.errors import ClusterError, CompleteAlreadyError, FpsboostError, InputError, InUseError
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.part import Part, part_folder
 from fpsboost.observer import SilentObserver, Summary
-from fpsboost.preparation import ConversionJob
+from fpsboost.parts.making import facts_of, program_facts
+from fpsboost.parts.manifest import first_difference
+from fpsboost.preparation import ConversionJob, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import one_opencv_thread
 
@@ -33,7 +49,7 @@ class PartTask:
     job : ConversionJob
     part : Part
     threads : int or None
-        Pairs of frames that are worked on at a time; see `fpsboost.run_options.RunOptions`.
+        Pairs of frames that are worked on at a time; see `fpsboost.RunOptions`.
     limit : MemoryLimit or None
     """
 
@@ -47,6 +63,88 @@ class PartTask:
         """Path of the whole output."""
         assert self.job.output is not None
         return self.job.output
+
+
+@dataclass(frozen=True)
+class WorkerOrder:
+    """Order to a worker to make a part.
+
+    Attributes
+    ----------
+    task : bytes
+        Pickled `PartTask`: read only after the facts agree, since another version may not be able to.
+    facts : mapping of str to str
+        Versions, input and options of the client, which the worker must share.
+    mark : str
+        Path of a file in the folder of the parts, which a worker can see if storage is shared.
+    topic : str
+        Topic of Dask under which progress is logged.
+    """
+
+    task: bytes
+    facts: Mapping[str, str]
+    mark: str
+    topic: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of an order; it has a folder unless there is an error or it was stopped.
+
+    Attributes
+    ----------
+    folder : str
+        Path of the part, on the worker.
+    is_private : bool
+        Whether it lies in the worker's own folder, since storage is not shared.
+    sizes : dict of str to int
+        Sizes of the part's files by their names, bytes.
+    error : Exception or None
+        The error that ended the part.
+    is_stopped : bool
+        Whether the worker was closed meanwhile, or nobody wanted the part any more.
+    """
+
+    folder: str = ""
+    is_private: bool = False
+    sizes: Mapping[str, int] | None = None
+    error: Exception | None = None
+    is_stopped: bool = False
+
+
+class _CancelledPartError(Exception):
+    """Raised in a part that nobody wants any more."""
+
+
+def make_on_worker(order: WorkerOrder) -> Outcome:
+    """Make a part in the Dask worker that calls this."""
+    worker = get_worker()
+    key = worker.get_current_task()
+    try:
+        return _carry_out(order, worker, partial(_check_wanted, worker, key))
+    except _CancelledPartError:
+        return Outcome(is_stopped=True)
+    except Exception as error:
+        return Outcome(error=_picklable(error))
+
+
+def _carry_out(order: WorkerOrder, worker: Worker, check: Callable[[], None]) -> Outcome:
+    _check_programs(order.facts, worker.address)
+    task: PartTask = pickle.loads(order.task)
+    _check_job_once(order, task, worker.address)
+    is_private = not os.path.exists(order.mark)
+    if is_private:
+        place = Path(worker.local_directory) / "fpsboost" / order.topic
+        place.mkdir(parents=True, exist_ok=True)
+        task = replace(task, job=replace(task.job, output=str(place / Path(task.output).name)))
+    task = replace(task, threads=task.threads or worker.state.nthreads)
+
+    def report(frames: int) -> None:
+        worker.log_event(order.topic, {"part": str(task.part), "frames": frames})
+
+    folder = make_part(task, WorkerObserver(report, check))
+    sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
+    return Outcome(str(folder), is_private, sizes)
 
 
 class WorkerObserver(SilentObserver):
@@ -65,7 +163,7 @@ class WorkerObserver(SilentObserver):
         self._next = 0.0
 
     def wrote(self, summary: Summary) -> None:
-        """See `fpsboost.observer.Observer.wrote`."""
+        """See `fpsboost.Observer.wrote`."""
         self.check()
         now = time.monotonic()
         if now >= self._next:
@@ -76,11 +174,6 @@ class WorkerObserver(SilentObserver):
 def make_part(task: PartTask, observer: WorkerObserver) -> Path:
     """Make a part, after what an earlier attempt has finished; wait if another run makes it.
 
-    Parameters
-    ----------
-    task : PartTask
-    observer : WorkerObserver
-
     Returns
     -------
     Path
@@ -89,7 +182,7 @@ def make_part(task: PartTask, observer: WorkerObserver) -> Path:
     Raises
     ------
     FpsboostError
-        See `fpsboost.conversion.convert`.
+        See `fpsboost.convert`.
     """
     run = RunOptions(chunk=task.part, resume=True, threads=task.threads, limit=task.limit, observer=observer)
     with one_opencv_thread():
@@ -105,8 +198,81 @@ def make_part(task: PartTask, observer: WorkerObserver) -> Path:
             return part_folder(task.output, task.part)
 
 
-def picklable(error: Exception) -> Exception:
+def job_facts(job: ConversionJob) -> dict[str, str]:
+    """Return everything that must be the same wherever parts of a job are made; see `fpsboost.parts.making.facts_of`.
+
+    Raises
+    ------
+    InputError
+        The input cannot be read here.
+    """
+    run = RunOptions()
+    with opened_clip(job, run) as clip:
+        return facts_of(job, run, clip, prepare(job, run, clip))
+
+
+def job_key(facts: Mapping[str, str], output: str) -> str:
+    """Return the name of a conversion to an output, which is the same in every process."""
+    return hashlib.sha256(json.dumps([sorted(facts.items()), output]).encode()).hexdigest()[:16]
+
+
+def _check_programs(facts: Mapping[str, str], place: str) -> None:
+    """Raise `ClusterError` unless this process runs the versions of the client, so that both read the same pickles."""
+    for name, here in program_facts().items():
+        if facts.get(name) != here:
+            raise ClusterError(
+                f"The worker at {place} has {here}, and the client {facts.get(name)}; install the same versions "
+                "everywhere."
+            )
+
+
+def _check_job_once(order: WorkerOrder, task: PartTask, place: str) -> None:
+    """Raise `ClusterError` if this worker has another input, or makes other pixels; once in a process for each job."""
+    if order.topic in _checked:
+        return
+    try:
+        here = job_facts(task.job)
+    except InputError as error:
+        raise ClusterError(f"The worker at {place} cannot read the input: {error}") from error
+    difference = first_difference(order.facts, here)
+    if difference == "input":
+        raise ClusterError(f"The worker at {place} has another file under the input's name; copy the input there.")
+    if difference in ("self test", "first frame"):
+        raise ClusterError(
+            f"The worker at {place} calculates other pixels than the client; leave it out, or give all machines "
+            "processors and libraries of one kind."
+        )
+    if difference is not None:
+        raise ClusterError(f"The worker at {place} differs from the client in the {difference}; make them the same.")
+    _checked.add(order.topic)
+
+
+_checked: set[str] = set()
+"""Topics of the jobs for which this process was compared with the client."""
+
+
+def _check_wanted(worker: Worker, key: Key) -> None:
+    """Raise an exception if Dask has no use for the result of a task."""
+    task = worker.state.tasks.get(key)
+    is_wanted = task is not None and task.state != "cancelled"
+    if not is_wanted or worker.status not in (Status.running, Status.paused, Status.closing_gracefully):
+        raise _CancelledPartError
+
+
+def _picklable(error: Exception) -> Exception:
     """Return an error that another process can read: itself if it is one of fpsboost's, else one with its traceback."""
     if isinstance(error, FpsboostError):
         return error
     return RuntimeError("".join(traceback.format_exception(error)))
+
+
+def read_piece(path: str, begin: int, size: int) -> bytes:
+    """Return a piece of a file of a worker, bytes from `begin` on; called by the client."""
+    with open(path, "rb") as file:
+        file.seek(begin)
+        return file.read(size)
+
+
+def remove_private(folder: str) -> None:
+    """Remove a part from the own folder of a worker; called by the client."""
+    shutil.rmtree(folder, ignore_errors=True)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,8 @@ import pytest
 from video_truth import packets_of, write_clip
 
 from fpsboost.cluster import convert, scheduler
-from fpsboost.cluster.local_processes import convert_in_processes
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.cluster.scheduler import MAX_FAILURES, MAX_LOST_WORKERS, Done, Failed, Progress, Report, run_parts
-from fpsboost.cluster.worker import PartTask, WorkerObserver, make_part
 from fpsboost.conversion import convert_job
 from fpsboost.errors import (
     ClusterError,
@@ -44,7 +41,8 @@ from fpsboost.timing.rate import OutputRate
 
 distributed = pytest.importorskip("distributed")
 
-from fpsboost.cluster import dask_engine, worker_facts  # noqa: E402 (only where Dask is installed)
+from fpsboost.cluster import dask_engine, worker  # noqa: E402 (only where Dask is installed)
+from fpsboost.cluster.worker import PartTask, WorkerObserver, make_part  # noqa: E402
 
 
 def planned(*frames: int) -> list[PlannedPart]:
@@ -254,42 +252,13 @@ def interrupt() -> None:
     raise KeyboardInterrupt
 
 
-def test_processes_make_the_same_video(video, output):
-    """Packets and sound are those of one process; progress is that of all parts together."""
-    observer = Once()
-    target = output.with_suffix(".mp4")
-    summary = convert_in_processes(video.to(target), 2, run=RunOptions(observer=observer))
-    assert video.is_whole(target)
-    assert summary.frames_out == observer.expected == observer.counts[-1] == 2 * FRAMES
-    assert observer.counts == sorted(observer.counts)
-    assert "2 workers were busy" in summary.utilisation
-
-
-def test_a_killed_process_has_its_part_made_again(images, output):
-    """SIGKILL in the middle of a part; another process takes its place."""
-    observer = Once(lambda: os.kill(active_children()[0].pid or 0, signal.SIGKILL))
-    convert_in_processes(images.to(output), 2, run=RunOptions(observer=observer))
-    assert images.is_whole(output)
-    assert observer.counts == sorted(observer.counts)
-
-
-def test_interrupted_processes_leave_what_is_done(images, output):
-    """All processes have ended then; a later run goes on with the parts that were complete."""
-    with pytest.raises(KeyboardInterrupt) as caught:
-        convert_in_processes(images.to(output), 2, run=RunOptions(observer=Once(interrupt, after=21)))
-    assert "`resume` goes on" in notes_of(caught.value)
-    assert active_children() == []
-    summary = convert_in_processes(images.to(output), 2, run=RunOptions(resume=True))
-    assert summary.completed_frames > 0
-    assert images.is_whole(output)
-
-
 def test_dask_makes_the_same_images(client, images, output):
     """Byte by byte; progress is that of all workers together."""
     observer = Once()
     summary = convert(images.to(output), client, run=RunOptions(observer=observer))
     assert images.is_whole(output)
     assert summary.frames_out == observer.expected == observer.counts[-1] == 39
+    assert observer.counts == sorted(observer.counts)
 
 
 def busy_worker(client: Any) -> str:
@@ -400,7 +369,7 @@ def test_two_clients_of_one_job_are_one(client, images, output):
 )
 def test_a_worker_that_differs_is_refused(client, images, output, monkeypatch, fact, message):
     """In one sentence with its address: versions, the content of the input, and the bits of a frame must agree."""
-    facts = worker_facts.job_facts
+    facts = worker.job_facts
     monkeypatch.setattr(dask_engine, "job_facts", lambda job: {**facts(job), fact: "another"})
     with pytest.raises(ClusterError, match=message):
         convert(images.to(output), client)
@@ -447,51 +416,51 @@ def test_a_part_that_another_run_makes_is_waited_for(images, output, monkeypatch
     assert len(checks) == 2
 
 
-def test_parts_of_another_job_are_not_joined(images, output):
+def test_parts_of_another_job_are_not_joined(client, images, output):
     """They are refused, and replaced if the output may be."""
     other = replace(images.to(output), rate=OutputRate(Fraction(4)))
     convert_job(other, RunOptions(chunk=Part(1, 2)))
     with pytest.raises(OutputError, match=r"holds parts with another factor; remove it, or give `overwrite=True`"):
-        convert_in_processes(images.to(output), 1)
-    convert_in_processes(images.to(output), 1, run=RunOptions(overwrite=True))
+        convert(images.to(output), client)
+    convert(images.to(output), client, run=RunOptions(overwrite=True))
     assert images.is_whole(output)
 
 
 @pytest.mark.parametrize("run", [RunOptions(chunk=Part(1, 2)), RunOptions(in_place=True)])
-def test_what_has_no_parts_is_refused(images, output, run):
+def test_what_has_no_parts_is_refused(client, images, output, run):
     """Parts of parts, and images beside the input."""
-    with pytest.raises(OptionError, match="`cluster` and `processes` make a new output of parts"):
-        convert_in_processes(images.to(output), 2, run=run)
+    with pytest.raises(OptionError, match="`cluster` makes a new output of parts"):
+        convert(images.to(output), client, run=run)
 
 
-def test_an_output_that_exists_is_refused_before_anything_is_made(video, output):
+def test_an_output_that_exists_is_refused_before_anything_is_made(client, video, output):
     """Not when hours of work are to be joined."""
     target = output.with_suffix(".mp4")
     target.touch()
     with pytest.raises(OutputError, match="exists"):
-        convert_in_processes(video.to(target), 2)
+        convert(video.to(target), client)
     assert not part_folder(str(target), Part(1, 1)).parent.exists()
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"cluster": "local", "processes": 2}, "both say who makes"),
-        ({"cluster": "host:8786"}, "such as tls://host:8786, not host:8786"),
-        ({"processes": 0}, "must be at least 1"),
-    ],
-)
-def test_invalid_options_are_refused(given, message):
+def test_an_address_without_a_protocol_is_refused():
     """In a sentence that names the option."""
-    with pytest.raises(OptionError, match=message):
-        ClusterOptions(**given)
+    with pytest.raises(OptionError, match="such as tls://host:8786, not host:8786"):
+        ClusterOptions("host:8786")
 
 
-def test_processes_on_the_command_line(fpsboost_, images, output):
-    """The same images, and how busy the processes were."""
-    result = fpsboost_(images.job.input, output, "--method", "blend", "--processes", 2, "--verbose")
+def test_processes_are_refused_on_the_command_line(fpsboost_):
+    """The sentence says what to use instead."""
+    result = fpsboost_("in.mp4", "out.mp4", "--processes", 2)
+    assert result.code == 2
+    assert "--processes no longer exists" in result.err
+    assert "--cluster local" in result.err
+
+
+def test_workers_of_this_machine_on_the_command_line(fpsboost_, images, output):
+    """The same images, and how busy the workers were."""
+    result = fpsboost_(images.job.input, output, "--method", "blend", "--cluster", "local", "--verbose")
     assert result.code == 0, result.err
-    assert "2 workers were busy" in result.err
+    assert "busy" in result.err
     assert images.is_whole(output)
 
 
