@@ -32,18 +32,6 @@ from fpsboost.synthesis.scene_assisted import SceneAssisted
 from fpsboost.synthesis.splat import Splat
 from fpsboost.synthesis.warp import Warp
 
-former_option_names = {
-    "reach": "max_motion_share",
-    "support": "support_radius",
-    "tolerance": "merge_distance",
-    "most": "max_candidates",
-    "least": "min_weight",
-    "width": "bandwidth",
-    "enough": "sufficient_similarity",
-    "negligible": "min_vote_share",
-}
-"""Names of options before 0.2, still understood in texts."""
-
 plain_interpolator = partial(Interpolator, curved=False, compensate_illumination=False, overlays=False)
 """Interpolator without this package's additions, for methods that reproduce published or other methods."""
 
@@ -182,8 +170,6 @@ def read_options(interpolator: Interpolator, method: str, texts: Mapping[str, st
     options = {}
     for text, value in texts.items():
         name = text.replace("-", "_")
-        if name not in types:
-            name = former_option_names.get(name, name)
         if name not in types:
             known = ", ".join(sorted(each.replace("_", "-") for each in types))
             raise OptionError(

@@ -8,14 +8,13 @@ import signal
 import sys
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from fpsboost.cli.library_texts import LibraryTexts
-from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
-from fpsboost.cli.options import CutOptions, MessageOptions, MethodOptions, TuningOptions
-from fpsboost.cli.progress import JsonReporter, Reporter, print_object
+from fpsboost.cli.messages import LibraryTexts, console, say_error, say_traceback, sentence, shown
+from fpsboost.cli.options import CutOptions, JoinOptions, MessageOptions, MethodOptions, TuningOptions
+from fpsboost.cli.progress import print_object, reporter_of
 from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, ReaderGoneError, notes_of
@@ -52,10 +51,22 @@ EXAMPLES = """
   fpsboost compare in.mp4 --report page/               which method is best
 """
 
-EXIT_CODES = (
-    "0 done, 1 failed (without a message if the reader of standard output has closed it), 2 wrong usage, "
-    "3 a comparison that ends below --fail-under, 130 stopped by Ctrl-C"
-)
+Shell = Literal["bash", "zsh", "fish"]
+
+SPLIT_AT_SPACES = 'COMPREPLY=( $(compgen -f -- "${cur}") )'
+"""Line of Cyclopts' script for bash that completes names of files, and splits those with spaces."""
+
+ZSH_ENTRY = """
+_fpsboost() { _cyclopts_fpsboost "$@" || _files }
+if [[ "$zsh_eval_context[-1]" == loadautofunc ]]; then
+  _fpsboost "$@"
+else
+  compdef _fpsboost fpsboost
+fi
+"""
+"""Call of the function of Cyclopts' script for zsh: at the first TAB of a file of ``$fpath``, or once it is sourced."""
+
+group_of_join = Group("Options", sort_key=1)
 
 PIPE = "pipe:"
 """Replacement for an argument that is a lone dash, which the parser would take for an option without a name."""
@@ -124,12 +135,7 @@ def convert(
         if run_options.chunk is not None:
             target = str(part_folder(target, run_options.chunk))
         called = "standard output" if output == PIPE else target
-        reporter: Reporter | JsonReporter = (
-            JsonReporter(called)
-            if messages.progress == "json"
-            else Reporter(place + called, quiet=messages.quiet, verbose=messages.verbose)
-        )
-        with reporter, one_opencv_thread():
+        with reporter_of(called, messages, place) as reporter, one_opencv_thread():
             reporter.say_settings(motion.method, interpolator)
             job = ConversionJob(input, output, rate, interpolator, decoding, encoding)
             summary = convert_where(where, job, replace(run_options, observer=reporter))
@@ -170,12 +176,42 @@ app.command(
     "fpsboost.cli.plan:plan", help="Say which regions of the frames between are worth rendering.", help_epilogue=""
 )
 app.command("fpsboost.cli.merge:merge", help="Put rendered regions back into the frames.", help_epilogue="")
-app.command(
-    "fpsboost.cli.join:join",
+
+
+@app.command(
+    name="join",
     help="Put the parts of a conversion together.",
     usage="Usage: fpsboost join [OPTIONS] OUT PART...",
     help_epilogue="",
 )
+@with_flags
+def join(
+    output: Annotated[PathName, Parameter(name="OUT")],
+    part: Annotated[PathName, Parameter(name="PART")],
+    /,
+    *more: Annotated[PathName, Parameter(show=False)],
+    options: Annotated[JoinOptions, group_of_join],
+    messages: Annotated[MessageOptions, group_of_join],
+) -> None:
+    """Put the parts of a conversion together.
+
+    Parameters
+    ----------
+    output
+        A video or folder of the type that the parts were made for.
+    part
+        The folders of all parts, in any order,
+        or the folder that holds them: OUT.parts.
+    more
+        Further parts.
+    """
+    from fpsboost.parts.join import join as join_parts  # noqa: PLC0415
+
+    with reporter_of(output, messages) as reporter:
+        summary = join_parts(output, [part, *more], input=options.input, overwrite=options.overwrite, observer=reporter)
+    reporter.say_summary(summary)
+
+
 app.command("fpsboost.cli.tune:tune", help="Say which options of the report's method suit a clip.", help_epilogue="")
 app.command(
     "fpsboost.ui.command:ui",
@@ -184,18 +220,32 @@ app.command(
     help_epilogue="",
 )
 app.command("fpsboost.cli.doctor:doctor", help="Say whether fpsboost works on this machine.", help_epilogue="")
-app.command(
-    "fpsboost.cli.completion:completion",
+
+
+@app.command(
     help="Print the script by which a shell completes what is typed.",
     help_epilogue="bash: source <(fpsboost completion bash), in ~/.bashrc\n"
     "zsh: fpsboost completion zsh > ~/.zfunc/_fpsboost, with fpath+=~/.zfunc in ~/.zshrc\n"
     "fish: fpsboost completion fish > ~/.config/fish/completions/fpsboost.fish",
 )
-app.command(
-    "fpsboost.cli.manual:man",
-    help="Print the manual page.",
-    help_epilogue="Read it: man -l <(fpsboost man)\nKeep it: fpsboost man > ~/.local/share/man/man1/fpsboost.1",
-)
+def completion(shell: Annotated[Shell, Parameter(name="SHELL")], /) -> None:
+    """Print the script by which a shell completes what is typed.
+
+    Parameters
+    ----------
+    shell
+        bash, zsh or fish.
+    """
+    print(completion_script(shell))
+
+
+def completion_script(shell: Shell) -> str:
+    """Return the script for a shell."""
+    script = app.generate_completion(shell=shell)
+    if shell == "bash":
+        # where nothing is proposed, bash itself completes names of files, as it does everywhere else
+        return script.replace(SPLIT_AT_SPACES, "COMPREPLY=()").replace("\ncomplete -F ", "\ncomplete -o default -F ")
+    return script + ZSH_ENTRY if shell == "zsh" else script
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.text import Text
 
 from fpsboost.cli.messages import console, sentence, shown
-from fpsboost.cli.options import in_flags
+from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.timing.position import format_time
 from fpsboost.version import __version__
 
@@ -190,6 +190,13 @@ class JsonReporter:
 
     def _print(self, stage: str, fps: float | None = None, **more: Any) -> None:
         print_object(frame=self._frames, frames=self._expected, fps=fps, stage=stage, **more)
+
+
+def reporter_of(output: str, messages: MessageOptions, place: str = "") -> Reporter | JsonReporter:
+    """Return the observer that the options ask for; `place` comes before the output's name, such as ``2/5``."""
+    if messages.progress == "json":
+        return JsonReporter(output)
+    return Reporter(place + output, quiet=messages.quiet, verbose=messages.verbose)
 
 
 def print_object(**values: Any) -> None:

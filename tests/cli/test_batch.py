@@ -14,7 +14,7 @@ from command_line import SUMMARY, assert_refused, environment
 from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost.cli.batch import plan_outputs
-from fpsboost.cluster import engines
+from fpsboost.cluster import options
 from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import OptionError
 from fpsboost.io import staging
@@ -218,14 +218,14 @@ def test_a_bar_says_which_of_how_many(fpsboost_, tmp_path, monkeypatch):
 
 def test_interruption_stops_all(fpsboost_, tmp_path, monkeypatch):
     """Ctrl-C in the second of three: the first is there, nothing else, and that is said."""
-    convert = engines.convert_where
+    convert = options.convert_where
 
     def interrupted(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:
         if job.input == "b.mp4":
             raise KeyboardInterrupt
         return convert(where, job, run)
 
-    monkeypatch.setattr(engines, "convert_where", interrupted)
+    monkeypatch.setattr(options, "convert_where", interrupted)
     for name in ("a.mp4", "b.mp4", "c.mp4"):
         write_clip(tmp_path / name, times=range(3))
     result = fpsboost_("a.mp4", "b.mp4", "c.mp4", "out", *CHEAP)

@@ -21,7 +21,7 @@ from numba import config, njit
 from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 
 import fpsboost
-from fpsboost.cli import app
+from fpsboost.cli import app, progress
 from fpsboost.cli.compare import choose
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods, vector_methods
@@ -30,7 +30,7 @@ from fpsboost.timing.schedule import parse_number, parse_rate
 ROOT = Path(__file__).parents[2]
 ORBIT = ROOT / "samples" / "orbit.mp4"
 CHEAP = ("--method", "nearest")
-SAY_COMPILING = app.Reporter._say_compiling  # before a fixture silences it
+SAY_COMPILING = progress.Reporter._say_compiling  # before a fixture silences it
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens"),  # said only under pytest
@@ -144,7 +144,7 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
         for kernel in (njit(lambda x: x + 1), njit(lambda x: x + 2)):
             kernel(1)
 
-    monkeypatch.setattr(app.Reporter, "_say_compiling", SAY_COMPILING)
+    monkeypatch.setattr(progress.Reporter, "_say_compiling", SAY_COMPILING)
     monkeypatch.setattr(Interpolator, "compile_for", compile_two)
     result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
     assert len(result.lines) == 2
@@ -569,7 +569,7 @@ def test_ctrl_c_keeps_what_was_there(fpsboost_, clip, tmp_path, snapshot, monkey
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(app.Reporter, "wrote", interrupt)
+    monkeypatch.setattr(progress.Reporter, "wrote", interrupt)
     result = fpsboost_("in.mp4", "out.mp4", "--overwrite", *CHEAP)
     assert (result.code, result.out) == (130, "")
     assert snapshot(tmp_path) == before
@@ -674,7 +674,7 @@ def test_there_are_examples():
 
 
 def options() -> list[str]:
-    names = [argument.name for argument in app.app.assemble_argument_collection() if argument.parse]
+    names = [argument.name for argument in app.app.assemble_argument_collection() if argument.parse and argument.show]
     return [name for name in names if name.startswith("--")]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import cv2
 import pytest
 from truth import SCENES, needs_scenes, noise
@@ -95,18 +93,6 @@ def test_every_default_can_be_written_as_an_option(name):
     options = read_options(methods[name], name, texts)
     assert options == {field: value for field, value in fields.items() if field.replace("_", "-") in texts}
     assert configure(methods[name], name, options) == methods[name]
-
-
-def test_options_have_their_former_names_too():
-    """What 0.1 called them still sets them, and no method has an option of that name otherwise."""
-    (former,), (current,) = (
-        choose([f"nlm:{text}"], None)[0].values()
-        for text in ("reach=0.1,width=0.2", "max-motion-share=0.1,bandwidth=0.2")
-    )
-    assert former == current
-    for method in methods.values():
-        names = {field.name for part in (method.estimator, method.synthesizer) for field in fields(part)}
-        assert not names & {"reach", "most", "least", "enough", "negligible"}
 
 
 def test_values_out_of_range_are_refused():

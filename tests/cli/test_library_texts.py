@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fpsboost.cli.library_texts import LibraryTexts
+from fpsboost.cli.messages import LibraryTexts
 from fpsboost.io.images.exr import write_exr
 
 NOISE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
@@ -91,7 +91,7 @@ def test_python_goes_on_to_the_terminal():
     """Also as a process of its own, whose standard error is the terminal; without one nothing happens."""
     program = (
         "import os, sys\n"
-        "from fpsboost.cli.library_texts import LibraryTexts\n"
+        "from fpsboost.cli.messages import LibraryTexts\n"
         "with LibraryTexts():\n"
         "    os.write(2, b'library\\n')\n"
         "    print('ours', file=sys.stderr)\n"

@@ -1,4 +1,4 @@
-"""What a shell needs of the command line: completion, a manual page, and whether it works on this machine."""
+"""What a shell needs of the command line: completion, and whether it works on this machine."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ import numpy as np
 import pytest
 
 from fpsboost import diagnosis
-from fpsboost.cli.app import EXAMPLES, EXIT_CODES, app
-from fpsboost.cli.completion import completion_script
-from fpsboost.cli.manual import manual_page
+from fpsboost.cli.app import app, completion_script
 from fpsboost.cli.options import METHODS
 from fpsboost.diagnosis import Finding, diagnose
 from fpsboost.method_table import methods, vector_methods
@@ -123,26 +121,6 @@ def test_zsh_completes(scripts, how):
         os.kill(pid, signal.SIGKILL)
         os.waitpid(pid, 0)
         os.close(terminal)
-
-
-def test_the_manual_page_has_every_command_and_option():
-    """By the names that the help gives them, and nothing of Rich's markup."""
-    page = manual_page(app, EXAMPLES, EXIT_CODES).replace("\\-", "-")
-    commands = [name for name in app if not name.startswith("-")]
-    assert [name for name in commands if f'.SS "fpsboost {name}"' not in page] == []
-    shown = [each for each in app.assemble_argument_collection() if each.show]
-    assert [each.name for each in shown if f"\\fB{each.name}\\fR" not in page] == []
-    assert "[bold]" not in page
-    assert ".B 130\nstopped by Ctrl-C" in page
-
-
-@pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
-def test_the_manual_page_is_proper_roff(capsys):
-    """The formatter of manual pages has nothing to warn of."""
-    assert run(["man"]) == 0
-    page, command = capsys.readouterr().out, ["groff", "-man", "-ww", "-Tutf8", "-z"]
-    checked = subprocess.run(command, input=page, capture_output=True, text=True, check=True)
-    assert checked.stderr == ""
 
 
 def test_everything_works_here():

@@ -620,7 +620,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(ChunkEncoder, "finish", finish_chunk)
-    monkeypatch.setattr("fpsboost.cli.app.Reporter.wrote", wrote)
+    monkeypatch.setattr("fpsboost.cli.progress.Reporter.wrote", wrote)
 
 
 COMMAND = ("in.mp4", "out.mp4", "--factor", "40", "-m", "nearest", "--preset", "ultrafast", "--duplicates", "keep")
