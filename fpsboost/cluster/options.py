@@ -86,8 +86,8 @@ def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) ->
 def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
     """Return the number of workers with one thread that this machine has cores and memory for."""
     from fpsboost.io.memory_limit import MemoryLimit  # noqa: PLC0415
-    from fpsboost.threads import available_cores  # noqa: PLC0415
     from fpsboost.preparation import opened_clip  # noqa: PLC0415
+    from fpsboost.threads import available_cores  # noqa: PLC0415
 
     with opened_clip(job, run) as clip:
         info, images = clip.source.info, clip.whole.stream_info.images
