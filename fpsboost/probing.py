@@ -19,7 +19,7 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.io import FrameSource, Stoppable
-from fpsboost.io.animation.source import animation_format
+from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
@@ -235,7 +235,7 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
         See `fpsboost.io.opening.open_source`.
     """
     # A size that changes is to be reported, though a conversion would stop there.
-    may_change = Path(path).is_file() and animation_format(Path(path)) is None
+    may_change = Path(path).is_file() and not is_animation(Path(path))
     decoding = DecodeOptions(input_fps=input_fps, stream=stream, size_change="scale" if may_change else "stop")
     with open_source(path, requirements=TargetRequirements(layers=True), decoding=decoding) as source:
         beside = source.stream_info

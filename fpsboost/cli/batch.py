@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
-from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.opening import PIPES

@@ -9,7 +9,7 @@ from typing import Any
 
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.io import DescribedSource
-from fpsboost.io.animation.source import AnimationSource, animation_format
+from fpsboost.io.animation.source import AnimationSource, is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.numbering import is_pattern
@@ -194,11 +194,11 @@ def _open_file(
         raise InputError(f"{path} does not exist; check the name.")
     if Path(path).is_fifo():
         raise InputError(f"{path} is a named pipe, which can be read only once; give - and lead it there: < {path}.")
-    is_animation = animation_format(Path(path)) is not None
-    if not is_animation and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
+    animated = is_animation(Path(path))
+    if not animated and Path(path).suffix.lower() in (*IMAGE_SUFFIXES, ".apng"):
         raise InputError(f"{path} is a single image; give its folder, or a pattern like shot_####.png.")
     _check_has_own_rate(input_fps, path)
-    if is_animation:
+    if animated:
         _check_decoding(decoding, f"{path}, which is an animation", "leave it out")
         return AnimationSource(path, keeps_alpha=requirements.alpha, limit=limit)
     return VideoSource(

@@ -9,8 +9,7 @@ from typing import Literal, Self
 
 from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.io import FrameSink
-from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
-from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.io.images.numbered import ImageSink
 from fpsboost.io.images.numbering import is_pattern

@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any
 
 from fpsboost.errors import InputError, OutputError, explained
-from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
+from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 

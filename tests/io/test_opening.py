@@ -10,8 +10,7 @@ from conversion_options import open_output
 from video_truth import scene, write_clip
 
 from fpsboost.errors import InputError, OptionError, OutputError
-from fpsboost.io.animation.canvas import ANIMATION_SUFFIXES
-from fpsboost.io.animation.sink import AnimationSink
+from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.numbered import ImageSink, ImageSource

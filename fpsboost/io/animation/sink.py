@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import secrets
-from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -16,63 +15,22 @@ import numpy as np
 
 from fpsboost.errors import OutputError, explained
 from fpsboost.frame import Frame, Image, describe
-from fpsboost.io.animation import gif, png, webp
-from fpsboost.io.animation.canvas import AnimationWriter, with_four_channels
+from fpsboost.io.animation.writers import AnimationWriter, types
 from fpsboost.io.output import Output
 from fpsboost.io.video.ycc import straight_16_bit
 from fpsboost.io.writable import check_writable
+
+ANIMATION_SUFFIXES = tuple(types)
+"""Suffixes of the animations that can be written."""
 
 BROWSERS_SLOW_DOWN = Fraction(1, 100)
 """Browsers show frames of this length and shorter ones for a tenth of a second."""
 
 
-@dataclass(frozen=True)
-class AnimationType:
-    """What a type of animation file can hold.
-
-    Attributes
-    ----------
-    writer : callable
-        Makes a writer from an open file and the number of times to play.
-    nearest_delay : callable
-        The nearest delay that it can say.
-    shortest, longest : Fraction
-        Delays, in seconds.
-    largest_side : int
-        Pixels.
-    is_deep : bool
-        16 bits as well as 8.
-    most_plays : int
-    """
-
-    writer: Callable[[BinaryIO, int], AnimationWriter]
-    nearest_delay: Callable[[Fraction], Fraction]
-    shortest: Fraction
-    longest: Fraction
-    largest_side: int
-    is_deep: bool
-    most_plays: int
-
-
-def _to_ticks(clock: int) -> Callable[[Fraction], Fraction]:
-    return lambda delay: Fraction(round(delay * clock), clock)
-
-
-types = {
-    ".gif": AnimationType(gif.GifWriter, _to_ticks(gif.CLOCK), gif.MIN_DELAY, gif.MAX_DELAY, 65535, False, 65536),
-    ".apng": AnimationType(
-        png.ApngWriter, png.representable_delay, Fraction(1, 65535), Fraction(65535), 2**31 - 1, True, 2**31 - 1
-    ),
-    ".webp": AnimationType(
-        webp.WebpWriter, _to_ticks(webp.CLOCK), Fraction(1, webp.CLOCK), webp.MAX_DELAY, 16383, False, 65535
-    ),
-}
-
-
 class AnimationSink:
     """An animation file, which appears under its name when it is complete.
 
-    A frame is shown until the next one comes, up to the clock of the file; what that loses is not carried along.
+    A frame is shown until the next one, rounded to the clock of the file; rounding does not accumulate.
 
     Parameters
     ----------
@@ -94,10 +52,13 @@ class AnimationSink:
         check_writable(self._path, output.path, output.stream.files, output.overwrite)
         self._check_fits(output.timing.rate)
         self._temporary = self._path.with_name(f".{self._path.name}.partial-{secrets.token_hex(4)}")
+        self._tick = self._type.tick or output.timing.time_base
+        self._shortest = max(1, math.ceil(self._type.shortest / self._tick))
+        self._longest = int(self._type.longest / self._tick)
         self._file: BinaryIO
         self._writer: AnimationWriter
         self._begin: Fraction | None = None
-        self._shown_until = Fraction(0)
+        self._shown_until = 0
         self._latest = Fraction(0)
         self._losses: list[str] = []
         self._has_short_frames = False
@@ -135,8 +96,8 @@ class AnimationSink:
 
     def __enter__(self) -> Self:
         with self._explained():
-            self._file = self._temporary.open("xb")
-        self._writer = self._type.writer(self._file, self._plays)
+            self._file = self._temporary.open("x+b")
+        self._writer = self._type.writer(self._file, self._plays, self._tick)
         return self
 
     def write(self, frame: Frame) -> None:
@@ -155,30 +116,28 @@ class AnimationSink:
         image = self._storable(frame.array)
         if self._begin is None:
             self._begin = frame.time
-        end = frame.time + frame.duration - self._begin
-        while True:
-            wanted = end - self._shown_until
-            delay = max(self._type.nearest_delay(min(wanted, self._type.longest)), self._type.shortest)
+        end = (frame.time + frame.duration - self._begin) / self._tick
+        while True:  # a frame that is shown for longer than the file can say is repeated
+            remaining = end - self._shown_until
+            ticks = min(max(round(remaining), self._shortest), self._longest)
             with self._explained():
-                self._writer.add(image, delay)
-            self._shown_until += delay
-            self._has_short_frames |= delay <= BROWSERS_SLOW_DOWN
-            if wanted <= self._type.longest:
+                self._writer.add(image, ticks)
+            self._shown_until += ticks
+            self._has_short_frames |= ticks * self._tick <= BROWSERS_SLOW_DOWN
+            if remaining <= self._longest:
                 break
-        self._latest = max(self._latest, self._shown_until - end)
+        self._latest = max(self._latest, (self._shown_until - end) * self._tick)
 
     def _storable(self, image: Image) -> Image:
-        """Convert an image to a type and channels that the file can hold, and remark on what is lost."""
+        """Convert an image to 3 or 4 channels of a type that the file can hold, and remark on what is lost."""
         if image.dtype == np.float32:
             self._lose("values beyond black and white, and precision beyond 16 bits" if self._type.is_deep else "depth")
             image = straight_16_bit(image)
         if image.dtype == np.uint16 and not self._type.is_deep:
             self._lose("depth")
             image = np.rint(image / np.float32(257)).astype(np.uint8)
-        if image.shape[2] == 2:
-            return with_four_channels(image)
-        if image.shape[2] == 1:
-            return np.repeat(image, 3, axis=2)
+        if image.shape[2] < 3:  # gray, or gray with alpha
+            return image[..., [0, 0, 0, 1][: image.shape[2] + 2]]
         return image
 
     def _lose(self, what: str) -> None:
@@ -192,19 +151,16 @@ class AnimationSink:
     ) -> None:
         try:
             if kind is None:
+                if self._begin is None:
+                    raise OutputError(f"{self._name} was not written because there were no frames.")
                 with self._explained():
-                    self._finish()
+                    self._writer.finish()
+                    self._file.close()
+                    os.replace(self._temporary, self._path)
         finally:
             for clean_up in (self._file.close, self._temporary.unlink):
                 with contextlib.suppress(OSError):
                     clean_up()
-
-    def _finish(self) -> None:
-        if self._begin is None:
-            raise OutputError(f"{self._name} was not written because there were no frames.")
-        self._writer.finish()
-        self._file.close()
-        os.replace(self._temporary, self._path)
 
     def _explained(self) -> contextlib.AbstractContextManager[None]:
         return explained(OutputError, "write", self._name, "check the free space and the permissions")

@@ -1,66 +1,81 @@
-"""Read an animation file: GIF, APNG and WebP, every frame as players show it, with its own delay."""
+"""Read an animation file: APNG and animated WebP with Pillow, GIF with PyAV, 8 bits per channel."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
-from contextlib import closing
+import math
+import warnings
+from collections.abc import Iterator
+from contextlib import suppress
 from fractions import Fraction
+from itertools import count, islice
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import TYPE_CHECKING, BinaryIO
 
+import av
 import numpy as np
 
 from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.io import ClosesOnExit
-from fpsboost.io.animation import gif, png, webp
-from fpsboost.io.animation.canvas import Outline, TimedImage, composed, damaged
-from fpsboost.io.images.exact_reads import DamagedError
-from fpsboost.io.images.png_chunks import SIGNATURE
-from fpsboost.io.images.sizes import declared_size
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.stream_info import StreamInfo
 
-MAX_HEADER = 64
-"""Bytes in which an animation says its size."""
+if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage  # whoever reads no animation does not wait for Pillow
 
-Format = Literal["gif", "apng", "webp"]
+DEFAULT_DELAY, SHORTEST_GIF_DELAY = Fraction(1, 10), Fraction(1, 50)
+"""Seconds that players show a frame without a delay, or one of a GIF with a shorter delay than the second."""
 
-_read_outline: dict[Format, Callable[[BinaryIO], Outline]] = {
-    "gif": gif.read_outline,
-    "apng": png.read_outline,
-    "webp": webp.read_outline,
-}
+MAX_DELAY_TERM = 65535
+"""Largest numerator and denominator of an APNG's delay."""
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+WEBP_ANIMATED = 0x02
+HEADER_SIZE = 30
+"""Bytes in which a PNG declares its depth, and a WebP its size."""
 
 
-def animation_format(path: Path) -> Format | None:
-    """Tell from its content which type of animation a file is; None where it is none, or cannot be read."""
+def is_animation(path: Path) -> bool:
+    """Return whether a file is a GIF, an APNG or an animated WebP by its content; False if it cannot be read."""
     try:
         with path.open("rb") as file:
-            start = file.read(12)
-            file.seek(0)
-            if start.startswith(b"GIF8"):
-                return "gif"
-            if start.startswith(SIGNATURE) and png.is_apng(file):
-                return "apng"
-            if start[8:] == b"WEBP" and webp.is_animated(file):
-                return "webp"
-    except OSError:
-        pass
-    return None
+            start = file.read(HEADER_SIZE)
+            if start.startswith(PNG_SIGNATURE):
+                file.seek(0)
+                with _opened(file) as image:
+                    return bool(getattr(image, "is_animated", False))
+    except (OSError, SyntaxError):
+        return False
+    return start.startswith(b"GIF8") or bool(_webp_size(start))
+
+
+def _webp_size(start: bytes) -> tuple[int, int] | None:
+    """Return the width and height that an animated WebP declares in its first bytes; None for other files."""
+    if len(start) < HEADER_SIZE or start[8:16] != b"WEBPVP8X" or not start[20] & WEBP_ANIMATED:
+        return None
+    return 1 + int.from_bytes(start[24:27], "little"), 1 + int.from_bytes(start[27:30], "little")
+
+
+def _opened(file: BinaryIO) -> PillowImage:
+    """Open an animation without decoding it; its warnings become remarks or errors of the source."""
+    from PIL import Image as Pillow  # noqa: PLC0415
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return Pillow.open(file, formats=("GIF", "PNG", "WEBP"))
 
 
 class AnimationSource(ClosesOnExit):
-    """Frames of an animation.
+    """Frames of an animation, as players show them.
 
     Parameters
     ----------
     path : str
-        A file of a type that `animation_format` knows. Opening reads headers, and of a GIF the first frame.
+        A file for which `is_animation` holds. Opening decodes it once, because only that tells all delays.
     keeps_alpha : bool
-        Yield BGRA where anything can be seen through; otherwise lay such frames over white, and say so.
+        Yield BGRA if the animation has transparent parts; otherwise composite such frames over white, with a remark.
     limit : MemoryLimit, optional
-        What may be taken; what is available without it.
+        Maximum memory; the memory that is available by default.
 
     Attributes
     ----------
@@ -71,41 +86,58 @@ class AnimationSource(ClosesOnExit):
     Raises
     ------
     InputError
-        It cannot be read, is damaged or too large; while iterating also: the first frame cannot be decoded.
+        It cannot be read, is damaged or too large.
     """
 
     def __init__(self, path: str, *, keeps_alpha: bool = True, limit: MemoryLimit | None = None) -> None:
         self._name, self.path = path, Path(path)
-        self._format = animation_format(self.path)
-        self._file = self._open()
+        with explained(InputError, "read", path, "check that it exists and that you may read it"):
+            self._file = self.path.open("rb")
+        self._keeps_alpha, self._has_alpha = keeps_alpha, False
+        self._delays: list[Fraction] = []
+        self._remarks: list[str] = []
         try:
-            size = declared_size(self._file.read(MAX_HEADER))
-            if size is not None:
-                (limit or MemoryLimit()).check(path, *size)
-            self._file.seek(0)
-            if self._format is None:
-                raise DamagedError
-            self._outline = _read_outline[self._format](self._file)
-        except DamagedError:
-            self._file.close()
-            raise damaged(path) from None
+            self._survey(limit or MemoryLimit())
         except BaseException:
             self._file.close()
             raise
-        outline = self._outline
-        self.plays = outline.plays
-        self._keeps_alpha = keeps_alpha
-        self._remarks: list[str] = []
-        if outline.has_alpha and not keeps_alpha:
+        if self._has_alpha and not keeps_alpha:
             self._remarks.append(
                 f"{path} has transparent parts, which the output cannot hold; they were laid over white."
             )
-        rate = outline.frame_count / outline.duration
-        self.info = ClipInfo(path, outline.height, outline.width, rate, outline.time_base, outline.frame_count)
+        rate = len(self._delays) / sum(self._delays, Fraction(0))
+        time_base = Fraction(1, math.lcm(*(delay.denominator for delay in self._delays)))
+        self.info = ClipInfo(path, self._height, self._width, rate, time_base, len(self._delays))
 
-    def _open(self) -> BinaryIO:
-        with explained(InputError, "read", self._name, "check that it exists and that you may read it"):
-            return self.path.open("rb")
+    def _survey(self, limit: MemoryLimit) -> None:
+        """Read size, delays, alpha and number of plays, and decode up to the end or the first damage."""
+        start = self._file.read(HEADER_SIZE)
+        declared = _webp_size(start)
+        if declared is not None:  # Pillow allocates the canvas of a WebP when it opens the file
+            limit.check(self._name, *declared)
+        try:
+            self._file.seek(0)
+            image = _opened(self._file)
+        except Exception as error:  # damage makes Pillow raise nearly anything
+            raise InputError(f"{self._name} is damaged or no animation; replace it.") from error
+        self._format, self.plays, (self._width, self._height) = image.format, _plays_of(image), image.size
+        limit.check(self._name, *image.size)
+        try:
+            for pixels, delay in self._decoded():
+                self._has_alpha |= bool((pixels[..., 3] < 255).any())
+                self._delays.append(delay)
+            is_whole = self._format == "GIF" or len(self._delays) == getattr(image, "n_frames", 1)
+        except Exception:
+            is_whole = False
+        if not self._delays:
+            raise InputError(f"{self._name} is damaged or no animation; replace it.")
+        if start.startswith(PNG_SIGNATURE) and start[24] == 16:
+            self._remarks.append(f"{self._name} has 16 bits per channel, of which 8 were read.")
+        if not is_whole:
+            frames = f"{len(self._delays)} frame{'' if len(self._delays) == 1 else 's'}"
+            self._remarks.append(
+                f"{self._name} is damaged or ends early; {frames} could be decoded and were converted."
+            )
 
     @property
     def stream_info(self) -> StreamInfo:
@@ -118,54 +150,60 @@ class AnimationSource(ClosesOnExit):
         return list(self._remarks)
 
     def __iter__(self) -> Iterator[Frame]:
+        time = Fraction(0)
+        for image, delay in islice(self._decoded(), len(self._delays)):
+            if not self._has_alpha:
+                pixels = np.ascontiguousarray(image[..., :3])
+            else:
+                pixels = image if self._keeps_alpha else over_white(image)
+            yield Frame(pixels, time, delay)
+            time += delay
+
+    def _decoded(self) -> Iterator[tuple[Image, Fraction]]:
+        """Decode the composited frames from the first on, BGRA, with their delays in seconds.
+
+        GIF by FFmpeg, because Pillow fills with a colour what browsers clear after an opaque frame.
+        """
         self._file.seek(0)
-        time, count = Fraction(0), 0
-        with closing(self._timed_images()) as pictures:
-            while True:
-                try:
-                    shown = next(pictures, None)
-                except DamagedError:
-                    shown = None
-                if shown is None:
-                    break
-                yield Frame(self._finished(shown.image), time, shown.delay)
-                time += shown.delay
-                count += 1
-        if count == 0:
-            raise damaged(self._name)
-        if count < self._outline.frame_count or not self._outline.is_whole:
-            frames = f"{count} frame{'' if count == 1 else 's'}"
-            self._remarks.append(
-                f"{self._name} is damaged or ends early; {frames} could be decoded and were converted."
-            )
-
-    def _timed_images(self) -> Generator[TimedImage, None, None]:
-        if self._format == "gif":
-            return gif.read_frames(self._file)
-        steps = (png if self._format == "apng" else webp).read_steps(self._file)
-        return composed(steps, self._outline.height, self._outline.width)
-
-    def _finished(self, image: Image) -> Image:
-        """Return BGRA if there is alpha and it is kept, else BGR."""
-        if self._outline.has_alpha:
-            return image if self._keeps_alpha else over_white(image)
-        return np.ascontiguousarray(image[..., :3])
+        if self._format == "GIF":
+            with av.open(self._file, "r", format="gif") as container:
+                for picture in container.decode(video=0):
+                    delay = picture.duration * Fraction(picture.time_base or 0)
+                    image = np.ascontiguousarray(picture.to_ndarray(format="bgra"))
+                    yield image, delay if delay >= SHORTEST_GIF_DELAY else DEFAULT_DELAY
+            return
+        file = _opened(self._file)
+        with suppress(EOFError):
+            for index in count():
+                file.seek(index)
+                image = np.ascontiguousarray(np.asarray(file.convert("RGBA"))[..., [2, 1, 0, 3]])
+                milliseconds = Fraction(file.info.get("duration") or 100)
+                # of an APNG, the quotient of two 16-bit numbers as float
+                yield image, (milliseconds / 1000).limit_denominator(MAX_DELAY_TERM)
 
     def close(self) -> None:
         self._file.close()
 
 
+def _plays_of(image: PillowImage) -> int:
+    """Return how often an animation is shown; 0 for ever again. GIF counts the repeats."""
+    loop = image.info.get("loop")
+    if image.format == "GIF":
+        return 1 if loop is None else loop + 1 if loop else 0
+    return loop or 0
+
+
 def over_white(image: Image) -> Image:
-    """Lay an image with straight alpha over white.
+    """Composite an image with straight alpha over white.
 
     Parameters
     ----------
-    image : (H, W, 4) uint8 or uint16
+    image : (H, W, 4) uint8
 
     Returns
     -------
     (H, W, 3)
     """
-    white = np.float32(np.iinfo(image.dtype).max)
-    laid: Image = np.rint(white - (white - image[..., :3]) * (image[..., 3:] / white)).astype(image.dtype)
-    return laid
+    white = np.float32(255)
+    opaque: Image = np.rint(white - (white - image[..., :3]) * (image[..., 3:] / white)).astype(np.uint8)
+    return opaque
