@@ -11,8 +11,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.io.video.encoder import unchanged_priority
 from fpsboost.io.video.pipe import chroma_locations, formats
-from fpsboost.io.video.priority import unchanged_priority
 from fpsboost.io.video.ycc import SMPTE170M, from_bgr, plane_arrays
 
 QUARTER_TURN = (0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)

@@ -18,9 +18,8 @@ from fpsboost.io.opening import PIPES, TargetRequirements
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES, containers, encodes_alpha
-from fpsboost.io.video.part_sink import VideoPartSink
 from fpsboost.io.video.pipe import PipeSink
-from fpsboost.io.video.sink import VideoSink
+from fpsboost.io.video.sink import VideoPartSink, VideoSink
 
 Kind = Literal["video", "pipe", "animation", "images"]
 

@@ -17,8 +17,7 @@ from fpsboost.io.output import Output
 from fpsboost.io.staging import sync
 from fpsboost.io.video.chunks import Chunk
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
-from fpsboost.io.video.fitting import Fitting
-from fpsboost.io.video.muxing import open_muxer
+from fpsboost.io.video.fitting import Fitting, open_muxer
 from fpsboost.io.video.other_streams import OtherStreams
 
 

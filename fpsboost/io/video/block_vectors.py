@@ -12,7 +12,7 @@ from av.codec.context import Flags2
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.io.video.repeatable import repeatable_parameters
+from fpsboost.io.video.encoding import repeatable_parameters
 
 ENCODER = "libx264"
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import av
@@ -20,15 +22,17 @@ from fpsboost.errors import OutputError
 from fpsboost.frame import Frame, Pixels
 from fpsboost.io.output import Output
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, needs_hardware
-from fpsboost.io.video.hdr import with_hdr
 from fpsboost.io.video.pixel_choice import choose_pixel_format
 from fpsboost.io.video.planes import as_picture
-from fpsboost.io.video.priority import unchanged_priority
-from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
 from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""
+
+
+THREADS = Path("/proc/self/task")
+"""Folder with an entry for each thread of this process."""
 
 
 class VideoEncoder:
@@ -247,3 +251,82 @@ def _quiet_encoder() -> Iterator[None]:
     finally:
         if before is None:
             del os.environ["SVT_LOG"]
+
+
+@contextlib.contextmanager
+def unchanged_priority() -> Iterator[None]:
+    """Give all threads of the process the priority that the current one has, once the block is left.
+
+    SVT-AV1 gives real-time priority to its own threads and to the one that opens it, if the user may do that: what this
+    process starts afterwards inherits it, and two busy processes then keep a machine of two cores from all other work.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        yield
+    finally:
+        for task in THREADS.iterdir():
+            with contextlib.suppress(OSError):  # a thread has ended meanwhile
+                if os.sched_getscheduler(int(task.name)) != policy:
+                    os.sched_setscheduler(int(task.name), policy, parameter)
+
+
+def with_hdr(
+    options: Mapping[str, str], encoder: str, display: MasteringDisplay | None, light: LightLevel | None
+) -> tuple[dict[str, str], bool]:
+    """Add the mastering display and the light levels to an encoder's options.
+
+    Parameters
+    ----------
+    options : mapping of str to str
+        The encoder's options; parameters that are already there are kept and take precedence.
+    encoder : str
+        FFmpeg's name.
+    display : MasteringDisplay or None
+    light : LightLevel or None
+
+    Returns
+    -------
+    dict of str to str, bool
+        The options, and whether they hold all the metadata.
+    """
+    if encoder not in _parameters:
+        return dict(options), display is None and light is None
+    name, name_of_display, name_of_light, whole_units = _parameters[encoder]
+    parameters = []
+    if display is not None and None not in (display.white, display.brightest):
+        parameters.append(f"{name_of_display}={_display_text(display, whole_units)}")
+    if light is not None:
+        parameters.append(f"{name_of_light}={light.brightest_pixel},{light.brightest_frame}")
+    told_all = len(parameters) == (display is not None) + (light is not None)
+    if not parameters:
+        return dict(options), told_all
+    return {**options, name: ":".join([*parameters, *([options[name]] if options.get(name) else [])])}, told_all
+
+
+_parameters = {
+    "libx264": ("x264-params", "mastering-display", "cll", True),
+    "libx265": ("x265-params", "master-display", "max-cll", True),
+    "libsvtav1": ("svtav1-params", "mastering-display", "content-light", False),
+}
+"""By encoder: the name of its parameter list, its parameters for display and light level, and whether their unit is
+the integer unit of the standard (0.00002 for chromaticities, 0.0001 cd/m2) or a decimal number."""
+
+
+def _display_text(display: MasteringDisplay, whole_units: bool) -> str:
+    """Format a display as ``G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50)``."""
+
+    def text(value: Fraction | None, unit: int) -> str:
+        assert value is not None
+        return str(round(value * unit)) if whole_units else f"{float(value):.6f}"
+
+    pairs = {
+        **{letter: point for letter, point in zip("GBR", (display.green, display.blue, display.red), strict=True)},
+        "WP": display.white,
+    }
+    colours = "".join(
+        f"{name}({text(point[0], 50_000)},{text(point[1], 50_000)})" for name, point in pairs.items() if point
+    )
+    return f"{colours}L({text(display.brightest, 10_000)},{text(display.darkest, 10_000)})"

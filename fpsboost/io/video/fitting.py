@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from typing import Any
 import av
 import av.container
 import av.error
+from av.codec.codec import Properties
 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.output import Output
@@ -22,12 +24,16 @@ from fpsboost.io.video.demuxer import open_video
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode
 from fpsboost.io.video.encoding import containers, holds
-from fpsboost.io.video.muxing import INCOMPLETE_LIST_CONTAINERS, open_muxer
 from fpsboost.io.video.sound_encoders import choose_sound_encoder, defaults, friendly_name
-from fpsboost.io.video.subtitles import is_text
 
 MAX_PROBED_PACKETS = 200
 """Maximum number of packets that are read to find the first packet of each stream."""
+
+INCOMPLETE_LIST_CONTAINERS = ("matroska",)
+"""Containers that hold more codecs than their list names."""
+
+TEE_SPECIAL_CHARACTERS = re.compile(r"([\\'|\s])")
+"""Characters with a special meaning to the tee muxer in a path."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,7 @@ class Fitting:
     encoders : mapping of int to str
         FFmpeg's encoder for each audio stream that is re-encoded, by stream number.
     any_codec : bool
-        A stream is copied whose codec is missing from the container's list; see `fpsboost.io.video.muxing`.
+        A stream is copied whose codec is missing from the container's list; see `open_muxer`.
     """
 
     encoders: Mapping[int, str] = field(default_factory=dict)
@@ -161,6 +167,14 @@ def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool
     )
 
 
+def is_text(stream: av.stream.Stream) -> bool:
+    """Return whether a stream is text subtitles rather than bitmap subtitles."""
+    context: Any = stream.codec_context
+    if stream.type != "subtitle" or context is None:
+        return False
+    return Properties.TEXT_SUB in Properties(context.codec.properties)
+
+
 def codec_of(stream: av.stream.Stream) -> str:
     """Return FFmpeg's name of a stream's format."""
     context: Any = stream.codec_context
@@ -220,3 +234,25 @@ def _mux_one(probe: av.container.OutputContainer, stream: av.stream.Stream, samp
     packet.stream, packet.pts, packet.dts, packet.duration = target, 0, 0, 1
     packet.time_base = target.time_base or Fraction(1)
     probe.mux(packet)
+
+
+def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.container.OutputContainer:
+    """Open a file for muxing; with `any_codec`, only the container's muxer decides which codecs it accepts.
+
+    PyAV looks a codec up in the muxer's list before it adds a stream. Matroska's list names only codecs with a Matroska
+    codec ID of their own, and omits those that Matroska holds by their Windows codec tag (Windows Media Audio, mu-law,
+    ADPCM). FFmpeg's tee muxer has no list; with one file as its output, it passes all packets on to the muxer of that
+    file. It drops chapters.
+
+    Raises
+    ------
+    av.error.FFmpegError, OSError
+        The file cannot be written.
+    """
+    # FFmpeg would parse the part of a relative path before a colon as a protocol
+    place = str(path.absolute())
+    if any_codec:
+        escaped = TEE_SPECIAL_CHARACTERS.sub(r"\\\1", place)
+        return av.open(f"[f={container}]{escaped}", "w", format="tee")
+    options = {"movflags": "+faststart"} if container in ("mp4", "mov") else {}
+    return av.open(place, "w", format=container, container_options=options)

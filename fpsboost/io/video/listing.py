@@ -9,9 +9,8 @@ import av
 
 from fpsboost.io.stream_info import VideoFile
 from fpsboost.io.video.demuxer import is_cover_art, open_video
-from fpsboost.io.video.fitting import first_packets, fits, keeps_data
-from fpsboost.io.video.subtitles import is_text
-from fpsboost.io.video.timecode import find_timecode
+from fpsboost.io.video.fitting import first_packets, fits, is_text, keeps_data
+from fpsboost.io.video.tags import find_timecode
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,12 @@ import math
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import av
 import av.container
 import av.error
+from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import VideoFile
@@ -23,15 +24,17 @@ from fpsboost.io.video.demuxer import is_cover_art, open_video, read_packets
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import EncodedSound, remark_on
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, containers
-from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_wanted, keeps_data, kind_of
+from fpsboost.io.video.fitting import Fitting, codec_of, fits, is_text, is_wanted, keeps_data, kind_of
 from fpsboost.io.video.pyav import open_input, printable
 from fpsboost.io.video.remarks import Damage, not_held_remark
-from fpsboost.io.video.subtitles import TextConverter, formats, is_text
-from fpsboost.io.video.tags import copy_labels, lost_labels, tags_for
-from fpsboost.io.video.timecode import at_rate, find_timecode, frames_later
+from fpsboost.io.video.tags import Labels, at_rate, copy_labels, find_timecode, frames_later, lost_labels, tags_for
 
 MAX_INTERLEAVING = 10
 """Maximum time by which packets of different streams in one file may be out of order, seconds."""
+
+
+text_formats = {"mp4": "mov_text", "mov": "mov_text", "matroska": "subrip", "webm": "webvtt"}
+"""FFmpeg's name of a text subtitle format that each container supports."""
 
 
 class OtherStreams:
@@ -69,6 +72,7 @@ class OtherStreams:
         self._output, self._name, self._container, self._source = output, name, container, source
         self._input = open_video(source.path, source.name)
         self._targets: dict[int, av.stream.Stream] = {}
+        self._labels: dict[int, Labels] = {}
         self._last_dts: dict[int, int] = {}
         self._covers: list[av.stream.Stream] = []
         self._converters: dict[int, TextConverter] = {}
@@ -124,10 +128,8 @@ class OtherStreams:
     def check_labels(self, path: Path) -> None:
         """Add remarks on the labels of the source's streams that are missing in the finished file."""
         with open_input(str(path.absolute())) as file:
-            for index, target in self._targets.items():
-                if target.type == "video" or target.index >= len(file.streams):
-                    continue  # cover art
-                lost = lost_labels(target, file.streams[target.index])
+            for index, labels in self._labels.items():
+                lost = lost_labels(labels, file.streams[labels.index]) if labels.index < len(file.streams) else []
                 if lost:
                     self.remarks.append(f"{self._name} lost of stream {index} of its source: {', '.join(lost)}.")
 
@@ -153,7 +155,7 @@ class OtherStreams:
             self.remarks.append(not_held_remark(self._name, what, keeping))
 
     def _add_target(self, stream: av.stream.Stream, target: av.stream.Stream) -> None:
-        copy_labels(stream, target, self._container)
+        self._labels[stream.index] = copy_labels(stream, target, self._container)
         self._targets[stream.index] = target
 
     def _add_converted(self, stream: av.stream.Stream) -> None:
@@ -163,7 +165,7 @@ class OtherStreams:
         self._add_target(stream, converter.stream)
         self.remarks.append(
             f"{self._name} holds stream {stream.index} ({codec_of(stream)} subtitles) of its source as "
-            f"{formats[self._container]}; styles may differ."
+            f"{text_formats[self._container]}; styles may differ."
         )
 
     def _add_encoded(self, stream: av.stream.Stream, encoder: str) -> None:
@@ -354,3 +356,36 @@ def _attached_picture(source: VideoFile, index: int) -> av.Packet[Any] | None:
         except av.error.FFmpegError:
             return None
     return packet if packet is not None and packet.size else None
+
+
+class TextConverter:
+    """Converter of text subtitles into the format of another container; their text and times are kept.
+
+    It adds a stream to the output, whose header is not written yet.
+    """
+
+    def __init__(self, stream: av.stream.Stream, output: av.container.OutputContainer, container: str) -> None:
+        source: Any = stream.codec_context
+        source.open(strict=False)
+        target: Any = output.add_stream(text_formats[container])
+        self.stream: av.stream.Stream = target
+        target.time_base = stream.time_base
+        self._encoder = target.codec_context
+        self._encoder.time_base = stream.time_base
+        self._encoder.subtitle_header = source.subtitle_header
+
+    def converted(self, packet: av.Packet[Any]) -> av.Packet[Any] | None:
+        """Return one packet in the other format, or None if it shows nothing or cannot be decoded."""
+        try:
+            lines: list[bytes] = [line.ass for line in cast(list[AssSubtitle], packet.decode())]
+        except av.error.FFmpegError:
+            return None
+        if not lines:
+            return None
+        first, *more = lines
+        # an ASS line has nine fields, of which the last is the text
+        text = b"\\N".join([first, *(line.split(b",", 8)[-1] for line in more)])
+        result: av.Packet[Any] = self._encoder.encode_subtitle(SubtitleSet.create(text, 0, packet.duration or 0))
+        result.stream, result.time_base = self.stream, packet.time_base
+        result.pts, result.dts, result.duration = packet.pts, packet.dts, packet.duration
+        return result

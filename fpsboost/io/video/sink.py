@@ -8,20 +8,24 @@ that is stopped therefore leaves its finished chunks, and a later run that resum
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import errno
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import av.error
+
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import Frame
 from fpsboost.io.output import Output
+from fpsboost.io.part_folder import PartFolder
 from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
 from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk
 from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, VIDEO_SUFFIXES, containers
-from fpsboost.io.video.explaining import explained_writing
 from fpsboost.io.video.fitting import fit_streams
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.video_chunks import VideoChunks
@@ -174,6 +178,92 @@ class VideoSink:
         self._unfinished.leave(error, self._video.completed_frames, self._plan.expected_frames)
 
 
+class VideoPartSink:
+    """Sink that encodes the frames of a part into chunks, in a folder that appears when the part is complete.
+
+    Parameters
+    ----------
+    output : Output
+        With a part that begins with a chunk. Its path is that of the whole video.
+    chunk_frames : int
+        Frames per chunk.
+
+    Raises
+    ------
+    OptionError, OutputError
+        See `VideoSink` and `fpsboost.io.part_folder.PartFolder`.
+    """
+
+    holds_last_frame = True
+
+    def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
+        self._traits = output.stream.traits
+        container = container_of(Path(output.path), output.path)
+        check_time_base(output, container)
+        self._folder = PartFolder(output)
+        self._video = VideoChunks(output, container, chunk_frames)
+        fit_streams(output, self._video.codec, container)  # what does not fit is known before any frame is made
+        self._frames_there = 0
+
+    @property
+    def remarks(self) -> list[str]:
+        return [*self._folder.remarks, *self._video.remarks]
+
+    @property
+    def details(self) -> str:
+        """Encoder, pixel format and options."""
+        return self._video.details
+
+    @property
+    def completed_frames(self) -> int:
+        """Number of frames that an earlier run has finished; see `fpsboost.io.Resumable`."""
+        return self._frames_there
+
+    def __enter__(self) -> Self:
+        try:
+            with explained_writing(self._folder.name):
+                self._folder.open()
+                self._video.open(self._folder.files)
+                self._frames_there = self._video.completed_frames
+                if self._traits is not None:
+                    self._video.start(self._traits)
+        except BaseException as error:
+            self._leave(error)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                with explained_writing(self._folder.name):
+                    self._video.finish()
+                    self._folder.publish()
+        except BaseException as failure:
+            self._leave(failure)
+            raise
+        self._leave(error)
+
+    def write(self, frame: Frame) -> None:
+        """Encode one frame; times must increase.
+
+        Raises
+        ------
+        OutputError
+            The frame does not fit the clip, or the chunk cannot be written.
+        """
+        self._video.check_size(frame)
+        with explained_writing(self._folder.name):
+            if not self._video.is_started:
+                self._video.start(traits_of_image(frame.pixels))
+            self._video.write(frame)
+
+    def _leave(self, error: BaseException | None) -> None:
+        self._video.discard()
+        self._folder.leave(error, self._video.completed_frames)
+
+
 def container_of(path: Path, name: str) -> str:
     """Return FFmpeg's name of the container that a file name asks for.
 
@@ -195,3 +285,26 @@ def check_time_base(output: Output, container: str) -> None:
             f"{output.path} counts time in milliseconds and cannot hold {float(output.timing.rate):g} frames per "
             "second; write an .mp4 or .mov instead."
         )
+
+
+@contextlib.contextmanager
+def explained_writing(name: str) -> Iterator[None]:
+    """Convert errors of FFmpeg and the operating system into an `OutputError` with a sentence about the file."""
+    try:
+        yield
+    except (av.error.FFmpegError, OSError) as error:
+        raise OutputError(_explain(error, name)) from error
+
+
+def _explain(error: Exception, name: str) -> str:
+    reasons = {
+        errno.ENOSPC: f"{name} could not be finished because the disk is full; free some space and run again.",
+        errno.EDQUOT: f"{name} could not be finished because the disk quota is used up; free some space and run again.",
+        errno.EACCES: f"{name} may not be written; check the permissions of its folder.",
+        errno.EPERM: f"{name} may not be written; check the permissions of its folder.",
+        errno.EROFS: f"{name} lies on a read-only disk; choose another folder.",
+        errno.EFBIG: f"{name} grew larger than the disk or the system allows; choose another disk or a higher `crf`.",
+    }
+    number = getattr(error, "errno", None)
+    reason = getattr(error, "strerror", None) or error
+    return reasons.get(number or 0, f"{name} could not be written ({reason}); try another `codec` or container.")

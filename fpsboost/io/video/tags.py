@@ -1,7 +1,8 @@
-"""Carry over titles and other tags of a file and its streams as far as another container can hold them."""
+"""Carry over titles, languages, timecodes and other tags as far as another container can hold them."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,7 +14,6 @@ import av.container
 import av.error
 
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS
-from fpsboost.io.video.languages import spellings
 from fpsboost.io.video.pyav import open_input
 
 FILE_SPECIFIC_TAGS = {
@@ -35,6 +35,47 @@ UNSET_CREATION_TIMES = ("1904-01-01T00:00:00", "1970-01-01T00:00:00")
 
 CAMERA_TAG_PREFIXES = ("make", "model", "software", "location", "com.", "creationdate")
 """Prefixes of tags that phones and cameras write, which mp4 and mov store in a list of free keys."""
+
+MAX_TIMECODE_RATE = 255
+"""Maximum frames per second of a timecode track, which stores them in one byte."""
+
+TIMECODE_PATTERN = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})([:;.])(\d{1,3})")
+
+# fmt: off
+three_letters = {
+    "aa": "aar", "ab": "abk", "ae": "ave", "af": "afr", "ak": "aka", "am": "amh", "an": "arg", "ar": "ara",
+    "as": "asm", "av": "ava", "ay": "aym", "az": "aze", "ba": "bak", "be": "bel", "bg": "bul", "bh": "bih",
+    "bi": "bis", "bm": "bam", "bn": "ben", "bo": "bod", "br": "bre", "bs": "bos", "ca": "cat", "ce": "che",
+    "ch": "cha", "co": "cos", "cr": "cre", "cs": "ces", "cu": "chu", "cv": "chv", "cy": "cym", "da": "dan",
+    "de": "deu", "dv": "div", "dz": "dzo", "ee": "ewe", "el": "ell", "en": "eng", "eo": "epo", "es": "spa",
+    "et": "est", "eu": "eus", "fa": "fas", "ff": "ful", "fi": "fin", "fj": "fij", "fo": "fao", "fr": "fra",
+    "fy": "fry", "ga": "gle", "gd": "gla", "gl": "glg", "gn": "grn", "gu": "guj", "gv": "glv", "ha": "hau",
+    "he": "heb", "hi": "hin", "ho": "hmo", "hr": "hrv", "ht": "hat", "hu": "hun", "hy": "hye", "hz": "her",
+    "ia": "ina", "id": "ind", "ie": "ile", "ig": "ibo", "ii": "iii", "ik": "ipk", "io": "ido", "is": "isl",
+    "it": "ita", "iu": "iku", "ja": "jpn", "jv": "jav", "ka": "kat", "kg": "kon", "ki": "kik", "kj": "kua",
+    "kk": "kaz", "kl": "kal", "km": "khm", "kn": "kan", "ko": "kor", "kr": "kau", "ks": "kas", "ku": "kur",
+    "kv": "kom", "kw": "cor", "ky": "kir", "la": "lat", "lb": "ltz", "lg": "lug", "li": "lim", "ln": "lin",
+    "lo": "lao", "lt": "lit", "lu": "lub", "lv": "lav", "mg": "mlg", "mh": "mah", "mi": "mri", "mk": "mkd",
+    "ml": "mal", "mn": "mon", "mr": "mar", "ms": "msa", "mt": "mlt", "my": "mya", "na": "nau", "nb": "nob",
+    "nd": "nde", "ne": "nep", "ng": "ndo", "nl": "nld", "nn": "nno", "no": "nor", "nr": "nbl", "nv": "nav",
+    "ny": "nya", "oc": "oci", "oj": "oji", "om": "orm", "or": "ori", "os": "oss", "pa": "pan", "pi": "pli",
+    "pl": "pol", "ps": "pus", "pt": "por", "qu": "que", "rm": "roh", "rn": "run", "ro": "ron", "ru": "rus",
+    "rw": "kin", "sa": "san", "sc": "srd", "sd": "snd", "se": "sme", "sg": "sag", "si": "sin", "sk": "slk",
+    "sl": "slv", "sm": "smo", "sn": "sna", "so": "som", "sq": "sqi", "sr": "srp", "ss": "ssw", "st": "sot",
+    "su": "sun", "sv": "swe", "sw": "swa", "ta": "tam", "te": "tel", "tg": "tgk", "th": "tha", "ti": "tir",
+    "tk": "tuk", "tl": "tgl", "tn": "tsn", "to": "ton", "tr": "tur", "ts": "tso", "tt": "tat", "tw": "twi",
+    "ty": "tah", "ug": "uig", "uk": "ukr", "ur": "urd", "uz": "uzb", "ve": "ven", "vi": "vie", "vo": "vol",
+    "wa": "wln", "wo": "wol", "xh": "xho", "yi": "yid", "yo": "yor", "za": "zha", "zh": "zho", "zu": "zul",
+}
+"""ISO 639-2/T code by ISO 639-1 code."""
+
+bibliographic = {
+    "sqi": "alb", "hye": "arm", "eus": "baq", "mya": "bur", "zho": "chi", "ces": "cze", "nld": "dut",
+    "fra": "fre", "kat": "geo", "deu": "ger", "ell": "gre", "isl": "ice", "mkd": "mac", "mri": "mao",
+    "msa": "may", "fas": "per", "ron": "rum", "slk": "slo", "bod": "tib", "cym": "wel",
+}
+"""ISO 639-2/B code by ISO 639-2/T code, where these differ."""
+# fmt: on
 
 
 @dataclass(frozen=True)
@@ -74,8 +115,17 @@ def tags_for(source: Mapping[str, str], container: str) -> Tags:
     return Tags(values, False, lost)
 
 
-def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: str) -> None:
-    """Copy language, title and disposition of a stream to a stream of a container.
+@dataclass(frozen=True)
+class Labels:
+    """Labels of a stream of an output: its number, its tags and its dispositions."""
+
+    index: int
+    tags: Mapping[str, str]
+    roles: int
+
+
+def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: str) -> Labels:
+    """Copy language, title and disposition of a stream to a stream of a container; return them.
 
     Languages become three-letter codes; .mov supports only one of two codes for some languages.
     """
@@ -86,33 +136,49 @@ def copy_labels(stream: av.stream.Stream, target: av.stream.Stream, container: s
         labels.setdefault("title", labels.pop("name"))
     language = next((key for key in labels if key.lower() == "language"), None)
     if language is not None:
-        known = spellings(labels[language])
-        kept = [each for each in known if _tags_read_back({}, container, {}, each)[1].get("language") == each]
+        known = _language_codes(labels[language])
+        kept = [code for code in known if _tags_read_back({}, container, {}, code)[1].get("language") == code]
         labels[language] = next(iter([*kept, *known]), labels[language])
     target.metadata.update(labels)
     target.disposition = stream.disposition
+    return Labels(target.index, dict(target.metadata), int(target.disposition))
 
 
-def lost_labels(wanted: av.stream.Stream, found: av.stream.Stream) -> list[str]:
-    """Describe the language, title and dispositions of `wanted` that the stream `found` of a finished file lacks."""
-    before, after = _lower(wanted.metadata), _lower(found.metadata)
+def lost_labels(wanted: Labels, stream: av.stream.Stream) -> list[str]:
+    """Describe the language, title and dispositions of an output's stream that it lacks in the finished file."""
+    before, after = _lower(wanted.tags), _lower(stream.metadata)
     lost = []
     if before.get("language", "und") not in ("und", after.get("language")):
         lost.append(f"language {before['language']}")
     if before.get("title") and before["title"] not in (after.get("title"), after.get("name")):
         lost.append(f"title {before['title']}")
-    roles = int(wanted.disposition) & ~int(found.disposition)
+    roles = wanted.roles & ~int(stream.disposition)
     lost += [f"role {role.name}" for role in av.stream.Disposition if roles & role]
     return lost
+
+
+def _language_codes(language: str) -> list[str]:
+    """Return the three-letter codes of a language tag, first the one given or its ISO 639-2/T code; [] if unknown.
+
+    A suffix (``es-419``) is ignored.
+    """
+    name = re.split(r"[-_]", language.strip().lower(), maxsplit=1)[0]
+    code = name if re.fullmatch(r"[a-z]{3}", name) else three_letters.get(name)
+    if code is None:
+        return []
+    others = [bibliographic.get(code), *(other for other, given in bibliographic.items() if given == code)]
+    return [code, *filter(None, others)]
 
 
 def _is_file_specific(key: str, value: str) -> bool:
     """Return whether a tag does not describe the content: data about the source file, or an unset creation time."""
     name = key.lower()
-    made = (
-        name in FILE_SPECIFIC_TAGS or name.startswith("wm/wmadrc") or (name == "software" and value.startswith("Lav"))
+    return (
+        name in FILE_SPECIFIC_TAGS
+        or name.startswith("wm/wmadrc")
+        or (name == "software" and value.startswith("Lav"))
+        or (name == "creation_time" and value.startswith(UNSET_CREATION_TIMES))
     )
-    return made or (name == "creation_time" and value.startswith(UNSET_CREATION_TIMES))
 
 
 def _is_language_duplicate(key: str, tags: Mapping[str, str]) -> bool:
@@ -152,3 +218,49 @@ def _tags_read_back(
 
 def _lower(tags: Mapping[str, str]) -> dict[str, str]:
     return {key.lower(): value for key, value in tags.items()}
+
+
+def find_timecode(*tags: Mapping[str, str]) -> str | None:
+    """Return the first timecode in the tags of a stream or a file, or None; the case of tag names is ignored."""
+    return next((value for mapping in tags for key, value in mapping.items() if key.lower() == "timecode"), None)
+
+
+def at_rate(timecode: str, old: Fraction, new: Fraction) -> str | None:
+    """Convert a timecode from one frame rate to another; None if it cannot be parsed, or the new rate cannot count it.
+
+    A semicolon before the frames denotes drop-frame timecode, for 29.97 frames per second.
+
+    Examples
+    --------
+    >>> at_rate("01:02:03:12", Fraction(24), Fraction(60))
+    '01:02:03:30'
+    """
+    match = TIMECODE_PATTERN.fullmatch(timecode.strip())
+    before, after = round(old), round(new)
+    if match is None or not before or not 1 <= after <= MAX_TIMECODE_RATE:
+        return None
+    *moment, separator, frames = match.groups()
+    if int(frames) >= before or (separator != ":" and after % 30):
+        return None
+    return f"{':'.join(moment)}{separator}{int(frames) * after // before:02d}"
+
+
+def frames_later(timecode: str, rate: Fraction, count: int) -> str:
+    """Return the timecode `count` frames later, modulo 24 hours; return it unchanged if it cannot be parsed.
+
+    Examples
+    --------
+    >>> frames_later("00:00:59;29", Fraction(30000, 1001), 1)
+    '00:01:00;02'
+    """
+    match, per_second = TIMECODE_PATTERN.fullmatch(timecode.strip()), round(rate)
+    if match is None or not per_second or not count:
+        return timecode
+    hours, minutes, seconds, frames = (int(match[group]) for group in (1, 2, 3, 5))
+    minutes += 60 * hours
+    dropped = 0 if match[4] == ":" else per_second // 15  # frame numbers skipped in each minute but every tenth
+    number = (60 * minutes + seconds) * per_second + frames - dropped * (minutes - minutes // 10) + count
+    tens, rest = divmod(number, 600 * per_second - 9 * dropped)
+    number += dropped * (9 * tens + max(0, rest - dropped) // (60 * per_second - dropped))
+    seconds, frames = divmod(number, per_second)
+    return f"{seconds // 3600 % 24:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}{match[4]}{frames:02d}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -10,12 +11,49 @@ import numpy as np
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
-from fpsboost.io.video.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display
 from fpsboost.io.video.pyav import as_fraction, side_data_of
 from fpsboost.io.video.ycc import chroma_location_of, color_space_of, is_full_range
 
 DYNAMIC_HDR_SIDE_DATA = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
 """Types of FFmpeg's side data that hold dynamic HDR metadata."""
+
+Point = tuple[Fraction, Fraction]
+
+
+@dataclass(frozen=True)
+class MasteringDisplay:
+    """Mastering display of a clip (SMPTE ST 2086).
+
+    Attributes
+    ----------
+    red, green, blue, white : (Fraction, Fraction) or None
+        CIE 1931 x and y; None if only luminance is given.
+    brightest, darkest : Fraction or None
+        Maximum and minimum luminance, cd/m2; None if only colours are given.
+    """
+
+    red: Point | None
+    green: Point | None
+    blue: Point | None
+    white: Point | None
+    brightest: Fraction | None
+    darkest: Fraction | None
+
+
+@dataclass(frozen=True)
+class LightLevel:
+    """Content light levels of a clip (CTA-861.3), cd/m2.
+
+    Attributes
+    ----------
+    brightest_pixel : int
+        MaxCLL, the maximum content light level.
+    brightest_frame : int
+        MaxFALL, the maximum frame-average light level.
+    """
+
+    brightest_pixel: int
+    brightest_frame: int
 
 
 @dataclass(frozen=True)
@@ -118,3 +156,24 @@ def read_traits(
         has_dynamic_hdr=not DYNAMIC_HDR_SIDE_DATA.isdisjoint(sides),
         codec=codec,
     )
+
+
+def parse_mastering_display(data: bytes | None) -> MasteringDisplay | None:
+    """Parse FFmpeg's AVMasteringDisplayMetadata; return None if it is absent or empty."""
+    if data is None or len(data) < 88:
+        return None
+    *numbers, has_colours, has_luminance = struct.unpack_from("=22i", data)
+    values = [Fraction(above, below or 1) for above, below in zip(numbers[::2], numbers[1::2], strict=True)]
+    if not has_colours and not has_luminance:
+        return None
+    red, green, blue, white = ((values[at], values[at + 1]) if has_colours else None for at in (0, 2, 4, 6))
+    darkest, brightest = values[8:10] if has_luminance else (None, None)
+    return MasteringDisplay(red, green, blue, white, brightest, darkest)
+
+
+def parse_light_level(data: bytes | None) -> LightLevel | None:
+    """Parse FFmpeg's AVContentLightMetadata; return None if it is absent or empty."""
+    if data is None or len(data) < 8:
+        return None
+    levels = LightLevel(*struct.unpack_from("=2I", data))
+    return levels if levels != LightLevel(0, 0) else None

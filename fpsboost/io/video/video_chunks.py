@@ -1,17 +1,22 @@
-"""Encode frames into the chunks of an output video, after those that earlier runs have finished."""
+"""Encode frames into the chunks of an output video, after those that earlier runs have finished.
+
+A chunk is the unit of a conversion to video: a fixed number of frames, encoded independently of all others.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 
 from fpsboost.errors import OutputError
 from fpsboost.frame import Frame, Image, describe
+from fpsboost.heap import return_free_memory
 from fpsboost.io.output import Output
-from fpsboost.io.video.chunk_encoder import ChunkEncoder
-from fpsboost.io.video.chunks import Chunk, find_chunks
+from fpsboost.io.video.chunks import Chunk, ChunkWriter, find_chunks
 from fpsboost.io.video.encoder import VideoEncoder
 from fpsboost.io.video.encoding import choose_encoder, depth_of
 from fpsboost.io.video.traits import VideoTraits
@@ -178,3 +183,61 @@ def _is_beyond_white(image: Image) -> bool:
     """Return whether a float image has colours outside 0 to 1."""
     colours = image[..., :3]
     return bool(np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0)
+
+
+class ChunkEncoder:
+    """Encoder of frames into chunk files, which appends each finished one to `chunks`, those of earlier runs.
+
+    The encoder is opened anew for every chunk, so that a chunk follows from its frames and the options alone, and the
+    output is the same whichever runs have encoded which chunks.
+    """
+
+    def __init__(
+        self, folder: Path, chunks: list[Chunk], encoder: VideoEncoder, chunk_frames: int, first: int = 0
+    ) -> None:
+        self._folder, self._chunks, self._encoder, self._chunk_frames = folder, chunks, encoder, chunk_frames
+        self._first = first
+        self._writer: ChunkWriter | None = None
+        self._frames = 0
+        self._durations: dict[int, int] = {}
+
+    def write(self, frame: Frame, pts: int, duration: int) -> None:
+        """Encode one frame; times are in ticks.
+
+        Raises
+        ------
+        OutputError, av.error.FFmpegError, OSError
+            The frame cannot be encoded, or the chunk cannot be written.
+        """
+        if self._writer is None:
+            extradata = bytes(self._encoder.stream.codec_context.extradata or b"")
+            self._writer = ChunkWriter(self._folder, self._first + len(self._chunks), extradata)
+        self._durations[pts] = duration
+        self._keep(self._writer, self._encoder.encode(frame, pts, duration))
+        self._frames += 1
+        if self._frames == self._chunk_frames:
+            self.finish()
+            return_free_memory()  # of the encoder, which lived as long as its packets
+
+    def finish(self) -> None:
+        """Finish the current chunk, if there is one, so that the next one does not depend on its frames.
+
+        Raises
+        ------
+        av.error.FFmpegError, OSError
+            The chunk cannot be encoded or written.
+        """
+        if self._writer is not None:
+            self._keep(self._writer, self._encoder.finish())
+            self._chunks.append(self._writer.finish(self._frames))
+            self._writer, self._frames = None, 0
+
+    def discard(self) -> None:
+        """Discard the current chunk and close the encoder."""
+        if self._writer is not None:
+            self._writer.discard()
+        self._encoder.close()
+
+    def _keep(self, writer: ChunkWriter, packets: Iterable[av.Packet[Any]]) -> None:
+        for packet in packets:
+            writer.add(packet, self._durations.pop(packet.pts, 0) if packet.pts is not None else 0)

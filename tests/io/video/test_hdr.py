@@ -11,9 +11,15 @@ from video_truth import write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.hdr import LightLevel, MasteringDisplay, parse_light_level, parse_mastering_display, with_hdr
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.traits import VideoTraits
+from fpsboost.io.video.traits import (
+    LightLevel,
+    MasteringDisplay,
+    VideoTraits,
+    parse_light_level,
+    parse_mastering_display,
+    with_hdr,
+)
 from fpsboost.observer import Summary
 
 DISPLAY = MasteringDisplay(

@@ -17,7 +17,7 @@ from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.timecode import at_rate, frames_later
+from fpsboost.io.video.tags import at_rate, frames_later
 from fpsboost.probing import probe
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import parse_position

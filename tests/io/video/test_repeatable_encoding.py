@@ -17,8 +17,7 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoder import VideoEncoder, traits_of_image
-from fpsboost.io.video.encoding import choose_encoder
-from fpsboost.io.video.repeatable import ENCODER_THREADS, repeatable_parameters
+from fpsboost.io.video.encoding import ENCODER_THREADS, choose_encoder, repeatable_parameters
 from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(25)
