@@ -25,7 +25,7 @@ from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.listing import StreamFacts, list_streams
+from fpsboost.io.video.fitting import StreamFacts, list_streams
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.method_table import methods
 from fpsboost.streaming import beginning

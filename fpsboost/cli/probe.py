@@ -15,7 +15,7 @@ from fpsboost.cli.options import in_flags
 from fpsboost.cli.signature import PathName
 
 if TYPE_CHECKING:
-    from fpsboost.io.video.listing import StreamFacts
+    from fpsboost.io.video.fitting import StreamFacts
     from fpsboost.probing import Look, Probe
 
 MAX_WIDTH = 80

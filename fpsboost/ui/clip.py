@@ -12,7 +12,7 @@ from typing import Any
 from fpsboost.cli.probe import facts
 from fpsboost.errors import InputError
 from fpsboost.io.opening import TargetRequirements, open_source
-from fpsboost.io.video.listing import StreamFacts
+from fpsboost.io.video.fitting import StreamFacts
 from fpsboost.probing import Conversion, Look, Probe
 from fpsboost.timing.position import format_time
 from fpsboost.ui.choices import first_choices

@@ -27,12 +27,11 @@ from fpsboost.io.staging import JobFingerprint, StagingDirectory, fingerprint_op
 from fpsboost.io.vectors.flow_files import write_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
-from fpsboost.io.video.chunks import Times, find_chunks
+from fpsboost.io.video.chunks import ChunkEncoder, Times, find_chunks
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.video_chunks import ChunkEncoder
 from fpsboost.method_table import find_method, methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.observer import Summary

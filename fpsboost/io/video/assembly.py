@@ -29,7 +29,7 @@ class Assembly:
     Parameters
     ----------
     path : Path
-        Path of the staged file; the caller renames it to its final name.
+        Staged file; the caller renames it to its final name.
     template : av.VideoStream
         Stream with an open encoder that is set up like the encoder of the chunks.
     output : Output
@@ -122,25 +122,25 @@ class Assembly:
 
     def _mux(self, chunks: Sequence[Chunk]) -> None:
         """Mux the video packets, each after the next is read, since the last duration is known only at the end."""
-        held: av.Packet[Any] | None = None
+        last: av.Packet[Any] | None = None
         first_pts = first_dts = end_pts = 0
         decoding_times = decoding_times_of(chunks)
         for packet in (packet for chunk in chunks for packet in chunk.packets()):
             packet.dts, packet.time_base, packet.stream = next(decoding_times), self._time_base, self._stream
             assert packet.pts is not None
-            if held is None:
+            if last is None:
                 first_pts, first_dts = packet.pts, packet.dts or 0
             else:
-                self._mux_one(held)
+                self._mux_one(last)
             end_pts = max(end_pts, packet.pts + (packet.duration or 0))
-            held = packet
-        if held is None:
+            last = packet
+        if last is None:
             raise OutputError(f"{self._name} was not written because its encoder made nothing; try another `codec`.")
-        if self._container in EXACT_TIME_BASE_CONTAINERS and held.dts is not None:
+        if self._container in EXACT_TIME_BASE_CONTAINERS and last.dts is not None:
             # The duration of an mp4 track is a sum of decoding time differences; only the last one can be chosen.
-            left = (end_pts - first_pts) - (held.dts - first_dts)
-            held.duration = left if left > 0 else held.duration
-        self._mux_one(held)
+            left = (end_pts - first_pts) - (last.dts - first_dts)
+            last.duration = left if left > 0 else last.duration
+        self._mux_one(last)
 
     def _mux_one(self, packet: av.Packet[Any]) -> None:
         assert self._output is not None
@@ -158,21 +158,21 @@ def decoding_times_of(chunks: Sequence[Chunk]) -> Iterator[int]:
     decoding times are not used: for fewer pictures than x265 buffers, they are far before the presentation times.
     """
     delay = max(_delay_of(chunk) for chunk in chunks)
-    shown: deque[int] = deque()
+    presented: deque[int] = deque()
     for number, chunk in enumerate(chunks):
         in_order = sorted(times.pts for times in chunk.times())
         if number == 0:
             shift = in_order[min(delay, len(in_order) - 1)] - in_order[0]
-            shown.extend(pts - shift for pts in in_order[:delay])
+            presented.extend(pts - shift for pts in in_order[:delay])
         for pts in in_order:
-            shown.append(pts)
-            yield shown.popleft()
+            presented.append(pts)
+            yield presented.popleft()
 
 
 def _delay_of(chunk: Chunk) -> int:
     """Return the number of packets that are decoded before the first one is presented."""
     times = list(chunk.times())
-    in_order = sorted(each.pts for each in times)
+    in_order = sorted(entry.pts for entry in times)
     places = {pts: place for place, pts in enumerate(in_order)}
-    needed = max((index - places[each.pts] for index, each in enumerate(times)), default=0)
-    return max(needed, sum(each.dts is not None and each.dts < in_order[0] for each in times))
+    needed = max((index - places[entry.pts] for index, entry in enumerate(times)), default=0)
+    return max(needed, sum(entry.dts is not None and entry.dts < in_order[0] for entry in times))

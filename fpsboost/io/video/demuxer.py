@@ -48,14 +48,6 @@ UNTIMED_FORMAT = "avi"
 class Demuxer:
     """Video file with one of its video streams chosen, which can be read again from its beginning.
 
-    Parameters
-    ----------
-    path : Path
-    name : str
-        Name of the file in messages.
-    wanted : int or None
-        Number of the video stream; see `choose_video`.
-
     Attributes
     ----------
     container : av.container.InputContainer
@@ -64,7 +56,7 @@ class Demuxer:
     furthest : Fraction
         End of the last packet of video, sound or subtitles read so far, seconds on the file's own clock.
     last_start : Fraction
-        Start of the last video packet in presentation order read so far, seconds on the file's own clock.
+        Presentation time of the last video packet read so far, seconds on the file's own clock.
     """
 
     def __init__(self, path: Path, name: str, wanted: int | None) -> None:
@@ -109,7 +101,6 @@ class Demuxer:
         self._decode_in_threads()
 
     def close(self) -> None:
-        """Close the file."""
         self.container.close()
 
     def _decode_in_threads(self) -> None:
@@ -138,17 +129,9 @@ def open_video(path: Path, name: str) -> av.container.InputContainer:
 
 
 def choose_video(container: av.container.InputContainer, name: str, wanted: int | None) -> av.VideoStream:
-    """Choose a video stream: the one asked for, or the one that FFmpeg considers the best.
+    """Choose a video stream: the one with the number `wanted`, or the one that FFmpeg considers the best.
 
     That is the largest one, where the default flag outweighs all but very large sizes; among equals, the first.
-
-    Parameters
-    ----------
-    container : av.container.InputContainer
-    name : str
-        Name of the file in messages.
-    wanted : int or None
-        Number of a stream in the file.
 
     Raises
     ------
@@ -222,16 +205,9 @@ def read_packets(
 ) -> Iterator[av.Packet[Any]]:
     """Yield the non-empty packets of the wanted streams, past damaged places and with clock jumps removed.
 
-    If a container has no presentation times, they are set from the decoding times; `ReorderBuffer` corrects them.
-
-    Parameters
-    ----------
-    container : av.container.InputContainer
-        Its other streams are discarded from now on, so that damage to them has no effect.
-    wanted : collection of int
-        Numbers of the streams.
-    damage : Damage
-        Counts of unreadable places and clock jumps, which are updated.
+    All other streams are discarded from now on, so that damage to them has no effect. If a container has no
+    presentation times, they are set from the decoding times; `ReorderBuffer` corrects them. Unreadable places and clock
+    jumps are counted in `damage`.
     """
     clock = ContinuousClock() if clock_may_jump(container) else None
     for stream in container.streams:
@@ -272,12 +248,7 @@ class ContinuousClock:
 
     Streams jump at different places of the file because their packets are interleaved. The first stream to jump
     determines the offset of everything after it, so that video and audio keep the distance that they have in each
-    recording.
-
-    Attributes
-    ----------
-    jumps : int
-        Number of jumps, each from the end of one recording to the start of the next.
+    recording. `jumps` counts them.
     """
 
     def __init__(self) -> None:

@@ -103,13 +103,7 @@ class VideoEncoder:
         return self._stream
 
     def encode(self, frame: Frame, pts: int, duration: int) -> list[av.Packet[Any]]:
-        """Encode one frame and return the packets that are ready; times are in ticks.
-
-        Raises
-        ------
-        OutputError, av.error.FFmpegError
-            The encoder fails.
-        """
+        """Encode one frame and return the packets that are ready; times are in ticks."""
         stream = self.stream
         time_base = self._timing.time_base
         picture = as_picture(
@@ -276,21 +270,9 @@ def unchanged_priority() -> Iterator[None]:
 def with_hdr(
     options: Mapping[str, str], encoder: str, display: MasteringDisplay | None, light: LightLevel | None
 ) -> tuple[dict[str, str], bool]:
-    """Add the mastering display and the light levels to an encoder's options.
+    """Add mastering display and light levels to an encoder's options, and return whether these hold all of both.
 
-    Parameters
-    ----------
-    options : mapping of str to str
-        The encoder's options; parameters that are already there are kept and take precedence.
-    encoder : str
-        FFmpeg's name.
-    display : MasteringDisplay or None
-    light : LightLevel or None
-
-    Returns
-    -------
-    dict of str to str, bool
-        The options, and whether they hold all the metadata.
+    Parameters that are already there are kept and take precedence.
     """
     if encoder not in _parameters:
         return dict(options), display is None and light is None

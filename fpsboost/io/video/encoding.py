@@ -166,14 +166,7 @@ def choose_encoder(
 
 
 def encodes_alpha(encoding: Encoding, container: str) -> bool:
-    """Return whether the encoder, pixel format and container that were asked for can hold alpha.
-
-    Parameters
-    ----------
-    encoding : Encoding
-        Encoding with a codec that `choose_encoder` accepts; False for any other.
-    container : str
-    """
+    """Return whether the encoder, pixel format and container that were asked for can hold alpha; False if unknown."""
     asked = encoding.codec or default_codec(container, encoding.pixel_format or "yuv420p")
     encoder = encoders[asked.lower()].name if asked.lower() in encoders else asked
     try:
@@ -301,15 +294,7 @@ def needs_hardware(encoder: str) -> bool:
 
 
 def holds(container: str, codec: str) -> bool:
-    """Return whether a container holds a codec.
-
-    Parameters
-    ----------
-    container : str
-        FFmpeg's name, ``matroska``.
-    codec : str
-        Name of the codec's encoder or decoder; False if it is empty.
-    """
+    """Return whether a container (FFmpeg's name, ``matroska``) holds the codec of an encoder or decoder."""
     with av.open(BytesIO(), "w", format=container) as probe:
         listed = codec in probe.supported_codecs
     return listed and (container != "mov" or codec in UNTESTABLE_CODECS or _writes_header(container, codec))

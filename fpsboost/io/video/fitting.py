@@ -1,4 +1,4 @@
-"""Decide before any work which streams of a file a container holds, and how the other streams are converted."""
+"""Decide before any work which streams of a file a container holds and how the others are converted, and list them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from av.codec.codec import Properties
 
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.output import Output
-from fpsboost.io.video.demuxer import open_video
+from fpsboost.io.stream_info import VideoFile
+from fpsboost.io.video.demuxer import is_cover_art, open_video
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoded_sound import can_encode
+from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, friendly_name
 from fpsboost.io.video.encoding import containers, holds
-from fpsboost.io.video.sound_encoders import choose_sound_encoder, defaults, friendly_name
+from fpsboost.io.video.tags import find_timecode
 
 MAX_PROBED_PACKETS = 200
 """Maximum number of packets that are read to find the first packet of each stream."""
@@ -256,3 +257,67 @@ def open_muxer(path: Path, container: str, *, any_codec: bool = False) -> av.con
         return av.open(f"[f={container}]{escaped}", "w", format="tee")
     options = {"movflags": "+faststart"} if container in ("mp4", "mov") else {}
     return av.open(place, "w", format=container, container_options=options)
+
+
+@dataclass(frozen=True)
+class StreamFacts:
+    """Properties of one stream of a file.
+
+    Attributes
+    ----------
+    index : int
+        Number of the stream in the file.
+    kind : str
+        ``video``, ``audio``, ``subtitle``, ``cover``, ``data`` or ``attachment``.
+    codec : str or None
+        FFmpeg's name of the format.
+    language, title : str or None
+        Language and title tags.
+    details : str
+        Frame size, or sample rate and channel layout.
+    carries_over : bool
+        Whether an .mp4 made of the video stream that is read holds this stream.
+    """
+
+    index: int
+    kind: str
+    codec: str | None
+    language: str | None
+    title: str | None
+    details: str
+    carries_over: bool
+
+
+def list_streams(file: VideoFile) -> list[StreamFacts]:
+    """Return the properties of all streams in a file."""
+    with open_video(file.path, file.name) as container:
+        streams = list(container.streams)
+        samples = first_packets(container, [each for each in streams if each.type in ("audio", "subtitle")])
+        return [_facts_of(each, file.stream_index, samples.get(each.index)) for each in streams]
+
+
+def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) -> StreamFacts:
+    context: Any = stream.codec_context
+    kind: str = "cover" if stream.type == "video" and is_cover_art(stream) else stream.type
+    details = ""
+    if stream.type == "video" and context:
+        details = f"{context.width}x{context.height}"
+    elif stream.type == "audio" and context:
+        details = f"{context.sample_rate} Hz, {context.layout.name}"
+    if kind in ("audio", "subtitle"):
+        carries_over = fits("mp4", stream, sample) or is_text(stream)
+    elif kind == "cover":
+        carries_over = stream.name in ("png", "mjpeg")
+    elif kind == "data":
+        carries_over = bool(find_timecode(stream.metadata)) or keeps_data("mp4", stream)
+    else:
+        carries_over = stream.index == converted
+    return StreamFacts(
+        stream.index,
+        kind,
+        context.codec.canonical_name if context else None,
+        stream.metadata.get("language"),
+        stream.metadata.get("title", stream.metadata.get("name")),
+        details,
+        carries_over,
+    )

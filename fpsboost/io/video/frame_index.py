@@ -40,16 +40,14 @@ MPEG2_PICTURE, MPEG4_PICTURE = b"\x00\x00\x01\x00", b"\x00\x00\x01\xb6"
 
 
 class TickTimes(Sequence[Fraction]):
-    """Times in whole ticks as a sequence of exact seconds, which are made when they are asked for.
+    """Times in whole ticks as a sequence of exact seconds, which are computed when they are asked for.
 
     Parameters
     ----------
     ticks : (N,) int64
         Strictly increasing.
-    tick : Fraction
-        Seconds per tick.
-    start : Fraction
-        What becomes 0, seconds.
+    tick, start : Fraction
+        Seconds per tick, and what becomes 0, seconds.
 
     Examples
     --------
@@ -91,11 +89,9 @@ class EntryPoint:
     Attributes
     ----------
     number : int
-        Number of the first frame that is shown when decoding begins here.
-    pts : int
-        Presentation time of its packet, ticks.
-    dts : int or None
-        Decoding time of its packet, ticks.
+        Number of the first frame that is presented when decoding begins here.
+    pts, dts : int, int or None
+        Presentation and decoding time of its packet, ticks.
     """
 
     number: int
@@ -130,13 +126,6 @@ class UnindexedError(Exception):
 
 def read_index(path: Path, video: int) -> FrameIndex:
     """List all packets of a video stream and return what they tell of its frames.
-
-    Parameters
-    ----------
-    path : Path
-        A file that FFmpeg can read.
-    video : int
-        Number of the stream.
 
     Raises
     ------
@@ -218,11 +207,8 @@ def _entry_points(
 def can_begin(stream: av.VideoStream, packet: av.Packet[Any]) -> bool:
     """Return whether decoding that begins at a packet gives the same pictures, from this one on, as decoding all.
 
-    Parameters
-    ----------
-    stream : av.VideoStream
-    packet : av.Packet
-        One of its packets, marked as a key frame.
+    Containers call a packet a key frame also where pictures are refreshed little by little (`intra refresh`), so that a
+    decoder that begins there shows something, but not the same.
     """
     codec, header = stream.codec_context.codec, stream.codec_context.extradata
     check = checks.get(codec.canonical_name)
@@ -332,16 +318,11 @@ def _units(data: bytes, header: bytes | None, place_of_length: int) -> Iterator[
 
 
 class HeaderReader:
-    """File for FFmpeg whose content is zeros from a moment on.
+    """File for FFmpeg whose content is zeros while `is_blank`.
 
-    Parameters
-    ----------
-    path : Path
-
-    Attributes
-    ----------
-    is_blank : bool
-        Whether to return zeros, as many as the file has bytes.
+    The header of an MP4 or QuickTime file says where each packet lies, how long it is and when it is presented. FFmpeg
+    gives all that only with the packet itself, so it is given zeros for what lies behind the header: a film of 100 GB
+    is listed without reading it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -363,17 +344,14 @@ class HeaderReader:
         return data
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go to a place; return it."""
         base = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._size}[whence]
         self._place = base + offset
         return self._place
 
     def tell(self) -> int:
-        """Return the place."""
         return self._place
 
     def close(self) -> None:
-        """Close the file."""
         self._file.close()
 
 

@@ -36,24 +36,14 @@ CHECKED_PICTURES = 2 * MAX_REORDERED
 class PictureReader:
     """Pictures of a video stream, which begin at the first one until another place is asked for.
 
-    Parameters
-    ----------
-    demuxer : Demuxer
-    clock : VideoClock
-    file : VideoFile
-    deinterlace, keeps_alpha, remarks
-        See `Pictures`.
-
     Attributes
     ----------
     pictures : Pictures
         Pictures from the current place on.
     index : FrameIndex or None
         Index of the frames, once it is known.
-    first : int
-        Number of the first frame that comes.
-    dropped : int
-        Number of frames to leave out, since decoding could not begin later.
+    first, dropped : int
+        Number of the first frame that comes, and of frames to leave out, since decoding could not begin later.
     """
 
     def __init__(

@@ -40,9 +40,9 @@ class Pictures(Iterator[av.VideoFrame]):
     deinterlace : bool
         Make two pictures of each.
     keeps_alpha : bool
-        Decode alpha that is stored beside the picture.
+        Decode alpha that is stored beside the picture; else there is a remark.
     remarks : list of str
-        A remark is added if such alpha is not decoded.
+        Remarks so far, to which that one is added.
 
     Attributes
     ----------
@@ -172,18 +172,8 @@ class ReorderBuffer(Generic[P]):
 
     AVI, and MP4 without composition offsets, store decoding times only; the presentation times that FFmpeg derives from
     them are wrong where pictures are reordered. The order in which a decoder outputs pictures is right. Pictures wait
-    only while the decoder still has to output one with an earlier time.
-
-    Parameters
-    ----------
-    interval : float
-        Usual picture interval, ticks. If sorted times are closer than half of it, they were not interchanged but
-        damaged, and are left unchanged.
-
-    Attributes
-    ----------
-    has_interchanged : bool
-        Whether pictures have come with interchanged times.
+    only while the decoder still has to output one with an earlier time. If sorted times are closer than half the usual
+    `interval`, in ticks, they were not interchanged but damaged, and are left unchanged.
     """
 
     def __init__(self, interval: float) -> None:
@@ -383,18 +373,10 @@ def _is_small(value: int, other: int) -> bool:
 
 
 def turned_upright(image: Image, matrix: tuple[int, ...] | None) -> Image:
-    """Rotate and flip a picture according to its display matrix.
+    """Rotate and flip an image (H, W, C) according to its display matrix.
 
-    Parameters
-    ----------
-    image : (H, W, C)
-    matrix : tuple of 9 int or None
-        Maps (x, y) to (a x + c y, b x + d y), with a, b, c and d at indices 0, 1, 3 and 4. Rotations by other angles
-        than quarter turns are not applied.
-
-    Returns
-    -------
-    (H, W, C) or (W, H, C)
+    The matrix maps (x, y) to (a x + c y, b x + d y), with a, b, c and d at indices 0, 1, 3 and 4. Rotations by other
+    angles than quarter turns are not applied.
     """
     if matrix is None:
         return image

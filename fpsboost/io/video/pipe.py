@@ -35,7 +35,7 @@ from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
-from fpsboost.io.video.nominal_rate import ASSUMED_RATE, assumed_rate_remark
+from fpsboost.io.video.clock import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.planes import as_picture, coding_of, in_planes
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
 from fpsboost.io.video.traits import VideoTraits

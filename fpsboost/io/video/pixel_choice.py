@@ -32,12 +32,10 @@ def choose_pixel_format(
 
     Parameters
     ----------
-    encoder : str
-        FFmpeg's name.
+    encoder, container : str
+        FFmpeg's names.
     encoding : Encoding
         Encoding options of the user.
-    container : str
-        FFmpeg's name.
     source : str
         Pixel format of the source.
     info : ClipInfo

@@ -23,12 +23,11 @@ from fpsboost.io.output import Output
 from fpsboost.io.part_folder import PartFolder
 from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
-from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk
+from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, VideoChunks
 from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, VIDEO_SUFFIXES, containers
 from fpsboost.io.video.fitting import fit_streams
 from fpsboost.io.video.traits import VideoTraits
-from fpsboost.io.video.video_chunks import VideoChunks
 from fpsboost.io.writable import check_writable
 
 
@@ -133,12 +132,6 @@ class VideoSink:
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
         """Take chunks that were encoded elsewhere, all of the output's, instead of frames.
 
-        Parameters
-        ----------
-        chunks : sequence of Chunk
-        traits : VideoTraits
-            Traits of the source's first frame.
-
         Raises
         ------
         OutputError
@@ -181,12 +174,7 @@ class VideoSink:
 class VideoPartSink:
     """Sink that encodes the frames of a part into chunks, in a folder that appears when the part is complete.
 
-    Parameters
-    ----------
-    output : Output
-        With a part that begins with a chunk. Its path is that of the whole video.
-    chunk_frames : int
-        Frames per chunk.
+    The part begins with a chunk; the output's path is that of the whole video.
 
     Raises
     ------
@@ -265,13 +253,7 @@ class VideoPartSink:
 
 
 def container_of(path: Path, name: str) -> str:
-    """Return FFmpeg's name of the container that a file name asks for.
-
-    Raises
-    ------
-    OutputError
-        It asks for none.
-    """
+    """Return FFmpeg's name of the container that a file name asks for; raise `OutputError` if it asks for none."""
     suffix = path.suffix.lower()
     if suffix not in containers:
         raise OutputError(f"{name} has no suffix of a video file; use one of {', '.join(VIDEO_SUFFIXES)}.")

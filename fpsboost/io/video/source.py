@@ -21,17 +21,18 @@ from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.stream_info import StreamInfo, VideoFile
-from fpsboost.io.video.clock import VideoClock, in_rising_order
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video
-from fpsboost.io.video.frame_index import FrameIndex
-from fpsboost.io.video.nominal_rate import (
+from fpsboost.io.video.clock import (
+    VideoClock,
     assumed_rate_remark,
     declared_duration,
+    in_rising_order,
     measured_cadence,
     nominal_rate,
     survey,
 )
+from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video
+from fpsboost.io.video.frame_index import FrameIndex
 from fpsboost.io.video.picture_reader import PictureReader
 from fpsboost.io.video.pictures import FormatUnifier, is_on_its_side, turned_upright
 from fpsboost.io.video.planes import coding_of, in_planes

@@ -46,10 +46,8 @@ class LightLevel:
 
     Attributes
     ----------
-    brightest_pixel : int
-        MaxCLL, the maximum content light level.
-    brightest_frame : int
-        MaxFALL, the maximum frame-average light level.
+    brightest_pixel, brightest_frame : int
+        MaxCLL and MaxFALL: the maximum content light level, and the maximum frame-average light level.
     """
 
     brightest_pixel: int
@@ -113,14 +111,6 @@ def read_traits(
     picture: av.VideoFrame, stream: av.VideoStream, reformatter: VideoReformatter, name: str
 ) -> VideoTraits:
     """Return the traits of a stream, read from its first picture.
-
-    Parameters
-    ----------
-    picture : av.VideoFrame
-    stream : av.VideoStream
-    reformatter : VideoReformatter
-    name : str
-        Name of the clip in messages.
 
     Raises
     ------

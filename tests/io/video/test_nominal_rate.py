@@ -13,7 +13,7 @@ from conversion_options import keeping_duplicates
 from video_truth import scene, write_clip
 
 from fpsboost import convert
-from fpsboost.io.video.nominal_rate import measured_cadence, nominal_rate
+from fpsboost.io.video.clock import measured_cadence, nominal_rate
 from fpsboost.io.video.source import VideoSource
 
 TICK = Fraction(1, 90_000)
