@@ -16,7 +16,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.observer import SilentObserver, Summary
-from fpsboost.parts.making import plan_part, share_index
+from fpsboost.parts.plan import plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, exposed, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import OutputRange, run_conversion

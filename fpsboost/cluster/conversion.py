@@ -26,9 +26,8 @@ from fpsboost.io.part_folder import remove_if_empty
 from fpsboost.io.staging import JobFingerprint
 from fpsboost.observer import SilentObserver, Summary
 from fpsboost.parts.join import join
-from fpsboost.parts.making import facts_of, share_index
-from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference
-from fpsboost.parts.plan import PlannedPart, plan_parts
+from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference
+from fpsboost.parts.plan import PlannedPart, plan_parts, share_index
 from fpsboost.preparation import ConversionJob, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 

@@ -27,8 +27,7 @@ from fpsboost.errors import ClusterError, CompleteAlreadyError, FpsboostError, I
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.part import Part, part_folder
 from fpsboost.observer import SilentObserver, Summary
-from fpsboost.parts.making import facts_of, program_facts
-from fpsboost.parts.manifest import first_difference
+from fpsboost.parts.manifest import facts_of, first_difference, program_facts
 from fpsboost.preparation import ConversionJob, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import one_opencv_thread
@@ -199,7 +198,7 @@ def make_part(task: PartTask, observer: WorkerObserver) -> Path:
 
 
 def job_facts(job: ConversionJob) -> dict[str, str]:
-    """Return everything that must be the same wherever parts of a job are made; see `fpsboost.parts.making.facts_of`.
+    """Return everything that must be the same wherever parts of a job are made; see `fpsboost.parts.manifest.facts_of`.
 
     Raises
     ------

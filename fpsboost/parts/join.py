@@ -12,7 +12,6 @@ from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import Pixels
 from fpsboost.io.images.numbered import ImageSink
 from fpsboost.io.part_folder import part_files
-from fpsboost.io.staging import identify_files
 from fpsboost.io.target import Target
 from fpsboost.io.trim import Window
 from fpsboost.io.video.chunks import Chunk, complete_chunk
@@ -20,7 +19,7 @@ from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.method_table import find_method
 from fpsboost.observer import Observer, SilentObserver, Summary
-from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, stored
+from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, first_difference, input_identity, stored
 from fpsboost.preparation import ConversionJob, OpenedClip, closing_remarks, opened_clip, prepare
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals
@@ -187,9 +186,7 @@ def _check_files(folder: Path, manifest: Manifest) -> None:
 
 
 def _check_input(clip: OpenedClip, manifest: Manifest) -> None:
-    with explained(InputError, "read", clip.whole.info.name, "check that it is still there"):
-        identity = identify_files(clip.whole.stream_info.files)
-    if identity != manifest.facts.get("input"):
+    if input_identity(clip) != manifest.facts.get("input"):
         raise InputError(f"{clip.whole.info.name} is not what the parts were made of; name that with `input`.")
 
 

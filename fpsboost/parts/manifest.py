@@ -1,23 +1,30 @@
-"""Manifest of a part: the job that it belongs to, what it holds, and what to know of it to join it with the others."""
+"""Manifest of a part: the job that it belongs to, its files, and the facts by which it is joined with the others."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
+from fractions import Fraction
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, get_args, get_origin, get_type_hints
+
+import cv2
 
 from fpsboost.errors import InputError, explained
 from fpsboost.io.part import Part
-from fpsboost.io.staging import write_safely
+from fpsboost.io.staging import fingerprint_options, identify_files, write_safely
 from fpsboost.io.trim import Window
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.pyav import pyav_version
 from fpsboost.observer import LowestMatch, SourceMoment
-from fpsboost.parts.stored_options import as_json, from_json
+from fpsboost.parts.self_test import digest_of, self_test
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, opened_clip
+from fpsboost.run_options import RunOptions
 from fpsboost.timing.rate import FrameIntervals, OutputRate
+from fpsboost.version import __version__
 
 MANIFEST_NAME = "part.json"
 FORMAT = 2
@@ -35,7 +42,7 @@ class StoredFile:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What is known of a part.
+    """Description of a part, in a file beside its frames.
 
     Attributes
     ----------
@@ -136,3 +143,116 @@ def first_difference(facts: Mapping[str, str], others: Mapping[str, str]) -> str
         if facts.get(key) != others.get(key):
             return key.rpartition(".")[2].replace("_", " ")
     return None
+
+
+def program_facts() -> dict[str, str]:
+    """Return the versions that must be the same for the same result."""
+    from importlib.metadata import version  # noqa: PLC0415 (it imports a dozen modules, and few runs make parts)
+
+    libraries = f"PyAV {pyav_version()}, OpenCV {cv2.__version__}, numba {version('numba')}"
+    return {"fpsboost": f"fpsboost {__version__}", "libraries": libraries}
+
+
+def input_identity(clip: OpenedClip) -> str:
+    """Return the identity of a clip's files; see `fpsboost.io.staging.identify_files`."""
+    with explained(InputError, "read", clip.whole.info.name, "check that it is still there"):
+        return identify_files(clip.whole.stream_info.files)
+
+
+def facts_of(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> dict[str, str]:
+    """Return everything that must be the same wherever parts of a job are made.
+
+    These are the content of the input (by size, beginning and end), all options, the versions of the programs, and
+    digests of the first frame and of interpolated ones, by which machines tell whether they decode and calculate alike.
+
+    Raises
+    ------
+    InputError
+        The input cannot be read.
+    """
+    name = clip.whole.info.name
+    with opened_clip(job, run) as again:
+        image = next(iter(again.whole)).image
+    with explained(InputError, "read", name, "check that it is still there"):
+        return fingerprint_options(
+            identify_files,
+            **program_facts(),
+            first_frame=digest_of(image),
+            self_test=self_test(ready.interpolator, image),
+            input=input_identity(clip),
+            output_type=ready.target.file_type,
+            rate=job.rate,
+            method=job.method,
+            decoding=job.decoding,
+            encoding=job.encoding,
+        )
+
+
+def as_json(value: Any) -> Any:
+    """Return a dataclass as JSON knows it: objects for dataclasses, text for fractions.
+
+    Examples
+    --------
+    >>> from fpsboost.timing.rate import OutputRate
+    >>> as_json(OutputRate(Fraction(5, 2)))["factor"]
+    '5/2'
+    """
+    if is_dataclass(value):
+        return {field.name: as_json(getattr(value, field.name)) for field in fields(value) if field.init}
+    if isinstance(value, Fraction):
+        return str(value)
+    if isinstance(value, dict):
+        return {str(key): as_json(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [as_json(each) for each in value]
+    return value
+
+
+def from_json(kind: Any, value: Any) -> Any:
+    """Return the object of a type that `as_json` has stored.
+
+    Parameters
+    ----------
+    kind : type
+        A dataclass, Fraction, str, int, float, bool, a list, tuple or dict of these, or a union of one with None.
+    value : object
+        Result of `as_json`.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        The value was stored by something else.
+
+    Examples
+    --------
+    >>> from fpsboost.timing.rate import OutputRate
+    >>> from_json(OutputRate, as_json(OutputRate(Fraction(5, 2)))).factor
+    Fraction(5, 2)
+    """
+    if value is None:
+        return None
+    choices = [each for each in get_args(kind) if each is not type(None)] if _is_union(kind) else [kind]
+    if Fraction in choices:
+        return Fraction(value)
+    (kind, *_) = choices
+    if is_dataclass(kind):
+        hints = get_type_hints(kind)
+        return kind(**{name: from_json(hints[name], each) for name, each in value.items()})  # type: ignore[operator]
+    return _collection(kind, value) if get_args(kind) else value
+
+
+def _collection(kind: Any, value: Any) -> Any:
+    """Return a list, tuple or dict; values of a Literal as they are."""
+    items = get_args(kind)
+    if get_origin(kind) is dict:
+        return {items[0](key): from_json(items[1], each) for key, each in value.items()}
+    if get_origin(kind) is list:
+        return [from_json(items[0], each) for each in value]
+    if get_origin(kind) is tuple:
+        kinds = [items[0]] * len(value) if items[-1] is Ellipsis else items
+        return tuple(from_json(each, item) for each, item in zip(kinds, value, strict=True))
+    return value
+
+
+def _is_union(kind: Any) -> bool:
+    return type(None) in get_args(kind) or Fraction in get_args(kind)

@@ -1,16 +1,134 @@
-"""Plan of the parts of a conversion: how many there are, and how much work each is."""
+"""Plan of the parts of a conversion: their output frames, the work that each one is, and where its source begins.
+
+The list of a video's frames is left in a file beside the parts, so that not every part has to read the whole video.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import io
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from itertools import pairwise
+from pathlib import Path
 
+import numpy as np
+
+from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.errors import OptionError
+from fpsboost.frame import Frame
+from fpsboost.io import FrameSource, RandomAccess, SharesIndex
+from fpsboost.io.output import OutputPart
 from fpsboost.io.part import MAX_PARTS, Part, part_folder
+from fpsboost.io.part_folder import INDEX_NAME, part_files
+from fpsboost.io.staging import write_safely
 from fpsboost.io.video.chunks import CHUNK_FRAMES
-from fpsboost.parts.making import count_outputs, frame_times, outputs_of
-from fpsboost.preparation import ConversionJob, OpenedClip, Preparation
+from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
+from fpsboost.observer import Summary
+from fpsboost.parts.entry import find_entry
+from fpsboost.parts.manifest import Manifest, facts_of, input_identity, stored
+from fpsboost.preparation import ConversionJob, OpenedClip, Preparation, exposed, opened_clip
+from fpsboost.run_options import RunOptions
+from fpsboost.streaming import OutputRange
 from fpsboost.timing.output_numbers import OutputNumbers
+from fpsboost.timing.schedule import ByFactor, count_frames
+
+NO_TIME = np.iinfo(np.int64).min
+"""Number in a list of frames for a time that is not known."""
+
+
+@dataclass
+class PartPlan:
+    """Part of a conversion that is being made.
+
+    Attributes
+    ----------
+    part : Part
+    outputs : OutputRange
+        Its output frames.
+    output : OutputPart
+        Its folder, for its sink.
+    remarks : list of str
+        What is to be said of how its source is read.
+    summary : Summary or None
+        Result of the loop, once it has run.
+    """
+
+    part: Part
+    outputs: OutputRange
+    output: OutputPart
+    remarks: list[str] = field(default_factory=list)
+    summary: Summary | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are more parts than chunks, so that this one has no frames."""
+        return self.outputs.first == self.outputs.stop
+
+
+def plan_part(job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation) -> PartPlan:
+    """Choose the output frames of a part, and begin to read the source where it needs to be read for them.
+
+    Parts are whole chunks of a video, in which its encoder begins anew, or any frames of images. All runs cut a job in
+    the same way.
+
+    Parameters
+    ----------
+    job : ConversionJob
+    run : RunOptions
+        With `chunk`.
+    clip : OpenedClip
+        Not read yet.
+    ready : Preparation
+
+    Raises
+    ------
+    OptionError
+        The input or the output cannot be cut into parts.
+    """
+    assert run.chunk is not None
+    ready.target.check_parts()
+    if not clip.whole.stream_info.files:
+        raise OptionError("`chunk` reads a part of a file, and standard input is none; name a file.")
+    source, folder = clip.source, part_folder(ready.target.path, run.chunk)
+    times = frame_times(clip, folder.parent)
+    total = count_outputs(job, clip, ready, times)
+    if total is None:
+        raise OptionError(
+            f"{source.info.name} does not say how many frames it holds; convert it whole, without `chunk`."
+        )
+    outputs = outputs_of(run.chunk, total, CHUNK_FRAMES if ready.target.kind == "video" else 1)
+    plan: PartPlan
+
+    def complete(folder: Path) -> None:
+        manifest_of(plan, job, run, clip, ready, folder).write(folder)
+
+    frames = (total if outputs.stop is None else outputs.stop) - outputs.first
+    plan = PartPlan(run.chunk, outputs, OutputPart(folder, outputs.first, frames, complete))
+    if outputs.first == 0 or plan.is_empty:
+        return plan
+    if times is None or not isinstance(source, RandomAccess):
+        plan.remarks.append(
+            f"{source.info.name} does not list its frames, so that all those before a part were decoded for it."
+        )
+        return plan
+    detector = None if ready.interpolator.needs_every_frame else ready.interpolator.duplicates
+    schedule = exposed(ready.base_schedule, job.rate)
+
+    @contextmanager
+    def read_from(number: int) -> Iterator[Iterator[Frame]]:
+        with opened_clip(job, run) as again:
+            assert isinstance(again.source, RandomAccess)
+            hand_over_index(source, again.source)
+            again.source.begin_at(number)
+            yield iter(again.source)
+
+    entry = find_entry(times, schedule, detector, outputs.first, read_from)
+    source.begin_at(entry.number)
+    plan.outputs = replace(outputs, entry=entry)
+    return plan
 
 
 @dataclass(frozen=True)
@@ -73,3 +191,125 @@ def plan_parts(job: ConversionJob, clip: OpenedClip, ready: Preparation, count: 
         PlannedPart(part, of_part, of_part + float(of_source))
         for part, of_part, of_source in zip(parts, frames, pairs, strict=True)
     ]
+
+
+def frame_times(clip: OpenedClip, folder: Path) -> Sequence[Fraction] | None:
+    """Return the times of all frames, from the list in the folder of all parts if it is there; None if none tells."""
+    source = clip.source
+    if not isinstance(source, RandomAccess):
+        return None
+    if isinstance(source, SharesIndex) and (folder / INDEX_NAME).exists():
+        index = read_index(folder, input_identity(clip))
+        if index is not None:
+            source.take_index(index)
+    return source.frame_times()
+
+
+def share_index(clip: OpenedClip, folder: Path) -> None:
+    """Leave the list of frames for other parts in the folder of all parts, if it was read from the whole file."""
+    source = clip.source
+    if isinstance(source, SharesIndex) and source.frame_index is not None:
+        write_index(folder, input_identity(clip), source.frame_index)
+
+
+def hand_over_index(source: FrameSource, other: FrameSource) -> None:
+    """Give the list of frames of a source to another one of the same file."""
+    if isinstance(source, SharesIndex) and isinstance(other, SharesIndex) and source.frame_index is not None:
+        other.take_index(source.frame_index)
+
+
+def count_outputs(
+    job: ConversionJob, clip: OpenedClip, ready: Preparation, times: Sequence[Fraction] | None
+) -> int | None:
+    """Return the number of output frames by which a job is cut; None if nothing tells before all is decoded."""
+    info = clip.source.info
+    if times:
+        info = replace(info, frame_count=len(times), duration=times[-1] - times[0] + 1 / info.rate)
+    return count_frames(ready.base_schedule, info, ready.target.has_clock)
+
+
+def outputs_of(part: Part, total: int, unit: int) -> OutputRange:
+    """Return the output frames of a part.
+
+    Parameters
+    ----------
+    part : Part
+    total : int
+        Number of all output frames, as far as it is known beforehand.
+    unit : int
+        Number of frames that stay together.
+
+    Examples
+    --------
+    >>> outputs_of(Part(2, 3), 1000, 240).first, outputs_of(Part(2, 3), 1000, 240).stop
+    (240, 720)
+    """
+    units = -(-total // unit)
+    first = units * (part.number - 1) // part.count * unit
+    stop = None if part.number == part.count else units * part.number // part.count * unit
+    return OutputRange(first, stop)
+
+
+def write_index(folder: Path, identity: str, index: FrameIndex) -> None:
+    """Write an index into the folder of all parts, unless it is there; nothing is lost where that is impossible.
+
+    Parameters
+    ----------
+    folder : Path
+    identity : str
+        Identity of the video; see `fpsboost.io.staging.identify_files`.
+    index : FrameIndex
+    """
+    points = [(point.number, point.pts, NO_TIME if point.dts is None else point.dts) for point in index.entry_points]
+    data = io.BytesIO()
+    np.savez_compressed(data, identity=identity, ticks=index.ticks, entry_points=np.array(points, np.int64))
+    with suppress(OSError):
+        if not (folder / INDEX_NAME).exists():
+            write_safely(folder / INDEX_NAME, data.getvalue())
+
+
+def read_index(folder: Path, identity: str) -> FrameIndex | None:
+    """Read the index of a video with this identity; None if there is none, or it is damaged."""
+    try:
+        with np.load(folder / INDEX_NAME, allow_pickle=False) as stored:
+            if str(stored["identity"]) != identity:
+                return None
+            points = [
+                EntryPoint(number, pts, None if dts == NO_TIME else dts)
+                for number, pts, dts in stored["entry_points"].reshape(-1, 3).tolist()
+            ]
+            return FrameIndex(stored["ticks"], points)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+
+
+def manifest_of(
+    plan: PartPlan, job: ConversionJob, run: RunOptions, clip: OpenedClip, ready: Preparation, folder: Path
+) -> Manifest:
+    """Return the manifest of a part whose files are complete."""
+    summary, outputs = plan.summary, plan.outputs
+    assert summary is not None
+    by_number = isinstance(ready.base_schedule, ByFactor) or job.method.match_grain or counts_frames(job.method.cuts)
+    return Manifest(
+        part=plan.part,
+        input=str(Path(job.input).absolute()),
+        output=ready.target.path,
+        rate=job.rate,
+        decoding=job.decoding,
+        encoding=job.encoding,
+        facts=facts_of(job, run, clip, ready),
+        first=outputs.first,
+        frames=summary.frames_out,
+        frames_made=summary.frames_made,
+        frames_read=summary.frames_in + (0 if outputs.entry is None else outputs.entry.number),
+        scene_cuts=summary.scene_cuts,
+        duplicates=summary.duplicates,
+        begins=summary.boundaries.get(outputs.first),
+        ends=None if outputs.stop is None else summary.boundaries.get(outputs.stop),
+        counts_frames=by_number,
+        window=clip.window,
+        intervals=summary.frame_intervals,
+        lowest_match=summary.lowest_match,
+        remarks=[*plan.remarks, *summary.remarks],
+        files=[stored(path) for path in part_files(folder)],
+    )

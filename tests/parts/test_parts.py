@@ -30,8 +30,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import find_method
 from fpsboost.observer import SilentObserver, Summary
 from fpsboost.parts.join import join
-from fpsboost.parts.manifest import MANIFEST_NAME, Manifest
-from fpsboost.parts.stored_options import as_json, from_json
+from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, as_json, from_json
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position
 from fpsboost.timing.rate import OutputRate
