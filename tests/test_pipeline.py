@@ -521,8 +521,8 @@ def test_memory_does_not_grow(monkeypatch, slow_side, holds, method, limit, thre
                 waited.clear()
                 assert read.is_set() or waited.wait(60)
 
-    monkeypatch.setattr(threads, "Queue", WatchedQueue)
-    monkeypatch.setattr(threads, "Semaphore", WatchedRoom)
+    monkeypatch.setattr("fpsboost.threads.Queue", WatchedQueue)
+    monkeypatch.setattr("fpsboost.threads.Semaphore", WatchedRoom)
     source, sink = FakeSource(frames()), ForgetfulSink(holds)
     summary = run_conversion(source, method, sink, ByFactor(Fraction(2)), threads=threads)
     assert summary.frames_in == 60

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fpsboost import threads
 from fpsboost.errors import OptionError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.method_table import methods
@@ -222,7 +221,7 @@ def test_the_expected_count_is_what_the_loop_writes(schedule, count, rate, holds
     """For factors and rates, for sinks that hold the last frame and sinks that end with it."""
     source, sink = Clip(count, rate), Shelf(holds_last_frame)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(threads, "POLL_INTERVAL", 0.001)
+        patch.setattr("fpsboost.threads.POLL_INTERVAL", 0.001)
         summary = run_conversion(source, methods["nearest"], sink, schedule)
     assert count_frames(schedule, source.info, holds_last_frame) == summary.frames_out == len(sink.frames)
     shown = [frame.time for frame in sink.frames]
@@ -235,7 +234,7 @@ def test_every_frame_is_shown_until_the_next_and_the_last_to_the_end(schedule, c
     """The durations of what a video sink gets add up to the source's, whether frames are added or dropped."""
     sink = Shelf(holds_last_frame=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(threads, "POLL_INTERVAL", 0.001)
+        patch.setattr("fpsboost.threads.POLL_INTERVAL", 0.001)
         run_conversion(Clip(count, rate), methods["nearest"], sink, schedule)
     ends = [frame.time + frame.duration for frame in sink.frames]
     assert ends == [*(frame.time for frame in sink.frames[1:]), count / rate]
