@@ -31,6 +31,7 @@ from scoring import (
     wide_console,
 )
 
+from fpsboost.colour import colour_components
 from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
@@ -41,7 +42,7 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import WHITE, level_scale
 from fpsboost.method_table import methods
 from fpsboost.motion import MotionEstimator, nlm
-from fpsboost.motion.colour import colour_components, padded_planes
+from fpsboost.motion.components import padded_planes
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
 from fpsboost.synthesis import FramePair, multi_hypothesis
@@ -69,7 +70,7 @@ def whole_pixels(field: MotionField) -> MotionField:
 
 
 def plain_planes(image: Image, padding: int, v: float) -> NDArray[np.uint8]:
-    """Return padded 8-bit planes like `fpsboost.motion.colour.contrast_planes`, from the report's colour components."""
+    """Return padded 8-bit planes like `contrast_planes` of the package, from the report's colour components."""
     values = padded_planes(colour_components(image), padding, 0, 2 * LANES, level_scale(v))
     return np.rint(values.clip(0, WHITE)).astype(np.uint8)
 

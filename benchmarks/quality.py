@@ -43,6 +43,7 @@ from scoring import (
     wide_console,
 )
 
+from fpsboost.colour import normalised
 from fpsboost.errors import FpsboostError, InputError, OptionError
 from fpsboost.evaluation.further_metrics import choose_metrics
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
@@ -50,7 +51,6 @@ from fpsboost.evaluation.metrics import absolute_error, means
 from fpsboost.frame import Image
 from fpsboost.io.images.files import IMAGE_SUFFIXES, read_image
 from fpsboost.method_table import find_method, methods
-from fpsboost.motion.colour import normalised
 
 Scores = dict[str, Figures]
 """By method."""

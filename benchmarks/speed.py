@@ -38,10 +38,10 @@ from scaling import convert_together, pinned, serial_share, times_faster, worker
 from scoring import one_thread, read_frames, wide_console
 from stages import WHOLE, copy_bandwidth, profile_sequence
 
+from fpsboost.colour import colour_components
 from fpsboost.errors import FpsboostError, OptionError
 from fpsboost.frame import Image
 from fpsboost.method_table import methods
-from fpsboost.motion.colour import colour_components
 from fpsboost.motion.full_search import search_by_passes, search_fused
 
 Figures = dict[str, Any]

@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from fpsboost.timing.rate import FrameIntervals, OutputRate
     from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
     from fpsboost.timing.trim import Trim
-    from fpsboost.ycbcr import Coding, YCbCrImage
-
+    from fpsboost.ycbcr import Coding
+from fpsboost.image import YCbCrImage
 from fpsboost.version import __version__
 
 __all__ = [
@@ -165,7 +165,7 @@ _homes = {
     "Summary": "observer",
     "Synthesizer": "synthesis",
     "Trim": "timing.trim",
-    "YCbCrImage": "ycbcr",
+    "YCbCrImage": "image",
     "choose_frames": "rerender.frame_choice",
     "convert": "conversion",
     "convert_job": "conversion",

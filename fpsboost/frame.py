@@ -3,7 +3,7 @@
 Images
     Arrays of shape (height, width, channels), C-contiguous, channels 1 (gray), 2 (gray and alpha), 3 (BGR) or 4 (BGRA)
     in OpenCV's order; uint8 and uint16 use their whole range, float32 has 1.0 for white. Indexed ``[y, x]``, sizes
-    given as (height, width). Video converted to video keeps its own planes; see `fpsboost.ycbcr`. Images of a renderer
+    given as (height, width). Video converted to video keeps its own planes; see `fpsboost.image`. Images of a renderer
     may have further layers; see `fpsboost.layered`.
 Motion
     ``flow01[y, x] = (dx, dy)`` in pixels, float32: ``image1[y + dy, x + dx]`` looks like ``image0[y, x]``. The
@@ -45,23 +45,25 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError
-from fpsboost.layered import LayeredImage
-from fpsboost.ycbcr import YCbCrImage
+from fpsboost.colour import has_alpha
+from fpsboost.image import Image, Pixels, as_array, check_pair, describe, type_names, view
+from fpsboost.layered import FrameImage
 
-type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
-
-Image = NDArray[Any]
-"""(height, width, channels) uint8, uint16 or float32; see the module's conventions."""
-
-Pixels = Image | YCbCrImage
-"""Image data that motion is found on: an array, or planes of luma and chroma."""
-
-FrameImage = Pixels | LayeredImage
-"""Image data of a frame: pixels, or an array with further layers."""
+__all__ = [
+    "ClipInfo",
+    "Frame",
+    "FrameImage",
+    "Image",
+    "PairMotion",
+    "Pixels",
+    "as_array",
+    "check_pair",
+    "describe",
+    "has_alpha",
+    "type_names",
+]
 
 
 class PairMotion(NamedTuple):
@@ -115,7 +117,7 @@ class Frame:
     @property
     def pixels(self) -> Pixels:
         """The image without further layers."""
-        return self.image.colour if isinstance(self.image, LayeredImage) else self.image
+        return view(self.image).picture
 
     @property
     def array(self) -> Image:
@@ -153,70 +155,3 @@ class ClipInfo:
     frame_count: int | None
     duration: Fraction | None = None
     mean_rate: Fraction | None = None
-
-
-def check_pair(image0: Pixels, image1: Pixels) -> None:
-    """Raise `InputError` unless both are valid images of one size and type.
-
-    Parameters
-    ----------
-    image0, image1 : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-
-    Raises
-    ------
-    InputError
-        The number of axes or channels is wrong, the type is unknown, or the two differ.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> check_pair(np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6, 3), np.uint8))
-    """
-    for image in (image0, image1):
-        if len(image.shape) != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
-            raise InputError(f"An image must have the shape (height, width, 1 to 4), not {image.shape}.")
-        if image.dtype not in type_names:
-            raise InputError(f"An image must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
-    codings = [image.coding if isinstance(image, YCbCrImage) else None for image in (image0, image1)]
-    if image0.shape != image1.shape or image0.dtype != image1.dtype or codings[0] != codings[1]:
-        raise InputError(
-            f"Two frames of one clip must be alike, but one is {describe(image0)} and the other {describe(image1)}; "
-            "make them one size and type first."
-        )
-
-
-def as_array(image: FrameImage) -> Image:
-    """Return an image that must be an array, for functions that cannot work on planes; further layers are left out.
-
-    Raises
-    ------
-    InputError
-        The image is a `YCbCrImage`.
-    """
-    if isinstance(image, LayeredImage):
-        return image.colour
-    if isinstance(image, YCbCrImage):
-        raise InputError(f"An image must be an array here, not {describe(image)}; read its video without keeps_planes.")
-    return image
-
-
-def has_alpha(image: Pixels) -> bool:
-    """Return whether the last channel is alpha."""
-    return image.shape[2] in {2, 4}
-
-
-def value_range(image: Pixels) -> tuple[np.float32, np.float32]:
-    """Return the lowest and highest value that images of this type hold."""
-    if isinstance(image, YCbCrImage):
-        return np.float32(0), np.float32(image.coding.highest)
-    if image.dtype == np.float32:
-        return np.finfo(np.float32).min, np.finfo(np.float32).max
-    return np.float32(0), np.float32(np.iinfo(image.dtype).max)
-
-
-def describe(image: FrameImage) -> str:
-    """Return an image's size and type as readable text: ``640x360, 3 channels, 8-bit``."""
-    height, width, channels = image.shape
-    if isinstance(image, YCbCrImage):
-        return f"{width}x{height}, {image.coding.pixel_format}"
-    return f"{width}x{height}, {channels} channel{'s' if channels > 1 else ''}, {type_names[image.dtype]}"

@@ -9,8 +9,7 @@ from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
 from fpsboost.frame import FrameImage, Image, Pixels, as_array
-from fpsboost.layered import LayeredImage
-from fpsboost.scene_linear import compared_colours
+from fpsboost.image import view
 
 Result = TypeVar("Result")
 
@@ -91,7 +90,7 @@ class FrameCache:
     ----------
     pixels : (H, W, C) uint8, uint16 or float32, or YCbCrImage
         What motion and weights are found on: the image itself; of images with layers, whose colours are scene-linear,
-        these colours as they are compared, see `fpsboost.scene_linear`.
+        these colours as they are compared, see `fpsboost.colour`.
 
     Examples
     --------
@@ -114,7 +113,7 @@ class FrameCache:
     @cached_property
     def pixels(self) -> Pixels:
         """See the class."""
-        return compared_colours(self.image.colour) if isinstance(self.image, LayeredImage) else self.image
+        return view(self.image).compared
 
     @property
     def array(self) -> Image:

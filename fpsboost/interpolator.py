@@ -19,13 +19,14 @@ from fpsboost.analysis.grain import PairGrain, match_grain, measure_grain
 from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
 from fpsboost.analysis.overlay import find_overlay, keep_overlay
 from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
+from fpsboost.colour import normalised
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
-from fpsboost.frame import FrameImage, Image, as_array, check_pair
 from fpsboost.frame_cache import FrameCache, Results
+from fpsboost.image import SAMPLE_BITS, Image, as_array, check_pair, view
 from fpsboost.kernels.compiling import compiled_aside
-from fpsboost.layered import Layer, LayeredImage
+from fpsboost.layered import FrameImage, LayeredImage
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.colour import gray, normalised
+from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.motion.trajectory import Neighbour
@@ -36,7 +37,6 @@ from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.layers import MixesLayers
 from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.threads import available_cores
-from fpsboost.ycbcr import YCbCrImage
 
 AtCuts = Literal["repeat", "blend", "extrapolate"]
 
@@ -114,7 +114,7 @@ class Pair:
     def layered(self) -> Layered | None:
         """The two frames with their further layers; None if they have none."""
         image0, image1 = self.image0.image, self.image1.image
-        if isinstance(image0, LayeredImage) and isinstance(image1, LayeredImage):
+        if isinstance(image0, LayeredImage) and isinstance(image1, LayeredImage):  # only some methods take these
             return image0, image1
         return None
 
@@ -502,17 +502,7 @@ class Interpolator:
             Any image of the clip; only its type and channels matter.
         """
         # long enough for a pyramid with all kinds of levels
-        size, random = (48, 480), np.random.default_rng(0)
-        noise: FrameImage
-        if isinstance(image, YCbCrImage):
-            down, across = image.subsampling
-            halves = size[0] // down, size[1] // across
-            y, cb, cr = (random.integers(0, 256, each).astype(image.dtype) for each in (size, halves, halves))
-            noise = replace(image, planes=(y, cb, cr))
-        else:
-            noise = random.integers(0, 256, (*size, image.shape[2])).astype(image.dtype)
-        if isinstance(image, LayeredImage):
-            noise = LayeredImage(as_array(noise), tuple(_still(layer, size) for layer in image.layers))
+        noise = view(image).filled(np.random.default_rng(0).integers(0, 1 << SAMPLE_BITS, (48, 480, 4)))
         first, second, third = (FrameCache(noise) for _ in range(3))
         rehearsal = self.without_vectors()
         before, pair = rehearsal.pair(first, second), rehearsal.pair(second, third)
@@ -564,16 +554,11 @@ def _generate(
     return synthesizer.synthesize_layers(frame_pair, layered, times)
 
 
-def _still(layer: Layer, size: tuple[int, int]) -> Layer:
-    """Return a layer like this one, of another size and with nothing in it."""
-    return replace(layer, planes={name: np.zeros(size, plane.dtype) for name, plane in layer.planes.items()})
-
-
 def _as_bgr(image: FrameCache) -> FrameCache:
     """Return an image with its pixels as an array, converted to BGR from YCbCr."""
-    if not isinstance(image.pixels, YCbCrImage):
+    if view(image.pixels).coding is None:
         return image
-    return FrameCache(image.pixels.to_bgr(), image.output_position, image.source_position)
+    return FrameCache(view(image.pixels).to_bgr(), image.output_position, image.source_position)
 
 
 def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
@@ -631,8 +616,7 @@ def _with_grain(made: Iterator[Made], times: Sequence[float], pair: Pair) -> Ite
     place = pair.image0.source_position
     number = 0 if place is None else place.number
     for (image, confidence), t in zip(made, times, strict=True):
-        assert not isinstance(image, LayeredImage), "the noise of layers is not known"
-        yield match_grain(image, pair.grain, t, (number, int(np.float64(t).view(np.uint64)))), confidence
+        yield match_grain(view(image).picture, pair.grain, t, (number, int(np.float64(t).view(np.uint64)))), confidence
 
 
 def _with_overlay(
@@ -643,8 +627,7 @@ def _with_overlay(
         yield from made
         return
     for (image, confidence), t in zip(made, times, strict=True):
-        assert not isinstance(image, LayeredImage), "the layers of an overlay are not known"
-        keep_overlay(image, pair.image0.pixels, pair.image1.pixels, t, overlay)
+        keep_overlay(view(image).picture, pair.image0.pixels, pair.image1.pixels, t, overlay)
         if confidence is not None:  # found still over four frames
             confidence[overlay] = 1
         yield image, confidence

@@ -5,12 +5,15 @@ Motion, scene cuts and duplicates are found on the picture alone; the layers go 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fpsboost.colour import compared_colours
+from fpsboost.image import ArrayView, Image, Pixels, Plane, in_type
 
 LayerKind = Literal["linear", "depth", "normals", "nearest"]
 """What the values of a layer are.
@@ -41,11 +44,11 @@ class Layer:
 
     name: str
     kind: LayerKind
-    planes: Mapping[str, NDArray[Any]]
+    planes: Mapping[str, Plane]
 
 
 @dataclass(frozen=True, eq=False)
-class LayeredImage:
+class LayeredImage(ArrayView):
     """Image with further layers.
 
     Parameters
@@ -62,23 +65,44 @@ class LayeredImage:
     (4, 6, 3)
     """
 
-    colour: NDArray[Any]
-    layers: tuple[Layer, ...]
+    colour: Image
+    layers: tuple[Layer, ...] = field()
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the picture."""
-        return self.colour.shape
+    def picture(self) -> Image:
+        """The picture without further layers."""
+        return self.colour
 
     @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the picture."""
-        return self.colour.dtype
+    def compared(self) -> Image:
+        """The picture on the scale on which scene-linear colours are compared; see `fpsboost.colour`."""
+        return compared_colours(self.colour)
+
+    def planes(self) -> dict[str, Plane]:
+        """Return the planes of all layers by the full names of their channels."""
+        return {name: plane for layer in self.layers for name, plane in layer.planes.items()}
+
+    def arrays(self) -> list[NDArray[Any]]:
+        return [self.colour, *self.planes().values()]
 
     def copy(self) -> Self:
         """Return a copy with a picture of its own; the layers, which nobody writes to, are shared."""
-        return type(self)(self.colour.copy(), self.layers)
+        return replace(self, colour=self.colour.copy())
 
-    def planes(self) -> dict[str, NDArray[Any]]:
-        """Return the planes of all layers by the full names of their channels."""
-        return {name: plane for layer in self.layers for name, plane in layer.planes.items()}
+    def deep_copy(self) -> Self:
+        return replace(self, colour=self.colour.copy(), layers=self._with_planes(lambda _, plane: plane.copy()))
+
+    def filled(self, samples: NDArray[np.int64]) -> Self:
+        layers = self._with_planes(lambda k, plane: in_type(samples[..., k % 4], plane.dtype))
+        return replace(self, colour=super().filled(samples), layers=layers)
+
+    def _with_planes(self, function: Callable[[int, Plane], Plane]) -> tuple[Layer, ...]:
+        """Return the layers with other planes, each a function of its place in its layer and of the plane."""
+        return tuple(
+            replace(each, planes={name: function(k, plane) for k, (name, plane) in enumerate(each.planes.items())})
+            for each in self.layers
+        )
+
+
+FrameImage = Pixels | LayeredImage
+"""Image data of a frame: pixels, or an array with further layers."""

@@ -1,23 +1,15 @@
-"""YCbCr images: a plane of luma and two planes of chroma, which are often subsampled.
-
-Images read from a video and written to one keep their planes: no colour matrix, no intermediate rounding, and half as
-many samples to compute with.
-"""
+"""Coding of YCbCr: what the code values of luma and chroma mean, and the matrices to BGR and back."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-Plane = NDArray[Any]
-"""(H, W) uint8 or uint16."""
 
 luma_weights = MappingProxyType(
     {
@@ -70,22 +62,6 @@ def bgr_to_ycc(color_space: int, full_range: bool, bits: int, top: float) -> NDA
     return np.column_stack([np.stack(scaled) / top, [levels.black, levels.neutral, levels.neutral]])
 
 
-def bgr_by_bicubic_chroma(image: YCbCrImage) -> NDArray[Any]:
-    """Return an image as BGR, (H, W, 3) uint8 or uint16, with chroma interpolated bicubically."""
-    (height, width), coding = image.planes[0].shape, image.coding
-    right = 0.5 if coding.chroma_location in ("center", "top", "bottom") else 0
-    below = 0 if "top" in coding.chroma_location else 1 if "bottom" in coding.chroma_location else 0.5
-    rows, columns = (
-        (np.arange(length, dtype=np.float32) - (first if step > 1 else 0)) / step
-        for length, first, step in zip((height, width), (below, right), image.subsampling, strict=True)
-    )
-    places = np.meshgrid(columns.astype(np.float32), rows.astype(np.float32))
-    chroma = (cv2.remap(p, *places, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for p in image.planes[1:])
-    codes = cv2.merge([image.planes[0], *chroma])
-    bgr: NDArray[Any] = cv2.transform(codes, coding.to_bgr() * np.iinfo(image.dtype).max)
-    return bgr
-
-
 @dataclass(frozen=True)
 class Coding:
     """Meaning of the code values of YCbCr.
@@ -102,8 +78,9 @@ class Coding:
         Location of subsampled chroma samples: ``left``, ``center``, ``topleft``...
     pixel_format : str
         FFmpeg's name of the pixel format, ``yuv420p``.
-    bgr_of : callable
-        Converts an image of this coding to BGR, (H, W, 3) uint8 or uint16. Sources of video give FFmpeg's conversion.
+    bgr_of : callable, optional
+        Converts a `YCbCrImage` of this coding to BGR, (H, W, 3) uint8 or uint16; OpenCV does by default. Sources of
+        video give FFmpeg's conversion.
     """
 
     bits: int
@@ -111,7 +88,7 @@ class Coding:
     full_range: bool
     chroma_location: str
     pixel_format: str
-    bgr_of: Callable[[YCbCrImage], NDArray[Any]] = field(default=bgr_by_bicubic_chroma, repr=False, compare=False)
+    bgr_of: Callable[[Any], NDArray[Any]] | None = field(default=None, repr=False, compare=False)
 
     @property
     def highest(self) -> int:
@@ -129,62 +106,3 @@ class Coding:
         forward = bgr_to_ycc(self.color_space, self.full_range, self.bits, 1)
         inverse = np.linalg.inv(forward[:, :3])
         return np.column_stack([inverse, -inverse @ forward[:, 3]])
-
-
-@dataclass(frozen=True, eq=False)
-class YCbCrImage:
-    """Image in planes of luma and chroma.
-
-    Parameters
-    ----------
-    planes : tuple of 3 arrays
-        Y of (H, W); Cb and Cr of that size, of half the width, or of half the width and height, rounded up. uint8 or
-        uint16, contiguous.
-    coding : Coding
-
-    Examples
-    --------
-    >>> coding = Coding(8, 1, full_range=False, chroma_location="left", pixel_format="yuv420p")
-    >>> gray = [np.full(size, 128, np.uint8) for size in ((4, 6), (2, 3), (2, 3))]
-    >>> image = YCbCrImage(tuple(gray), coding)
-    >>> image.shape, image.subsampling
-    ((4, 6, 3), (2, 2))
-    """
-
-    planes: tuple[Plane, Plane, Plane]
-    coding: Coding
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Shape (H, W, 3), as of a BGR array."""
-        height, width = self.planes[0].shape
-        return height, width, 3
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the samples."""
-        return self.planes[0].dtype
-
-    @property
-    def subsampling(self) -> tuple[int, int]:
-        """Chroma subsampling: rows and columns of pixels per chroma sample."""
-        (height, width), (rows, columns) = self.planes[0].shape, self.planes[1].shape
-        return (1 if rows == height else 2), (1 if columns == width else 2)
-
-    @property
-    def has_full_chroma(self) -> bool:
-        """Whether chroma is not subsampled."""
-        return self.planes[1].shape == self.planes[0].shape
-
-    def mapped(self, function: Callable[..., Plane], *others: Self) -> Self:
-        """Return the image with a function applied to each plane, or to each with the same plane of other images."""
-        y, cb, cr = (function(*planes) for planes in zip(self.planes, *(other.planes for other in others), strict=True))
-        return replace(self, planes=(y, cb, cr))
-
-    def to_bgr(self) -> NDArray[Any]:
-        """Return the image as BGR, (H, W, 3) uint8 or uint16."""
-        return self.coding.bgr_of(self)
-
-    def copy(self) -> Self:
-        """Return a copy with planes of its own."""
-        return self.mapped(np.copy)

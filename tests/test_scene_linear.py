@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from truth import waves
 
 from fpsboost.array_stream import stream
+from fpsboost.colour import compared_colours
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import InterpolatorContestant
@@ -22,7 +23,6 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import methods
-from fpsboost.scene_linear import compared_colours
 
 SIZE = 48, 80
 

@@ -15,13 +15,14 @@ from fpsboost import Encoding, InputError, convert, methods
 from fpsboost.analysis.duplicates import DuplicateDetector, brightness
 from fpsboost.frame import Frame, as_array, check_pair
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import YCbCrImage
 from fpsboost.interpolator import with_neighbours
 from fpsboost.io.video.planes import PLANAR_FORMATS, bgr_of, in_planes, picture_of
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr
-from fpsboost.motion.colour import contrast_components, contrast_planes, gray, small_copy
+from fpsboost.motion.components import contrast_components, contrast_planes, gray, small_copy
 from fpsboost.motion.nlm import pyramid
-from fpsboost.ycbcr import Coding, YCbCrImage
+from fpsboost.ycbcr import Coding
 
 METHODS = sorted(name for name, method in methods.items() if method.takes_planes)
 FORMATS = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le", "yuvj420p"]

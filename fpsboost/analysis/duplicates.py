@@ -16,8 +16,8 @@ import numpy as np
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
-from fpsboost.motion.colour import Components, colour_components, gray
-from fpsboost.ycbcr import YCbCrImage
+from fpsboost.image import view
+from fpsboost.motion.components import Components, gray
 
 ROUNDING = 0.01
 """Maximum error of differences by the rounding of sums, 8-bit levels."""
@@ -133,23 +133,13 @@ def _bands(rows: int, height: int) -> list[tuple[int, int]]:
 
 def _gray_levels(frame: FrameCache) -> tuple[Components, float]:
     """Return gray levels up to a constant, and their unit in 8-bit levels; planes of video are not copied."""
-    image = frame.pixels
-    if isinstance(image, YCbCrImage):
-        return image.planes[0], 255 / image.coding.levels.luma_span
-    return frame.derived(brightness), 1.0
+    image = view(frame.pixels)
+    return (frame.derived(brightness), 1.0) if image.luma is None else (image.luma, 255 / float(image.white))
 
 
 def brightness(frame: FrameCache) -> Components:
     """Return gray levels on the 8-bit scale: integers for 8-bit images, unrounded and unclipped for others."""
-    image = frame.pixels
-    if image.dtype == np.uint8:
-        return frame.cached(gray)
-    if isinstance(image, YCbCrImage):
-        black, span, _, _ = image.coding.levels
-        return (image.planes[0].astype(np.float32) - np.float32(black)) * np.float32(255 / span)
-    colours = colour_components(image)
-    luma = colours[..., 0] if image.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
-    return np.asarray(luma * np.float32(255))
+    return frame.cached(gray) if frame.pixels.dtype == np.uint8 else view(frame.pixels).float_luma()
 
 
 class SourceFrame(NamedTuple):

@@ -19,7 +19,7 @@ has one variance if it is that of counted photons or paths (Anscombe, Biometrika
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cv2
@@ -27,9 +27,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from fpsboost.frame import Pixels, as_array, has_alpha, value_range
+from fpsboost.image import Pixels, view
 from fpsboost.motion.field import MotionField
-from fpsboost.ycbcr import YCbCrImage
 
 BLOCK_SIZE = 16
 """Side of the blocks in which noise is measured, samples of a plane."""
@@ -157,14 +156,14 @@ def match_grain(image: Pixels, grain: PairGrain, t: float, seed: Sequence[int]) 
     white = [random.standard_normal(plane.samples.shape, np.float32) for plane in planes]
     if grain.mixing.size:
         white = list(np.tensordot(grain.mixing, np.stack(white), 1))
-    lowest, highest = value_range(image)
+    lowest, highest = view(image).value_range
     least = 0.0 if image.dtype == np.float32 else MIN_DEVIATION
     compared = [
         [_compare(plane, flat, distance) for flat, distance in zip(blocks, (t, 1 - t), strict=True)]
         for plane, blocks in zip(planes, grain.blocks, strict=True)
     ]
     lowest_variances = [min(each.lowest for each in comparisons) for comparisons in compared]
-    if not isinstance(image, YCbCrImage):  # channels are alike in noise, and luma and chroma are not
+    if view(image).luma is None:  # channels of colours are alike in noise, and luma and chroma are not
         lowest_variances = [min(lowest_variances)] * len(planes)
     grainy = []
     for plane, comparisons, noise, variance in zip(planes, compared, white, lowest_variances, strict=True):
@@ -181,14 +180,13 @@ def match_grain(image: Pixels, grain: PairGrain, t: float, seed: Sequence[int]) 
 
 def _planes(image: Pixels) -> list[Plane]:
     """Return the planes of an image that hold noise: luma and chroma, or all channels but alpha."""
-    if isinstance(image, YCbCrImage):
-        luma, *chroma = (plane.astype(np.float32) for plane in image.planes)
+    channels = [channel.astype(np.float32) for channel in view(image).channels()]
+    if view(image).luma is not None:
+        luma, *chroma = channels
         rows, columns = chroma[0].shape
         small = cv2.resize(luma, (columns, rows), interpolation=cv2.INTER_AREA)
         return [Plane(luma, luma, luma), *(Plane(plane, plane, small) for plane in chroma)]
-    array = as_array(image)
-    channels = cv2.split(array.astype(np.float32))[: array.shape[2] - has_alpha(array)]
-    if array.dtype != np.float32:
+    if image.dtype != np.float32:
         return [Plane(channel, channel, channel) for channel in channels]
     roots = [np.sqrt(np.maximum(channel, 0)) for channel in channels]
     return [Plane(channel, root, root) for channel, root in zip(channels, roots, strict=True)]
@@ -204,14 +202,10 @@ def _add_squared(plane: Plane, added: NDArray[Any], deviation: NDArray[Any]) -> 
 
 def _with_planes(image: Pixels, planes: list[NDArray[Any]]) -> Pixels:
     """Return an image with these planes, in its own type; alpha stays."""
-    lowest, highest = value_range(image)
+    lowest, highest = view(image).value_range
     if image.dtype != np.float32:
         planes = [np.rint(plane.clip(lowest, highest)).astype(image.dtype) for plane in planes]
-    if isinstance(image, YCbCrImage):
-        y, cb, cr = planes
-        return replace(image, planes=(y, cb, cr))
-    array = as_array(image)
-    return np.dstack([*planes, array[..., len(planes) :]])
+    return view(image).with_channels(planes)
 
 
 def _find_flat_blocks(plane: Plane, other: Plane, field: MotionField) -> FlatBlocks:

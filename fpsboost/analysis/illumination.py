@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image, has_alpha
+from fpsboost.colour import has_alpha, normalised
+from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
-from fpsboost.motion.colour import contrast_components, normalised, small_copy
+from fpsboost.motion.components import contrast_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 

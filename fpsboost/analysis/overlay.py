@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image, Pixels, as_array
+from fpsboost.colour import normalised
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image, Pixels, view
 from fpsboost.kernels.overlay import STANDS_OUT, Frames, mark_overlay
-from fpsboost.motion.colour import gray, normalised
+from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField
-from fpsboost.ycbcr import YCbCrImage
 
 BLOCK_SIZE = 32
 """Side of the blocks that share the motion of their surroundings, pixels."""
@@ -59,10 +59,10 @@ def find_overlay(
     (H, W) bool, or None if there are none
     """
     luma = Frames(*(_luma(image) for image in (image0, image1, before, after)))
+    white = 255 if view(image0.pixels).luma is None else float(view(image0.pixels).white)
     motion, _ = field01.at_points(BLOCK_SIZE)
     surroundings = np.dstack([cv2.medianBlur(np.ascontiguousarray(motion[..., axis]), MEDIAN_SIZE) for axis in (0, 1)])
     marks, any_stands_out = np.empty(luma.image0.shape, np.uint8), np.empty(1, np.bool_)
-    white = image0.pixels.coding.levels.luma_span if isinstance(image0.pixels, YCbCrImage) else 255
     same, different = (int(levels * white // 255) for levels in (STATIC_THRESHOLD, CHANGE_THRESHOLD))
     smallest = np.empty_like(luma.image0[0])
     mark_overlay(luma, surroundings, BLOCK_SIZE, MIN_MOTION, same, different, smallest, marks, any_stands_out)
@@ -77,20 +77,18 @@ def find_overlay(
 
 def _luma(image: FrameCache) -> NDArray[Any]:
     """Return the luma of an image; that of video is not copied."""
-    return image.pixels.planes[0] if isinstance(image.pixels, YCbCrImage) else image.cached(gray)
+    luma = view(image.pixels).luma
+    return image.cached(gray) if luma is None else luma
 
 
 def keep_overlay(image: Pixels, image0: Pixels, image1: Pixels, t: float, overlay: NDArray[Any]) -> None:
     """Blend the overlay's pixels into an in-between frame, in place; chroma where half of its pixels belong to it."""
-    if isinstance(image, YCbCrImage) and isinstance(image0, YCbCrImage) and isinstance(image1, YCbCrImage):
-        rows, columns = image.planes[1].shape
-        share = cv2.resize(overlay.astype(np.uint8) * 255, (columns, rows), interpolation=cv2.INTER_AREA)
-        chroma = share >= 127
-        parts = overlay, chroma, chroma
-        for plane, plane0, plane1, part in zip(image.planes, image0.planes, image1.planes, parts, strict=True):
-            _blend_pixels(plane, plane0, plane1, t, part)
-    else:
-        _blend_pixels(as_array(image), as_array(image0), as_array(image1), t, overlay)
+    for plane, plane0, plane1 in zip(*(view(each).arrays() for each in (image, image0, image1)), strict=True):
+        rows, columns = plane.shape[:2]
+        part = overlay
+        if part.shape != (rows, columns):
+            part = cv2.resize(part.astype(np.uint8) * 255, (columns, rows), interpolation=cv2.INTER_AREA) >= 127
+        _blend_pixels(plane, plane0, plane1, t, part)
 
 
 def _blend_pixels(image: Image, image0: Image, image1: Image, t: float, overlay: NDArray[Any]) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
-from fpsboost.motion.colour import Components, contrast_components, small_copy
+from fpsboost.motion.components import Components, contrast_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused
 

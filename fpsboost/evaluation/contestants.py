@@ -20,13 +20,13 @@ from typing import IO, Any, ClassVar, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import normalised
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
 from fpsboost.method_table import methods, vector_methods
-from fpsboost.motion.colour import normalised
 
 MINTERPOLATE = "minterpolate"
 

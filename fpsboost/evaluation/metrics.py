@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import mean_squared_error, structural_similarity
 
+from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import InputError
-from fpsboost.frame import Image, has_alpha
-from fpsboost.motion.colour import normalised
+from fpsboost.frame import Image
 
 LEVELS = 255
 MIN_MSE = 1e-12

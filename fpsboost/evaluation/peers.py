@@ -28,13 +28,13 @@ from typing import IO, ClassVar, NamedTuple
 import cv2
 import numpy as np
 
+from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.evaluation.contestants import InterpolatedFrame, seconds_of_children
 from fpsboost.evaluation.hidden_frames import Interval
-from fpsboost.frame import Image, has_alpha
+from fpsboost.frame import Image
 from fpsboost.io.images.files import IMAGE_SUFFIXES, encode_image, extension_of, read_image
 from fpsboost.io.images.sequence import list_files
-from fpsboost.motion.colour import normalised
 
 UNKNOWN = float("nan")
 

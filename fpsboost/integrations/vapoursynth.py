@@ -33,13 +33,14 @@ from fpsboost.analysis.scene_cuts import CutDetector
 from fpsboost.errors import FpsboostError, InputError, OptionError
 from fpsboost.frame import FrameImage, Image, as_array
 from fpsboost.frame_cache import FrameCache, Results, SourcePosition
+from fpsboost.image import YCbCrImage, view
 from fpsboost.interpolator import Interpolator, Pair
 from fpsboost.io.video.planes import PLANAR_FORMATS, bgr_of, in_planes
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.method_table import find_method
 from fpsboost.timing.schedule import ByFactor, ByRate
-from fpsboost.ycbcr import Coding, YCbCrImage, luma_weights
+from fpsboost.ycbcr import Coding, luma_weights
 
 MAX_FRAMES = 2**31 - 1
 """Maximum number of frames of a clip; the host counts in 32 bits."""
@@ -215,8 +216,8 @@ class _Ycc:
         return YCbCrImage((y, cb, cr), self._coding(frame))
 
     def planes(self, image: FrameImage, like: vs.VideoFrame) -> Sequence[NDArray[Any]]:
-        if isinstance(image, YCbCrImage):
-            return image.planes
+        if view(image).coding is not None:
+            return view(image).arrays()
         coding = self._coding(like)
         numbers = coding.pixel_format, coding.color_space, coding.full_range
         return in_planes(from_bgr(as_array(image), *numbers, chroma_location=coding.chroma_location), coding).planes
@@ -272,8 +273,8 @@ class _Pairs:
         image = self._images.get(number)
         if image is None:
             pixels = self._layout.image(frame)
-            if isinstance(pixels, YCbCrImage) and not self._interpolator.takes_planes:
-                pixels = pixels.to_bgr()
+            if not self._interpolator.takes_planes:
+                pixels = view(pixels).to_bgr()
             place = SourcePosition(number, number / self._rate)
             image = self._images[number] = FrameCache(pixels, number * self._factor, place)
         return image

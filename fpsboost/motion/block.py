@@ -8,11 +8,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import OptionError, check_choice
-from fpsboost.frame import Image, check_pair, has_alpha
+from fpsboost.frame import Image, check_pair
 from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.block import SearchPlan, match_blocks
-from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField
 
 Pattern = Literal["full", "three-step", "diamond"]

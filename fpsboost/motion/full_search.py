@@ -17,7 +17,7 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.memory import aligned_empty
 from fpsboost.kernels.search import BestOffsets, exhaustive_kernel, rank_offsets
 from fpsboost.kernels.similarity import UNIT, colour_scale
-from fpsboost.motion.colour import Components, padded_planes
+from fpsboost.motion.components import Components, padded_planes
 from fpsboost.motion.field import MotionField
 
 Window = Literal["box", "gaussian"]

@@ -25,9 +25,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import normalised
 from fpsboost.errors import OptionError
-from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Pixels, as_array, check_pair, view
 from fpsboost.kernels.level_search import CoarseMotion, LevelSettings, Points, search_level
 from fpsboost.kernels.levels import level_scale, truncation
 from fpsboost.kernels.plane_pair import PlanePair
@@ -35,10 +36,9 @@ from fpsboost.kernels.refine import refine_bidirectional
 from fpsboost.kernels.residual_search import loosen_ties, search_residuals_bidirectional
 from fpsboost.kernels.similarity import colour_scale
 from fpsboost.kernels.tiles import PADDING
-from fpsboost.motion.colour import contrast_components, contrast_planes, normalised
+from fpsboost.motion.components import contrast_components, contrast_planes
 from fpsboost.motion.field import MotionField, spread_points
 from fpsboost.motion.full_search import search_fused
-from fpsboost.ycbcr import YCbCrImage
 
 COARSEST_STEP = 2
 """Distance between points on the coarsest level, pixels."""
@@ -248,8 +248,8 @@ def _upsample_points(flow: NDArray[Any], pair: PlanePair) -> NDArray[Any]:
 
 def pyramid(image: Pixels, coarsest_side: int) -> list[FrameCache]:
     """Return the image and its halved copies, with a longer side of at least `coarsest_side`; at most five levels."""
-    if isinstance(image, np.ndarray) and image.dtype == np.float32:  # NaN and infinity would spread
-        image = normalised(image)
+    if image.dtype == np.float32:  # NaN and infinity would spread
+        image = normalised(as_array(image))
     levels = [image]
     while len(levels) < 5 and max(levels[-1].shape[:2]) >= 2 * coarsest_side:
         levels.append(halved(levels[-1]))
@@ -272,4 +272,4 @@ def halved(image: Pixels) -> Pixels:
         smooth = cv2.GaussianBlur(pixels, (5, 5), 0, borderType=cv2.BORDER_REPLICATE)  # 1, 4, 6, 4, 1
         return cv2.resize(smooth, (width, height), interpolation=cv2.INTER_AREA)
 
-    return image.mapped(half) if isinstance(image, YCbCrImage) else half(image).reshape(height, width, -1)
+    return view(image).map(half)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.motion.colour import gray
+from fpsboost.motion.components import gray
 from fpsboost.motion.field import MotionField
 
 DIS_PRESETS = {

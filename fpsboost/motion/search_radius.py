@@ -26,7 +26,7 @@ from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
-from fpsboost.motion.colour import contrast_components, padded_planes, small_copy
+from fpsboost.motion.components import contrast_components, padded_planes, small_copy
 from fpsboost.motion.field import MotionField, forward_backward_error, point_places
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis

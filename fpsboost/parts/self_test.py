@@ -7,23 +7,19 @@ rounded. The frames are made of whole random numbers, so that the input at least
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import FrameImage, as_array
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import SAMPLE_BITS, view
 from fpsboost.interpolator import Interpolator
-from fpsboost.layered import Layer, LayeredImage
-from fpsboost.ycbcr import YCbCrImage
+from fpsboost.layered import FrameImage
 
 SIZE = (48, 480)
 """Height and width of the frames, pixels: those of `Interpolator.compile_for`, so that the same kernels run."""
 
-SAMPLE_BITS = 16
 TIMES = (0.25, 0.5)
 FRAMES = 4
 """Frames of the clip: a pair, and one frame on each side of it."""
@@ -59,7 +55,7 @@ def self_test(interpolator: Interpolator, image: FrameImage) -> str:
     False
     """
     rehearsal = interpolator.without_vectors()
-    frames = [FrameCache(_in_form_of(image, samples)) for samples in _moving_samples()]
+    frames = [FrameCache(view(image).filled(samples)) for samples in _moving_samples()]
     before, pair, after = (rehearsal.pair(*two) for two in pairwise(frames))
     return digest_of(*rehearsal.between(pair, TIMES, before, after).images)
 
@@ -68,7 +64,7 @@ def digest_of(*images: FrameImage) -> str:
     """Return a digest of images: SHA-256 in hexadecimal digits."""
     digest = hashlib.sha256()
     for image in images:
-        for plane in _planes(image):
+        for plane in view(image).arrays():
             digest.update(f"{plane.dtype} {plane.shape} ".encode())
             digest.update(plane.tobytes())
     return digest.hexdigest()
@@ -93,39 +89,3 @@ def _texture(random: np.random.Generator, height: int, width: int) -> NDArray[np
     coarse = random.integers(0, 1 << SAMPLE_BITS, (-(-height // 8), -(-width // 8), 4))
     patches = coarse.repeat(8, axis=0).repeat(16, axis=1)[:height, : 2 * width]
     return (patches + random.integers(0, 1 << SAMPLE_BITS, patches.shape)) // 2
-
-
-def _in_form_of(image: FrameImage, samples: NDArray[np.int64]) -> FrameImage:
-    """Return samples as an image of the same type, channels and layers."""
-    if isinstance(image, YCbCrImage):
-        steps = (1, 1), image.subsampling, image.subsampling
-        codes = (samples >> (SAMPLE_BITS - image.coding.bits)).astype(image.dtype)
-        y, cb, cr = (codes[::rows, ::columns, k].copy() for k, (rows, columns) in enumerate(steps))
-        return replace(image, planes=(y, cb, cr))
-    channels = image.shape[2]
-    # the last of two or four channels is alpha
-    picture = _as_type(samples[..., [0, 3] if channels == 2 else slice(channels)], image.dtype)
-    if not isinstance(image, LayeredImage):
-        return picture
-    return LayeredImage(picture, tuple(_layer(layer, samples) for layer in image.layers))
-
-
-def _as_type(samples: NDArray[np.int64], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return samples in the whole range of integers, or in [0, 1) of floats, which hold them exactly."""
-    if np.issubdtype(dtype, np.floating):
-        return np.ascontiguousarray((samples / (1 << SAMPLE_BITS)).astype(dtype))
-    return np.ascontiguousarray((samples >> max(0, SAMPLE_BITS - 8 * dtype.itemsize)).astype(dtype))
-
-
-def _layer(layer: Layer, samples: NDArray[np.int64]) -> Layer:
-    """Return a layer like this one whose planes hold samples, each another channel of them."""
-    numbered = enumerate(layer.planes.items())
-    return replace(layer, planes={name: _as_type(samples[..., k % 4], plane.dtype) for k, (name, plane) in numbered})
-
-
-def _planes(image: FrameImage) -> list[NDArray[Any]]:
-    """Return all arrays that an image consists of."""
-    if isinstance(image, YCbCrImage):
-        return list(image.planes)
-    layers = list(image.planes().values()) if isinstance(image, LayeredImage) else []
-    return [as_array(image), *layers]

@@ -16,7 +16,7 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io import FrameSource
 from fpsboost.io.trim import Seekable, Sliceable
-from fpsboost.motion.colour import small_copy
+from fpsboost.motion.components import small_copy
 from fpsboost.motion.opencv import Dis
 from fpsboost.preparation import ConversionJob, opened_clip
 from fpsboost.preview.views import View

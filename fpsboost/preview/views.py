@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from fpsboost.evaluation.metrics import as_shown
 from fpsboost.frame import Frame
+from fpsboost.image import view
 from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.traits import VideoTraits
-from fpsboost.ycbcr import YCbCrImage
 
 LONGEST_SIDE = 960
 """Longer side of a picture on the page, pixels."""
@@ -47,8 +47,7 @@ class View:
 
     def add(self, frame: Frame, time: Fraction) -> None:
         """Add the next frame."""
-        pixels = frame.pixels
-        image = self.displayed(pixels.to_bgr() if isinstance(pixels, YCbCrImage) else pixels)
+        image = self.displayed(view(frame.image).to_bgr())
         data = cv2.imencode(".jpg", as_shown(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         self.times.append(time)
         self.pictures.append(data.tobytes())

@@ -16,8 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import has_alpha
 from fpsboost.errors import InputError, OptionError, OutputError, explained
-from fpsboost.frame import FrameImage, Image, as_array, describe, has_alpha
+from fpsboost.frame import FrameImage, Image, as_array, describe
+from fpsboost.image import view
 from fpsboost.io.images.exr_header import parse_exr_header
 from fpsboost.io.images.files import (
     IMAGE_SUFFIXES,
@@ -215,7 +217,7 @@ class _Merger:
         weights = seam_weights(mask, self.feather)
         picture = self._rendered_regions(path, made, frame, rendered, passes)
         mixed = mix(as_array(made), as_array(picture), weights)
-        if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):
+        if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):  # their layers are mixed, each by kind
             layers = (_mix_layer(*pair, weights, mask) for pair in zip(made.layers, picture.layers, strict=True))
             return encode_like(parse_exr_header(path, content), LayeredImage(mixed, tuple(layers)))
         return encode_image(
@@ -226,12 +228,12 @@ class _Merger:
         self, path: Path, made: FrameImage, frame: PlannedFrame, rendered: _Rendered, passes: Passes | None
     ) -> FrameImage:
         """Return an image that shows what was rendered inside of the regions."""
-        picture = _copied(made)
+        picture: FrameImage = view(made).deep_copy()
         for place, region in enumerate(frame.regions, start=1):
             file = rendered.whole or rendered.regions[place]
             image = self._decoded(file, content_of(file), passes)
             part = _part(file, image, region, path, made)
-            for to, values in zip(_planes_of(picture), _planes_of(image), strict=True):
+            for to, values in zip(view(picture).arrays(), view(image).arrays(), strict=True):
                 to[region.part] = values[part]
         return picture
 
@@ -240,21 +242,6 @@ class _Merger:
         if passes is None or extension_of(path.name) != ".exr":
             return decode_image(path, content, self.limit)
         return passes.decode(path, content, self.limit)
-
-
-def _planes_of(image: FrameImage) -> list[NDArray[Any]]:
-    """Return all values of an image as arrays whose first two axes are rows and columns."""
-    return [as_array(image), *(image.planes().values() if isinstance(image, LayeredImage) else ())]
-
-
-def _copied(image: FrameImage) -> FrameImage:
-    """Return a copy of an image and of all its layers."""
-    if not isinstance(image, LayeredImage):
-        return image.copy()
-    layers = (
-        replace(layer, planes={name: each.copy() for name, each in layer.planes.items()}) for layer in image.layers
-    )
-    return LayeredImage(image.colour.copy(), tuple(layers))
 
 
 def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArray[Any]) -> Layer:

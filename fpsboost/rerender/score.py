@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-from fpsboost.frame import Frame, Image, as_array, has_alpha
+from fpsboost.colour import compared_colours, has_alpha, normalised
+from fpsboost.frame import Frame, Image, as_array
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, Pair, with_neighbours
-from fpsboost.motion.colour import normalised
 from fpsboost.rerender.tiles import TileGrid
-from fpsboost.scene_linear import compared_colours
 
 MIN_ERROR = 1e-7
 """Added to squared errors that are multiplied, for white = 1: a tenth of the error of rounding to 8 bits."""
@@ -157,7 +156,7 @@ def expect_errors(
 
 
 def comparable(image: Image) -> Image:
-    """Return an image as it is made and compared here: float images are linear, see `fpsboost.scene_linear`."""
+    """Return an image as it is made and compared here: float images are linear, see `fpsboost.colour`."""
     return compared_colours(image) if image.dtype == np.float32 else image
 
 

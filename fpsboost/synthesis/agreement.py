@@ -12,14 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Pixels, as_array, value_range
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Pixels, view
 from fpsboost.kernels.window_rows import END_WEIGHT
-from fpsboost.motion.colour import MAX_VALUE
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.rounding import premultiplied
-from fpsboost.ycbcr import YCbCrImage
 
 BANDWIDTH = 0.3
 """Bandwidth v of the similarity, for colours in [0, 1]."""
@@ -99,7 +96,7 @@ def measure_agreement_along(
         In [0, 1].
     """
     first, second = (
-        sample(image.cached(_colours), motion, cv2.INTER_CUBIC) if motion.any() else image.cached(_colours)
+        sample(image.cached(_comparable), motion, cv2.INTER_CUBIC) if motion.any() else image.cached(_comparable)
         for image, motion in ((image0, motion0), (image1, motion1))
     )
     difference = first - second
@@ -108,7 +105,7 @@ def measure_agreement_along(
     even = cv2.copyMakeBorder(squared, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE)
     squares = cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     # differences in gray have the same scale for all image types
-    squares *= np.float32(-0.5 / BANDWIDTH**2 * max(1.0, 3 / _components(image0.pixels)))
+    squares *= np.float32(-0.5 / BANDWIDTH**2 * view(image0.pixels).gray_weight)
     weights = np.array(PATCH, np.float32) / np.float32(sum(PATCH))
     similarity = cv2.sepFilter2D(np.exp(squares), cv2.CV_32F, weights, weights, borderType=cv2.BORDER_REPLICATE)
     upsampled = cv2.resize(similarity, even.shape[::-1], interpolation=cv2.INTER_LINEAR)[:height, :width]
@@ -136,19 +133,5 @@ def sample(values: NDArray[Any], motion: NDArray[Any], interpolation: int) -> ND
     return sampled.reshape(values.shape)
 
 
-def _components(image: Pixels) -> int:
-    """Return the number of components in which a difference in gray is counted."""
-    return 1 if isinstance(image, YCbCrImage) else image.shape[2]
-
-
-def _colours(image: Pixels) -> NDArray[Any]:
-    """Return values to compare, (H, W, C) float32, with black and white 1 apart and straight alpha premultiplied."""
-    if isinstance(image, YCbCrImage):
-        height, width, _ = image.shape
-        unit = np.float32(1 / image.coding.levels.luma_span)
-        planes = (cv2.resize(plane, (width, height), interpolation=cv2.INTER_NEAREST) for plane in image.planes)
-        return np.dstack([plane * unit for plane in planes])
-    values = premultiplied(as_array(image))
-    if image.dtype == np.float32:  # damaged files hold numbers whose squares overflow
-        return values.clip(-MAX_VALUE, MAX_VALUE)
-    return values / value_range(image)[1]
+def _comparable(image: Pixels) -> NDArray[Any]:
+    return view(image).comparable()

@@ -10,11 +10,10 @@ from typing import ClassVar
 import cv2
 import numpy as np
 
-from fpsboost.frame import Image, Pixels, as_array
+from fpsboost.image import Pixels, view
 from fpsboost.layered import LayeredImage
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, mix_layers
-from fpsboost.ycbcr import YCbCrImage
 
 
 @dataclass(frozen=True)
@@ -27,10 +26,7 @@ class Blend:
         """Generate blended images, from the frames alone; see `fpsboost.synthesis.Synthesizer.synthesize`."""
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         for t in times:
-            if isinstance(image0, YCbCrImage) and isinstance(image1, YCbCrImage):
-                yield image0.mapped(partial(_mixed, t), image1)
-            else:
-                yield _mixed(t, as_array(image0), as_array(image1))
+            yield view(image0).mix(view(image1), t)
 
     def synthesize_layers(
         self, frame_pair: FramePair, layered: tuple[LayeredImage, LayeredImage], times: Sequence[float]
@@ -48,12 +44,10 @@ def _at_rest(shape: tuple[int, ...], t: float) -> Sources:
 
 
 def _mix_planes(t: float, planes0: Planes, planes1: Planes) -> Mixed:
-    mixed = np.stack([_mixed(t, *pair) for pair in zip(planes0, planes1, strict=True)])
+    mixed = np.stack(
+        [cv2.addWeighted(plane0, 1 - t, plane1, t, 0) for plane0, plane1 in zip(planes0, planes1, strict=True)]
+    )
     return Mixed(mixed, mixed)
-
-
-def _mixed(t: float, image0: Image, image1: Image) -> Image:
-    return cv2.addWeighted(image0, 1 - t, image1, t, 0).reshape(image0.shape)
 
 
 @dataclass(frozen=True)

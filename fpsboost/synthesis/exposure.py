@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image, has_alpha
-from fpsboost.scene_linear import srgb_encoded
+from fpsboost.colour import has_alpha, srgb_encoded
+from fpsboost.frame import Image
 
 MIN_ALPHA = np.float32(1e-4)
 """Weight of the colour of fully transparent pixels: it counts only where nothing else does."""

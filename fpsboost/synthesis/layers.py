@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import normalised
 from fpsboost.layered import Layer, LayeredImage
-from fpsboost.motion.colour import normalised
 from fpsboost.synthesis import FramePair
 
 PLANES_AT_ONCE = 8

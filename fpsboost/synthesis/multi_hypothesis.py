@@ -12,10 +12,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
+from fpsboost.colour import has_alpha, normalised, premultiplied
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image, Pixels, as_array, has_alpha, value_range
+from fpsboost.image import Image, Pixels, as_array, view
 from fpsboost.kernels.candidates import (
     VALUES_PER_MOTION,
     Candidates,
@@ -40,15 +41,13 @@ from fpsboost.kernels.multi_hypothesis import (
 )
 from fpsboost.kernels.spline import MARGIN, filter_weights, find_coefficients
 from fpsboost.layered import LayeredImage
-from fpsboost.motion.colour import normalised
 from fpsboost.motion.field import MotionField, forward_backward_error, motion_gradients, point_places
 from fpsboost.motion.rendered import RenderedVectors
 from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accelerations_at_points
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
-from fpsboost.synthesis.rounding import as_image, colour_unseen, premultiplied, rounding_offset
-from fpsboost.ycbcr import YCbCrImage
+from fpsboost.synthesis.rounding import as_image, colour_unseen, rounding_offset
 
 CANDIDATE_CAPACITY = 48
 """Maximum number of distinct motions collected per node."""
@@ -185,7 +184,7 @@ class MultiHypothesis:
         image0, image1 = frame_pair.image0, frame_pair.image1
         surfaces = self._find_surfaces(made.confidence, frame_pair, t, vectors)
         colours = premultiplied(as_array(made.image))
-        along = (surfaces.mixed * _white(image0.pixels)).clip(*_value_range(frame_pair))
+        along = (surfaces.mixed * view(image0.pixels).white).clip(*_value_range(frame_pair))
         colours += surfaces.share[..., np.newaxis] * (along.transpose(1, 2, 0) - colours)
         return InterpolatedImage(as_image(colours, image0.array, image1.array, t), surfaces.confidence)
 
@@ -196,7 +195,7 @@ class MultiHypothesis:
         image0, image1 = frame_pair.image0, frame_pair.image1
         motion = find_surface_motion(image0, image1, t, vectors)
         mixed, squared = motion.mix(*(image.cached(_samples).full.coefficients for image in (image0, image1)))
-        agreement = motion.similarity(squared, 0.5 / self.bandwidth**2 * _difference_factor(image0.pixels))
+        agreement = motion.similarity(squared, 0.5 / self.bandwidth**2 * view(image0.pixels).gray_weight)
         similarity = confidence ** np.float32(1 / CONFIDENCE_POWER)
         weight = np.where(agreement > 0, np.exp(np.float32(self.sharpness) * (agreement - similarity)), np.float32(0))
         share = weight / (1 + weight)
@@ -227,12 +226,12 @@ class MultiHypothesis:
     ) -> Mixed:
         """Mix planes of both frames with the weights of the pictures."""
         picture0, picture1 = _full_samples(frame_pair)
-        samples = [_array_samples(np.dstack(planes)) for planes in (planes0, planes1)]
+        samples = [_samples(np.dstack(planes)).full for planes in (planes0, planes1)]
         height, width = planes0[0].shape
         nobody_asks, numbers = np.empty((0, 0), np.float32), np.finfo(np.float32)
         mixed = []
         for sampled0, sampled1 in (samples, [_values_as_coefficients(each) for each in samples]):
-            _, pixels, _ = _blank(frame_pair.image0.pixels)
+            _, pixels, _ = view(frame_pair.image0.pixels).blank()
             made = np.empty((len(planes0), height, width), np.float32)
             blend_hypotheses(
                 SampledImage(picture0, sampled0),
@@ -276,7 +275,7 @@ class MultiHypothesis:
     def _weighting(self, image: Pixels) -> Weighting:
         """Return how candidates are weighted in images of this type."""
         return Weighting(
-            np.float32(0.5 / self.bandwidth**2 * _difference_factor(image)),
+            np.float32(0.5 / self.bandwidth**2 * view(image).gray_weight),
             np.float32(self.sharpness),
             np.float32(self.sufficient_similarity),
             np.float32(self.min_vote_share),
@@ -293,16 +292,16 @@ class MultiHypothesis:
     def _fused(self, frame_pair: FramePair, candidates: Candidates, t: float, confidence: NDArray[Any]) -> Pixels:
         image0, image1 = frame_pair.image0.pixels, frame_pair.image1.pixels
         sampled0, sampled1 = (image.cached(_samples) for image in (frame_pair.image0, frame_pair.image1))
-        made, pixels, chroma = _blank(image0)
+        made, pixels, chroma = view(image0).blank()
         straight_alpha = has_alpha(image0) and image0.dtype != np.float32
         blend_hypotheses(
             sampled0,
             sampled1,
-            image0.subsampling if isinstance(image0, YCbCrImage) else (1, 1),
+            view(image0).subsampling,
             np.float32(t),
             candidates,
             self._weighting(image0),
-            ValueRange(_white(image0), rounding_offset(image0), *_value_range(frame_pair), straight_alpha),
+            ValueRange(view(image0).white, rounding_offset(image0), *_value_range(frame_pair), straight_alpha),
             Blended(pixels, chroma, confidence),
         )
         if straight_alpha:
@@ -363,37 +362,14 @@ def _full_samples(frame_pair: FramePair) -> tuple[Samples, Samples]:
 
 
 def _samples(image: Pixels) -> SampledImage:
-    if isinstance(image, YCbCrImage):
-        full = 3 if image.has_full_chroma else 1
-        return SampledImage(*(_planar_samples(image, planes) for planes in (image.planes[:full], image.planes[full:])))
-    return SampledImage(_array_samples(image), _no_samples(image.dtype))
-
-
-def _planar_samples(image: YCbCrImage, planes: Sequence[NDArray[Any]]) -> Samples:
-    if not planes:
-        return _no_samples(image.dtype)
-    unit = np.float32(1 / _white(image))  # also for chroma, whose weight is then about that in a sum over B, G and R
-    together = planes[0][np.newaxis] if len(planes) == 1 else np.stack(planes)
-    return _with_coefficients(together, unit, image.coding.bits)
-
-
-def _array_samples(image: Image) -> Samples:
-    """Return the planes of an image in its own type, and their spline; straight alpha is premultiplied."""
-    if image.dtype == np.float32:  # NaN and infinity would spread to their surroundings
-        return _with_coefficients(normalised(image).transpose(2, 0, 1).copy(), np.float32(1), 16)
-    planes, unit = image.transpose(2, 0, 1).copy(), 1 / _white(image)
-    if has_alpha(image):
-        planes, unit = planes * unit, np.float32(1)
-        planes[:-1] *= planes[-1]
-    return _with_coefficients(planes, unit, 8 if image.dtype == np.uint8 else 16)
-
-
-def _no_samples(dtype: DTypeLike) -> Samples:
-    return Samples(np.empty((0, 1, 1), dtype), np.empty((0, 1, 1), np.float32), np.float32(1))
+    full, half, unit, bits = view(image).spline_planes()
+    return SampledImage(_with_coefficients(full, unit, bits), _with_coefficients(half, unit, bits))
 
 
 def _with_coefficients(planes: NDArray[Any], unit: np.float32, bits: int) -> Samples:
     channels, height, width = planes.shape
+    if not channels:
+        return Samples(planes, np.empty(planes.shape, np.float32), np.float32(1))
     coefficients = aligned_empty((channels, height + 2 * MARGIN, width + 2 * MARGIN + SPARE), np.float32)
     find_coefficients(planes, unit, filter_weights(2.0 ** -(bits + 3)), coefficients)
     return Samples(planes, coefficients, unit)
@@ -405,32 +381,6 @@ def _values_as_coefficients(samples: Samples) -> Samples:
     beyond = columns - MARGIN - samples.planes.shape[2]
     values = np.pad(samples.planes, ((0, 0), (MARGIN, MARGIN), (MARGIN, beyond)), "edge")
     return samples._replace(coefficients=values)
-
-
-def _blank(image: Pixels) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
-    """Return an empty image like this one, its full planes as (C, H, W), and its planes of half the width."""
-    if not isinstance(image, YCbCrImage):
-        made = np.empty_like(image)
-        return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), image.dtype)
-    (height, width, _), (rows, columns) = image.shape, image.planes[1].shape
-    full = 3 if image.has_full_chroma else 1
-    whole, halves = np.empty((full, height, width), image.dtype), np.empty((3 - full, rows, columns), image.dtype)
-    return replace(image, planes=(*whole, *halves)), whole, halves
-
-
-def _white(image: Pixels) -> np.float32:
-    """Return the number of levels from black to white."""
-    if isinstance(image, YCbCrImage):
-        return np.float32(image.coding.levels.luma_span)
-    return np.float32(1) if image.dtype == np.float32 else value_range(image)[1]
-
-
-def _difference_factor(image: Pixels) -> float:
-    """Return the factor on squared differences that gives a difference in gray the same scale for all image types.
-
-    It is 3 where such differences are counted once.
-    """
-    return 3.0 if isinstance(image, YCbCrImage) else max(1, 3 / image.shape[2])
 
 
 def _extremes(image: Image) -> tuple[np.float32, np.float32]:
@@ -445,7 +395,7 @@ def _value_range(frame_pair: FramePair) -> tuple[np.float32, np.float32]:
     The spline overshoots, but no value of a float frame may be outside of the range of both frames.
     """
     if frame_pair.image0.pixels.dtype != np.float32:
-        return value_range(frame_pair.image0.pixels)
+        return view(frame_pair.image0.pixels).value_range
     (lowest0, highest0), (lowest1, highest1) = (
         image.cached(_extremes) for image in (frame_pair.image0, frame_pair.image1)
     )

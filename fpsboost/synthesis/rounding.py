@@ -1,4 +1,4 @@
-"""Conversion of images to float values, and of results to pixels of an image's own type."""
+"""Conversion of float results to pixels of an image's own type."""
 
 from __future__ import annotations
 
@@ -7,23 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import Image, Pixels, has_alpha, value_range
-from fpsboost.motion.colour import normalised
+from fpsboost.colour import has_alpha
+from fpsboost.image import Image, Pixels, view
 
 
 def rounding_offset(image: Pixels) -> np.float32:
     """Return the offset to add before the conversion to the image's type: 0.5 for integers, 0 for float."""
     return np.float32(0 if image.dtype == np.float32 else 0.5)
-
-
-def premultiplied(image: Image) -> NDArray[Any]:
-    """Return (H, W, C) float32 with the image's own white, with straight alpha premultiplied."""
-    if image.dtype == np.float32:  # NaN and infinity would spread to their surroundings
-        return normalised(image)
-    values: NDArray[Any] = image.astype(np.float32)
-    if has_alpha(image):
-        values[..., :-1] *= values[..., -1:] / np.float32(np.iinfo(image.dtype).max)
-    return values
 
 
 def as_image(values: NDArray[Any], image0: Image, image1: Image, t: float) -> Image:
@@ -32,14 +22,14 @@ def as_image(values: NDArray[Any], image0: Image, image1: Image, t: float) -> Im
     Parameters
     ----------
     values : (H, W, C) float32
-        Values as returned by `premultiplied`; may be modified.
+        Values as returned by `fpsboost.colour.premultiplied`; may be modified.
     image0, image1 : (H, W, C)
         The frames.
     t : float
         Time of the result between the frames.
     """
     straight_alpha = has_alpha(image0) and image0.dtype != np.float32
-    lowest, highest = value_range(image0)
+    lowest, highest = view(image0).value_range
     if straight_alpha:
         values[..., :-1] *= highest / np.maximum(values[..., -1:], np.float32(1e-6))
     image: Image = (values + rounding_offset(image0)).clip(lowest, highest).astype(image0.dtype)

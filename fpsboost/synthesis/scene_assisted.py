@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import premultiplied
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
@@ -16,7 +17,7 @@ from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.agreement import measure_agreement_along
 from fpsboost.synthesis.blend import Blend
-from fpsboost.synthesis.rounding import as_image, premultiplied
+from fpsboost.synthesis.rounding import as_image
 
 
 class _Neighbour(NamedTuple):

@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import premultiplied
 from fpsboost.frame import Image
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.rounding import as_image, premultiplied
+from fpsboost.synthesis.rounding import as_image
 
 
 @dataclass(frozen=True)

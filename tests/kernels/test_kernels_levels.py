@@ -8,7 +8,7 @@ from twins import level_similarity, uncompiled
 
 from fpsboost.kernels.jit import njit
 from fpsboost.kernels.levels import SIXTEEN, WHITE, compare_one, compare_sixteen, level_scale, truncation
-from fpsboost.motion.colour import contrast_components, contrast_planes
+from fpsboost.motion.components import contrast_components, contrast_planes
 
 
 @njit()

@@ -10,12 +10,13 @@ import pytest
 from truth import affine, as_type, eroded, frozen, layers, moving_object, noise, prepared, translation
 
 from fpsboost.analysis.scene_cuts import CutDetector
+from fpsboost.colour import colour_components
 from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
-from fpsboost.motion.colour import colour_components, contrast_components, padded_planes
+from fpsboost.motion.components import contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.nlm import CoarseToFine, pyramid
 from fpsboost.motion.opencv import Dis, Farneback, TvL1

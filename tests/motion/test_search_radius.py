@@ -36,7 +36,7 @@ from fpsboost.kernels.plane_pair import PlanePair
 from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.method_table import find_method
-from fpsboost.motion.colour import contrast_components, padded_planes
+from fpsboost.motion.components import contrast_components, padded_planes
 from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.rendered import RenderedMotion
 from fpsboost.motion.search_radius import choose_search_radius, expected_motion

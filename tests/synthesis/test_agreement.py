@@ -8,12 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import YCbCrImage
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.agreement import find_motion, measure_agreement
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
-from fpsboost.ycbcr import Coding, YCbCrImage
+from fpsboost.ycbcr import Coding
 
 SIZE = 64, 80
 

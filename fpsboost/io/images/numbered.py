@@ -19,6 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from fpsboost.colour import displayed_colours
 from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image, as_array, describe
 from fpsboost.frame_cache import SourcePosition
@@ -44,7 +45,6 @@ from fpsboost.io.staging import IN_EXISTING_FOLDER, StagingDirectory, hidden_pla
 from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.video.decode_options import View
 from fpsboost.layered import LayeredImage
-from fpsboost.scene_linear import displayed_colours
 
 MAX_GAP = 1000
 """Frames that are made between two images at most, as with the largest factor; names that are dates end here."""

@@ -124,7 +124,7 @@ def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
     channels = contents_of(header).picture
     places = (0, 3) if len(channels) == 2 else range(len(channels))
     planes: dict[str, NDArray[Any]] = {name: colour[..., i] for name, i in zip(channels, places, strict=True)}
-    if isinstance(image, LayeredImage):
+    if isinstance(image, LayeredImage):  # an array has no names of channels
         planes |= image.planes()
     return encode_exr_like(header, planes)
 

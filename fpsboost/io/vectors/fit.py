@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.colour import normalised
 from fpsboost.frame import Image
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.vectors.layout import Direction, StoredVectors, VectorConvention
-from fpsboost.motion.colour import normalised
 
 CLEARLY_BETTER = 0.8
 """Ratio of the errors of two conventions below which one is clearly better."""

@@ -7,6 +7,7 @@ import numpy as np
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.frame import Frame, Image
+from fpsboost.image import YCbCrImage, view
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.video.ycc import (
     FULL_RANGE,
@@ -18,7 +19,7 @@ from fpsboost.io.video.ycc import (
     to_bgr,
     with_chroma_location,
 )
-from fpsboost.ycbcr import Coding, YCbCrImage
+from fpsboost.ycbcr import Coding
 
 PLANAR_FORMATS = frozenset(
     [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]
@@ -80,7 +81,7 @@ def as_picture(
         Whether the target's colour tags are those of the source.
     """
     image, original = frame.pixels, frame.original
-    if original is None and isinstance(image, YCbCrImage):
+    if original is None and isinstance(image, YCbCrImage):  # else it is converted from BGR below
         original = picture_of(image)
         if image.coding.pixel_format != pixel_format:
             original = with_chroma_location(original, image.coding.chroma_location)
@@ -91,7 +92,11 @@ def as_picture(
         has_rgb = original.format.is_rgb or av.VideoFormat(pixel_format).is_rgb
         if not has_rgb and is_full_range(original) == full_range:
             return reformatted(original, reformatter, pixel_format, full_range)
-    image = bgr_of(image) if isinstance(image, YCbCrImage) else image
     return from_bgr(
-        image, pixel_format, color_space, full_range, chroma_location=chroma_location, reformatter=reformatter
+        view(image).to_bgr(),
+        pixel_format,
+        color_space,
+        full_range,
+        chroma_location=chroma_location,
+        reformatter=reformatter,
     )

@@ -28,6 +28,7 @@ import fpsboost
 from fpsboost.cli import app, progress
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
+from fpsboost.image import YCbCrImage
 from fpsboost.io import Cancellable
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output
@@ -37,7 +38,6 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.pipe import MAX_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.schedule import OutputTiming
-from fpsboost.ycbcr import YCbCrImage
 
 NAMES = tuple(formats)
 UNKNOWN_TO_FFMPEG = ("mono14",)

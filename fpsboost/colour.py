@@ -1,4 +1,4 @@
-"""Scene-linear colours as they are compared: on a logarithmic scale, independent of exposure.
+"""Colours of arrays as float values: normalised, premultiplied, compressed, and scene-linear light as it is compared.
 
 A renderer's numbers are proportional to light. A difference of 0.1 is nothing in a highlight and everything in a
 shadow, and the same scene with another exposure has other numbers. So frames are compared on a scale of ratios: their
@@ -14,6 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+HIGHLIGHT_SLOPE = np.float32(0.5)
+"""Factor on the logarithm of values above white: twice as bright as white is brighter by 0.35, as is twice as bright as
+a middle gray."""
+
+MAX_VALUE = np.float32(1e6)
+"""Maximum magnitude of a value in motion estimation, in units of white."""
+
 MIDDLE_GRAY = np.float32(0.18)
 """Value that the log-average of a frame is scaled to."""
 
@@ -25,6 +32,71 @@ MAX_RATIO = np.float32(1e6)
 
 SRGB_TOE = np.float32(0.0031308)
 """Largest value of the straight part of sRGB's curve."""
+
+
+def has_alpha(image: Any) -> bool:
+    """Return whether the last channel of an image of any kind is alpha."""
+    return bool(image.shape[2] in {2, 4})
+
+
+def normalised(image: NDArray[Any]) -> NDArray[Any]:
+    """Return the image as float32 with 1.0 for white and unchanged shape; NaN becomes black, infinity white."""
+    if image.dtype == np.float32:
+        finite: NDArray[Any] = np.nan_to_num(image, nan=0.0, posinf=1.0, neginf=0.0)
+        return finite
+    scale = 1 / np.iinfo(image.dtype).max
+    values: NDArray[Any] = image.astype(np.float32) * np.float32(scale)
+    return values
+
+
+def premultiplied(image: NDArray[Any]) -> NDArray[Any]:
+    """Return (H, W, C) float32 with the image's own white, with straight alpha premultiplied."""
+    if image.dtype == np.float32:  # NaN and infinity would spread to their surroundings
+        return normalised(image)
+    values: NDArray[Any] = image.astype(np.float32)
+    if has_alpha(image):
+        values[..., :-1] *= values[..., -1:] / np.float32(np.iinfo(image.dtype).max)
+    return values
+
+
+def compress_highlights(image: NDArray[Any]) -> NDArray[Any]:
+    """Return the `normalised` image with a logarithmic curve above white, where contrast matters, not difference.
+
+    Otherwise the similarity of two frames of a brightly lit scene would be 0, and motion could not be estimated.
+    """
+    values = clipped(normalised(image))
+    if image.dtype == np.float32 and values.max(initial=0) > 1:
+        values = np.where(values > 1, 1 + HIGHLIGHT_SLOPE * np.log(np.maximum(values, 1)), values)
+    return values
+
+
+def colour_components(image: NDArray[Any]) -> NDArray[Any]:
+    """Return colours in [0, 1], multiplied by alpha, so that the colour of a transparent pixel has no influence.
+
+    Values above white are compressed; see `compress_highlights`.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Gray images have their value in the first component and zero in the others.
+    """
+    values = compress_highlights(image)
+    if has_alpha(image):
+        values = values[..., :-1] * values[..., -1:]
+    if values.shape[2] == 1:
+        return np.dstack([values, np.zeros_like(values), np.zeros_like(values)])
+    return values
+
+
+def clipped(values: NDArray[Any]) -> NDArray[Any]:
+    """Return the values clipped to MAX_VALUE: damaged files hold float32's largest numbers, whose sums overflow."""
+    if np.abs(values).max(initial=0) <= MAX_VALUE:
+        return values
+    return values.clip(-MAX_VALUE, MAX_VALUE)
 
 
 def compared_colours(image: NDArray[Any]) -> NDArray[Any]:

@@ -1,0 +1,557 @@
+"""Images of all kinds through one contract, `ImageView`, which `view` gives: arrays, and planes of YCbCr.
+
+A view copies no pixels. Images read from a video and written to one keep their planes: no colour matrix, no
+intermediate rounding, and half as many samples to compute with. `fpsboost.layered` has pictures with further layers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, NamedTuple, Protocol, Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.colour import (
+    MAX_VALUE,
+    clipped,
+    colour_components,
+    compress_highlights,
+    has_alpha,
+    normalised,
+    premultiplied,
+)
+from fpsboost.errors import InputError
+from fpsboost.kernels.contrast import CodeLevels, split_colours, split_planes
+from fpsboost.kernels.shrink import shrink
+from fpsboost.ycbcr import Coding
+
+type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
+
+SAMPLE_BITS = 16
+"""Bits of the samples of which `ImageView.filled` makes an image."""
+
+Image = NDArray[Any]
+"""(height, width, channels) uint8, uint16 or float32; see `fpsboost.frame`."""
+
+Plane = NDArray[Any]
+"""(height, width)."""
+
+
+class SplinePlanes(NamedTuple):
+    """Planes of which splines are made."""
+
+    full: NDArray[Any]
+    """(C, H, W), contiguous."""
+    half: NDArray[Any]
+    """(C, h, w): subsampled chroma; (0, 1, 1) if there is none."""
+    unit: np.float32
+    """Factor that makes white 1."""
+    bits: int
+    """Bits per sample."""
+
+
+class ImageView(Protocol):
+    """Contract: what the package asks of an image of any kind."""
+
+    coding: Coding | None = None
+    """Meaning of the code values; None for colours."""
+    layers: Sequence[Any] | None = None
+    """Further layers, see `fpsboost.layered`; None for an image that is no renderer's."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Height, width and channels, as of a BGR array."""
+        ...
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples."""
+        ...
+
+    @property
+    def picture(self) -> Pixels:
+        """The image without further layers."""
+        ...
+
+    @property
+    def compared(self) -> Pixels:
+        """The picture as frames are compared; scene-linear colours have another scale there."""
+        return self.picture
+
+    @property
+    def subsampling(self) -> tuple[int, int]:
+        """Rows and columns of pixels per chroma sample."""
+        return 1, 1
+
+    @property
+    def luma(self) -> Plane | None:
+        """Luma as it is stored, in code values; None if it must be computed from colours."""
+        return None
+
+    @property
+    def white(self) -> np.float32:
+        """Number of levels from black to white."""
+        ...
+
+    @property
+    def value_range(self) -> tuple[np.float32, np.float32]:
+        """Lowest and highest value that images of this type hold."""
+        ...
+
+    @property
+    def gray_weight(self) -> float:
+        """Factor on squared differences, summed over channels, that gives one in gray the same scale in all kinds."""
+        ...
+
+    def describe(self) -> str:
+        """Return size and type as readable text: ``640x360, 3 channels, 8-bit``."""
+        ...
+
+    def array(self) -> Image:
+        """Return the picture, which must be an array, for functions that cannot work on planes.
+
+        Raises
+        ------
+        InputError
+            The image is a `YCbCrImage`.
+        """
+        ...
+
+    def to_bgr(self) -> Image:
+        """Return the picture as an array, planes converted to BGR, (H, W, 3) uint8 or uint16."""
+        return self.array()
+
+    def arrays(self) -> list[NDArray[Any]]:
+        """Return all arrays of which the image consists; their first two axes are rows and columns."""
+        ...
+
+    def map(self, function: Callable[..., NDArray[Any]], *others: ImageView) -> Pixels:
+        """Return the image with a function applied to each array, or to each with the same array of other images."""
+        ...
+
+    def mix(self, other: ImageView, t: float) -> Pixels:
+        """Return the mean of two images of one kind, the other weighted by t."""
+        return self.map(partial(_mixed, t), other)
+
+    def copy(self) -> Any:
+        """Return a copy with pixels of its own."""
+        ...
+
+    def deep_copy(self) -> Any:
+        """Return a copy with pixels and layers of its own."""
+        return self.copy()
+
+    def filled(self, samples: NDArray[np.int64]) -> Any:
+        """Return an image of the same kind, type, channels and layers that shows other samples.
+
+        Parameters
+        ----------
+        samples : (H, W, 4) int64
+            Whole numbers of `SAMPLE_BITS` bits.
+        """
+        ...
+
+    def blank(self) -> tuple[Pixels, NDArray[Any], NDArray[Any]]:
+        """Return an image like this one to be filled, and views of it: (C, H, W), and subsampled chroma (C, h, w)."""
+        ...
+
+    def gray(self) -> Plane:
+        """Return luma, (H, W) uint8."""
+        ...
+
+    def float_luma(self) -> Plane:
+        """Return luma on the 8-bit scale, (H, W) float32, neither rounded nor clipped."""
+        ...
+
+    def luma_and_chroma(self) -> tuple[Plane, Plane]:
+        """Return luma in [0, 1], and the mean of both colour differences, (H, W) float32.
+
+        The mean is 0.5 for gray; 0 for images of one channel.
+        """
+        ...
+
+    def split_contrast(self, *target: Any) -> None:
+        """Write luma, its contrast and chroma in bytes; `target` are the last arguments of the kernel."""
+        ...
+
+    def thumbnail(self, size: tuple[int, int]) -> Image:
+        """Return a copy of a width and a height, gray or BGR, float32 with 1.0 for white."""
+        ...
+
+    def comparable(self) -> NDArray[Any]:
+        """Return values to compare, (H, W, C) float32: black and white 1 apart, straight alpha premultiplied."""
+        ...
+
+    def channels(self) -> list[Plane]:
+        """Return luma and chroma, or all channels but alpha, in the image's own type."""
+        ...
+
+    def with_channels(self, channels: Sequence[Plane]) -> Pixels:
+        """Return the image with other `channels`, all of its own type; alpha stays."""
+        ...
+
+    def spline_planes(self) -> SplinePlanes:
+        """Return the planes of which splines are made, with straight alpha premultiplied."""
+        ...
+
+
+class ArrayView(ImageView):
+    """View of an array, (H, W, C) uint8, uint16 or float32."""
+
+    def __init__(self, pixels: Image) -> None:
+        self._pixels = pixels
+
+    @property
+    def picture(self) -> Image:
+        """The array itself."""
+        return self._pixels
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.picture.shape
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return self.picture.dtype
+
+    @property
+    def white(self) -> np.float32:
+        return np.float32(1) if self.dtype == np.float32 else self.value_range[1]
+
+    @property
+    def value_range(self) -> tuple[np.float32, np.float32]:
+        if self.dtype == np.float32:
+            return np.finfo(np.float32).min, np.finfo(np.float32).max
+        return np.float32(0), np.float32(np.iinfo(self.dtype).max)
+
+    @property
+    def gray_weight(self) -> float:
+        return max(1.0, 3 / self.shape[2])
+
+    def describe(self) -> str:
+        height, width, channels = self.shape
+        return f"{width}x{height}, {channels} channel{'s' if channels > 1 else ''}, {type_names[self.dtype]}"
+
+    def array(self) -> Image:
+        return self.picture
+
+    def arrays(self) -> list[NDArray[Any]]:
+        return [self.picture]
+
+    def map(self, function: Callable[..., NDArray[Any]], *others: ImageView) -> Image:
+        result = function(self.picture, *(other.array() for other in others))
+        return result.reshape(*result.shape[:2], self.shape[2])
+
+    def copy(self) -> Any:
+        return self.picture.copy()
+
+    def filled(self, samples: NDArray[np.int64]) -> Any:
+        channels = self.shape[2]  # the last of two or four is alpha
+        return in_type(samples[..., [0, 3] if channels == 2 else slice(channels)], self.dtype)
+
+    def blank(self) -> tuple[Image, NDArray[Any], NDArray[Any]]:
+        made = np.empty_like(self.picture)
+        return made, made.transpose(2, 0, 1), np.empty((0, 0, 0), self.dtype)
+
+    def gray(self) -> Plane:
+        if self.dtype == np.uint8 and self.shape[2] == 3:
+            return cv2.cvtColor(self.picture, cv2.COLOR_BGR2GRAY)
+        eight_bit: Plane = np.clip(self._float_gray() * 255 + 0.5, 0, 255).astype(np.uint8)
+        return eight_bit
+
+    def float_luma(self) -> Plane:
+        return np.asarray(self._float_gray() * np.float32(255))
+
+    def _float_gray(self) -> Plane:
+        colours = colour_components(self.picture)
+        return colours[..., 0] if self.shape[2] < 3 else cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
+
+    def luma_and_chroma(self) -> tuple[Plane, Plane]:
+        colours = colour_components(self.picture)
+        if self.shape[2] < 3:
+            return colours[..., 0], colours[..., 1]
+        converted = cv2.cvtColor(colours, cv2.COLOR_BGR2YCrCb)
+        return converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
+
+    def split_contrast(self, *target: Any) -> None:
+        colours = compress_highlights(self.picture) if self.dtype == np.float32 else self.picture
+        split_colours(colours, np.float32(1 / self._unit_of_type()), *target)
+
+    def _unit_of_type(self) -> float:
+        return 1 if self.dtype == np.float32 else np.iinfo(self.dtype).max
+
+    def thumbnail(self, size: tuple[int, int]) -> Image:
+        return clipped(normalised(_shrunk(self.picture, size) * np.float32(1 / self._unit_of_type())))
+
+    def comparable(self) -> NDArray[Any]:
+        values = premultiplied(self.picture)
+        if self.dtype == np.float32:  # damaged files hold numbers whose squares overflow
+            return values.clip(-MAX_VALUE, MAX_VALUE)
+        return values / self.white
+
+    def channels(self) -> list[Plane]:
+        return list(cv2.split(self.picture)[: self.shape[2] - has_alpha(self)])
+
+    def with_channels(self, channels: Sequence[Plane]) -> Image:
+        return np.dstack([*channels, self.picture[..., len(channels) :]])
+
+    def spline_planes(self) -> SplinePlanes:
+        nothing = np.empty((0, 1, 1), self.dtype)
+        if self.dtype == np.float32:  # NaN and infinity would spread to their surroundings
+            return SplinePlanes(normalised(self.picture).transpose(2, 0, 1).copy(), nothing, np.float32(1), 16)
+        planes, unit = self.picture.transpose(2, 0, 1).copy(), 1 / self.white
+        if has_alpha(self):
+            planes, unit = planes * unit, np.float32(1)
+            planes[:-1] *= planes[-1]
+        return SplinePlanes(planes, nothing, unit, 8 if self.dtype == np.uint8 else 16)
+
+
+@dataclass(frozen=True, eq=False)
+class YCbCrImage(ImageView):
+    """Image in planes of luma and chroma.
+
+    Parameters
+    ----------
+    planes : tuple of 3 arrays
+        Y of (H, W); Cb and Cr of that size, of half the width, or of half the width and height, rounded up. uint8 or
+        uint16, contiguous.
+    coding : Coding
+
+    Examples
+    --------
+    >>> coding = Coding(8, 1, full_range=False, chroma_location="left", pixel_format="yuv420p")
+    >>> gray = [np.full(size, 128, np.uint8) for size in ((4, 6), (2, 3), (2, 3))]
+    >>> image = YCbCrImage(tuple(gray), coding)
+    >>> image.shape, image.subsampling
+    ((4, 6, 3), (2, 2))
+    """
+
+    planes: tuple[Plane, Plane, Plane]
+    coding: Coding = field()
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape (H, W, 3), as of a BGR array."""
+        height, width = self.planes[0].shape
+        return height, width, 3
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples."""
+        return self.planes[0].dtype
+
+    @property
+    def picture(self) -> YCbCrImage:
+        """The image itself."""
+        return self
+
+    @property
+    def subsampling(self) -> tuple[int, int]:
+        """Chroma subsampling: rows and columns of pixels per chroma sample."""
+        (height, width), (rows, columns) = self.planes[0].shape, self.planes[1].shape
+        return (1 if rows == height else 2), (1 if columns == width else 2)
+
+    @property
+    def _full_planes(self) -> int:
+        """Number of planes, from the first, of the size of the image."""
+        return 3 if self.planes[1].shape == self.planes[0].shape else 1
+
+    @property
+    def luma(self) -> Plane:
+        """The plane of luma."""
+        return self.planes[0]
+
+    @property
+    def white(self) -> np.float32:
+        return np.float32(self.coding.levels.luma_span)
+
+    @property
+    def value_range(self) -> tuple[np.float32, np.float32]:
+        return np.float32(0), np.float32(self.coding.highest)
+
+    @property
+    def gray_weight(self) -> float:
+        return 3.0  # it is in luma alone
+
+    def describe(self) -> str:
+        height, width, _ = self.shape
+        return f"{width}x{height}, {self.coding.pixel_format}"
+
+    def array(self) -> Image:
+        raise InputError(f"An image must be an array here, not {self.describe()}; read its video without keeps_planes.")
+
+    def to_bgr(self) -> Image:
+        """Return the image as BGR, (H, W, 3) uint8 or uint16."""
+        return _bgr_by_opencv(self) if self.coding.bgr_of is None else self.coding.bgr_of(self)
+
+    def arrays(self) -> list[NDArray[Any]]:
+        return list(self.planes)
+
+    def map(self, function: Callable[..., Plane], *others: ImageView) -> Self:
+        """Return the image with a function applied to each plane, or to each with the same plane of other images."""
+        y, cb, cr = (function(*planes) for planes in zip(self.planes, *(each.arrays() for each in others), strict=True))
+        return replace(self, planes=(y, cb, cr))
+
+    def copy(self) -> Self:
+        """Return a copy with planes of its own."""
+        return self.map(np.copy)
+
+    def filled(self, samples: NDArray[np.int64]) -> Self:
+        codes = (samples >> (SAMPLE_BITS - self.coding.bits)).astype(self.dtype)
+        steps = (1, 1), self.subsampling, self.subsampling
+        y, cb, cr = (codes[::rows, ::columns, k].copy() for k, (rows, columns) in enumerate(steps))
+        return replace(self, planes=(y, cb, cr))
+
+    def blank(self) -> tuple[Self, NDArray[Any], NDArray[Any]]:
+        full = np.empty((self._full_planes, *self.planes[0].shape), self.dtype)
+        half = np.empty((3 - len(full), *self.planes[1].shape), self.dtype)
+        y, cb, cr = *full, *half
+        return replace(self, planes=(y, cb, cr)), full, half
+
+    def gray(self) -> Plane:
+        black, span, _, _ = self.coding.levels
+        if self.dtype == np.uint8:
+            of_codes = (np.arange(256) - black) * (255 / span)
+            levels: Plane = cv2.LUT(self.luma, np.rint(of_codes.clip(0, 255)).astype(np.uint8))
+            return levels
+        above = np.maximum(self.luma, self.dtype.type(black))  # because convertScaleAbs takes the absolute value
+        levels = cv2.convertScaleAbs(above, alpha=255 / span, beta=-255 / span * black)
+        return levels
+
+    def float_luma(self) -> Plane:
+        black, span, _, _ = self.coding.levels
+        values: Plane = (self.luma.astype(np.float32) - np.float32(black)) * np.float32(255 / span)
+        return values
+
+    def luma_and_chroma(self) -> tuple[Plane, Plane]:
+        black, luma_span, neutral, chroma_span = self.coding.levels
+        height, width, _ = self.shape
+        y, cb, cr = (plane.astype(np.float32) for plane in self.planes)
+        chroma = ((cb + cr) * np.float32(0.5) - np.float32(neutral)) / np.float32(chroma_span) + np.float32(0.5)
+        return (y - np.float32(black)) / np.float32(luma_span), cv2.resize(chroma, (width, height))
+
+    def split_contrast(self, *target: Any) -> None:
+        black, luma_span, neutral, chroma_span = self.coding.levels
+        levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
+        split_planes(*self.planes, levels, *target)
+
+    def thumbnail(self, size: tuple[int, int]) -> Image:
+        codes = np.dstack([_shrunk(plane[..., np.newaxis], size) for plane in self.planes])
+        colours: Image = cv2.transform(codes, self.coding.to_bgr()).clip(0, 1)
+        return colours
+
+    def comparable(self) -> NDArray[Any]:
+        height, width, _ = self.shape
+        unit = np.float32(1 / self.coding.levels.luma_span)
+        planes = (cv2.resize(plane, (width, height), interpolation=cv2.INTER_NEAREST) for plane in self.planes)
+        return np.dstack([plane * unit for plane in planes])
+
+    def channels(self) -> list[Plane]:
+        return list(self.planes)
+
+    def with_channels(self, channels: Sequence[Plane]) -> Self:
+        y, cb, cr = channels
+        return replace(self, planes=(y, cb, cr))
+
+    def spline_planes(self) -> SplinePlanes:
+        unit = np.float32(1 / self.white)  # also for chroma, whose weight is then about that in a sum over B, G and R
+        full, half = self.planes[: self._full_planes], self.planes[self._full_planes :]
+        together = full[0][np.newaxis] if len(full) == 1 else np.stack(full)
+        chroma = np.stack(half) if half else np.empty((0, 1, 1), self.dtype)
+        return SplinePlanes(together, chroma, unit, self.coding.bits)
+
+
+Pixels = Image | YCbCrImage
+"""Image data on which motion is estimated: an array, or planes of luma and chroma."""
+
+
+def view(image: Image | ImageView) -> ImageView:
+    """Return the view of an image; those that are no arrays are views already."""
+    return ArrayView(image) if isinstance(image, np.ndarray) else image  # the one place that tells arrays apart
+
+
+def describe(image: Image | ImageView) -> str:
+    """Return an image's size and type as readable text: ``640x360, 3 channels, 8-bit``."""
+    return view(image).describe()
+
+
+def as_array(image: Image | ImageView) -> Image:
+    """Return an image that must be an array, for functions that cannot work on planes; further layers are left out.
+
+    Raises
+    ------
+    InputError
+        The image is a `YCbCrImage`.
+    """
+    return view(image).array()
+
+
+def check_pair(image0: Image | ImageView, image1: Image | ImageView) -> None:
+    """Raise `InputError` unless both are valid images of one size and type.
+
+    Parameters
+    ----------
+    image0, image1 : (H, W, C) uint8, uint16 or float32, or YCbCrImage
+
+    Raises
+    ------
+    InputError
+        The number of axes or channels is wrong, the type is unknown, or the two differ.
+
+    Examples
+    --------
+    >>> check_pair(np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6, 3), np.uint8))
+    """
+    for image in (image0, image1):
+        if len(image.shape) != 3 or image.shape[2] not in (1, 2, 3, 4) or 0 in image.shape:
+            raise InputError(f"An image must have the shape (height, width, 1 to 4), not {image.shape}.")
+        if image.dtype not in type_names:
+            raise InputError(f"An image must be uint8, uint16 or float32, not {image.dtype}; convert it first.")
+    kinds = [(image.shape, image.dtype, view(image).coding) for image in (image0, image1)]
+    if kinds[0] != kinds[1]:
+        raise InputError(
+            f"Two frames of one clip must be alike, but one is {describe(image0)} and the other {describe(image1)}; "
+            "make them one size and type first."
+        )
+
+
+def _mixed(t: float, image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[Any]:
+    return cv2.addWeighted(image0, 1 - t, image1, t, 0)
+
+
+def _shrunk(image: Image, size: tuple[int, int]) -> NDArray[Any]:
+    """Return the image resized to a width and a height, float32 with its own white; enlarged where it is smaller."""
+    height, width, channels = image.shape
+    across, down = min(size[0], width), min(size[1], height)
+    small = np.empty((down, across, channels), np.float32)
+    shrink(np.ascontiguousarray(image).reshape(height, width * channels), small)
+    if (across, down) == size:
+        return small
+    return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)
+
+
+def in_type(samples: NDArray[np.int64], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return samples in the whole range of integers, or in [0, 1) of floats, which hold them exactly."""
+    if np.issubdtype(dtype, np.floating):
+        return np.ascontiguousarray((samples / (1 << SAMPLE_BITS)).astype(dtype))
+    return np.ascontiguousarray((samples >> max(0, SAMPLE_BITS - 8 * dtype.itemsize)).astype(dtype))
+
+
+def _bgr_by_opencv(image: YCbCrImage) -> Image:
+    """Return an image as BGR, with chroma interpolated bicubically."""
+    location = image.coding.chroma_location
+    right = 0.5 if location in ("center", "top", "bottom") else 0
+    below = 0 if "top" in location else 1 if "bottom" in location else 0.5
+    rows, columns = (
+        ((np.arange(length) - (first if step > 1 else 0)) / step).astype(np.float32)
+        for length, first, step in zip(image.shape, (below, right), image.subsampling, strict=False)
+    )
+    places = np.meshgrid(columns, rows)
+    chroma = (cv2.remap(p, *places, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for p in image.planes[1:])
+    codes = cv2.merge([image.luma, *chroma])
+    bgr: Image = cv2.transform(codes, image.coding.to_bgr() * np.iinfo(image.dtype).max)
+    return bgr

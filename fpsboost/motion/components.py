@@ -1,0 +1,118 @@
+"""Conversion of images to the components on which motion is estimated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.image import Pixels, view
+from fpsboost.kernels.contrast import HIGH_PASS_SIZE, make_room
+from fpsboost.kernels.jit import LANES
+from fpsboost.kernels.levels import level_scale
+from fpsboost.kernels.memory import aligned_empty
+
+Components = NDArray[Any]
+"""Components of an image, (H, W, 3) float32."""
+
+ZERO_LEVEL = np.float32(128)
+"""Level of zero difference from the local mean."""
+
+
+def gray(image: Pixels) -> NDArray[Any]:
+    """Return the luma of an image, (H, W) uint8."""
+    return view(image).gray()
+
+
+def contrast_components(image: Pixels) -> Components:
+    """Return half luma, doubled high-pass luma and mean chroma, which are sensitive to low contrast.
+
+    They are also robust to slow brightness changes.
+
+    The report's plain colours are insensitive to low contrast at v = 0.25; these components are not.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
+
+    Returns
+    -------
+    (H, W, 3) float32
+    """
+    luma, chroma = view(image).luma_and_chroma()
+    high_pass = (luma - cv2.boxFilter(luma, -1, (HIGH_PASS_SIZE, HIGH_PASS_SIZE))) * 2
+    return np.dstack([luma * 0.5, high_pass, chroma])
+
+
+def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[Any]:
+    """Return the `contrast_components` in bytes for the kernels, computed in a single pass.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
+    padding : int
+        Pixels on every side; the right side is padded by a few vectors more.
+    bandwidth : float
+        Bandwidth of the similarity.
+
+    Returns
+    -------
+    (3, H + 2 padding, W + 2 padding or more) uint8
+        Scaled by `fpsboost.kernels.levels.level_scale`, with repeated edges; contiguous.
+    """
+    height, width = image.shape[:2]
+    planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
+    scale = np.float32(level_scale(bandwidth))
+    view(image).split_contrast(scale, ZERO_LEVEL, padding, make_room(width), planes)
+    return planes
+
+
+def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
+    """Return a thumbnail in gray or BGR, float32 with 1.0 for white.
+
+    Parameters
+    ----------
+    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
+    longer_side : int
+        Longer side of the thumbnail, pixels.
+
+    Returns
+    -------
+    (h, w, C) float32
+    """
+    height, width = image.shape[:2]
+    scale = longer_side / max(height, width)
+    return view(image).thumbnail((max(1, round(width * scale)), max(1, round(height * scale))))
+
+
+def padded_planes(
+    components: Components, padding: int, extra_left: int, extra_right: int, scale: float
+) -> NDArray[Any]:
+    """Return planes with repeated edges, as required by the search kernels.
+
+    Parameters
+    ----------
+    components : (H, W, 3) float32
+    padding : int
+        Pixels on every side.
+    extra_left, extra_right : int
+        Additional columns.
+    scale : float
+        Factor on every value.
+
+    Returns
+    -------
+    (3, H + 2 padding, W + 2 padding + extra_left + extra_right or more) float32, contiguous
+    """
+    height, width = components.shape[:2]
+    left = padding + extra_left
+    planes = aligned_empty((3, height + 2 * padding, left + width + padding + extra_right), np.float32)
+    rows = planes[:, padding : padding + height]
+    np.multiply(components.transpose(2, 0, 1), np.float32(scale), out=rows[:, :, left : left + width])
+    rows[:, :, :left] = rows[:, :, left : left + 1]
+    rows[:, :, left + width :] = rows[:, :, left + width - 1 : left + width]
+    planes[:, :padding] = planes[:, padding : padding + 1]
+    planes[:, padding + height :] = planes[:, padding + height - 1 : padding + height]
+    return planes
