@@ -9,7 +9,7 @@ import pytest
 from truth import Clip, affine, eroded, frozen, layers, moving_object, noise, prepared, translation
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import value_range
+from fpsboost.image import view
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 from fpsboost.synthesis import FramePair, Synthesizer
@@ -304,7 +304,7 @@ def test_rounding_and_range_follow_the_type():
     for dtype, half, white in ((np.uint8, 0.5, 255), (np.uint16, 0.5, 65535), (np.float32, 0, None)):
         image = np.zeros((1, 1, 1), dtype)
         assert rounding_offset(image) == half
-        low, high = value_range(image)
+        low, high = view(image).value_range
         assert (low, high) == (0, white) or (white is None and low < -1e30 and high > 1e30)
 
 
