@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fpsboost.errors import OutputError
-from fpsboost.evaluation.report.self_contained import as_heat, data_uri, encode, templates_of
+from fpsboost.evaluation.report.self_contained import PlayerData, as_heat, data_uri, encode, templates_of
 from fpsboost.io.new_output import write_whole
 from fpsboost.preview.trial import Estimate, Preview
 from fpsboost.threads import available_cores
@@ -64,8 +64,8 @@ def make_page(shown: Preview, command: str) -> str:
     """Return a page as text; see `write_page`."""
     environment = templates_of("fpsboost.preview")
     environment.filters["as_time"] = format_time
-    height, width = shown.found.shown[0].before.image_at(Fraction(0)).shape[:2]
     return environment.get_template("preview.html.j2").render(
+        command_name="preview",
         shown=shown,
         name=Path(shown.info.name).name or shown.info.name,
         rates=f"{float(shown.info.rate):.5g} to {float(shown.rate):.5g} frames a second",
@@ -74,9 +74,7 @@ def make_page(shown: Preview, command: str) -> str:
         estimates={name: estimate_sentence(estimate) for name, estimate in shown.estimates.items()},
         included=included_sentence(shown),
         command=command,
-        width=width,
-        height=height,
-        played=_played(shown),
+        played=_player_data(shown),
     )
 
 
@@ -103,29 +101,24 @@ def _count(shown: Preview, end: Fraction) -> int:
     return max(1, round(end * shown.stretch * shown.rate))
 
 
-def _played(shown: Preview) -> dict[str, Any]:
-    """Return what the player shows at the times of the output's frames, each picture once."""
-    uris: dict[bytes, int] = {}
-    frames = []
+def _player_data(shown: Preview) -> PlayerData:
+    """Return the views of all passages at the times of the output's frames."""
+    height, width = shown.found.shown[0].before.image_at(Fraction(0)).shape[:2]
+    names = ["before", *shown.trials] if len(shown.trials) > 1 else ["before", "after"]
+    data = PlayerData(names, width, height, float(shown.rate))
     for number, (passage, views) in enumerate(zip(shown.found.shown, shown.views(), strict=True)):
         for place in range(_count(shown, passage.before.end)):
             time = place / shown.rate / shown.stretch
             pictures = [view.pictures[view.place_at(time)] for view in views.values()]
-            frames.append(
+            data.frames.append(
                 {
                     "number": place,
                     "note": format_time(passage.start + time),
                     "passage": number,
-                    "images": [uris.setdefault(picture, len(uris)) for picture in pictures],
+                    "images": [data.add_picture(data_uri(picture, "jpeg")) for picture in pictures],
                 }
             )
-    names = ["before", *shown.trials] if len(shown.trials) > 1 else ["before", "after"]
-    return {
-        "names": names,
-        "fps": float(shown.rate),
-        "uris": [data_uri(each, "jpeg") for each in uris],
-        "frames": frames,
-    }
+    return data
 
 
 def estimate_sentence(estimate: Estimate) -> str:

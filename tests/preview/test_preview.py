@@ -303,7 +303,7 @@ def test_page_loads_nothing(page: Path) -> None:
     text = page.read_text()
     assert not re.search(r"(?:src|href)=[\"']?(?!data:|#)[a-z/]", text)
     assert "https://" not in text
-    played = json.loads(text.split('id="played">')[1].split("</script>")[0])
+    played = json.loads(text.split('class="played">')[1].split("</script>")[0])
     assert len(played["uris"]) == len(set(played["uris"]))
     assert len(played["frames"]) == 2 * 2 * RATE
     assert played["frames"][0]["images"][0] == played["frames"][1]["images"][0]

@@ -119,7 +119,8 @@ def make_page(clips: Sequence[ComparedClip], *, input_fps: Fraction | None = Non
         for number, each in enumerate(clips, 1)
     ]
     one = clips[0].comparison if len(clips) == 1 else None
-    return environment.get_template("page.html.j2").render(
+    return environment.get_template("compare.html.j2").render(
+        command_name="compare",
         name=_name_of(one) if one else f"{len(clips)} clips",
         names=[_name_of(each) for each in comparisons],
         outcome=judge(one).sentences[0] if one else judge_all(comparisons),
@@ -143,6 +144,8 @@ def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | 
     count = count_for(comparison, MAX_PIXELS // clips)
     passages = choose_passages(comparison, count, [one.number for one in chosen])
     exact = choose_exact(comparison, [*dict.fromkeys([opening, chosen[0].number])], MAX_EXACT_PIXELS // clips)
+    played = view_passages(comparison, contestants, passages, input_fps, exact)
+    played.opening = opening
     return {
         "at": at,
         "comparison": comparison,
@@ -165,9 +168,8 @@ def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | 
         "tabled": len(comparison.hidden) <= TABLED_FRAMES,
         "shown": shown,
         "motion": motion,
-        "opening": opening,
         "exact": exact,
-        "played": view_passages(comparison, contestants, passages, input_fps, exact),
+        "played": played,
         "plays_all": len(passages) == 1 and len(passages[0]) == len(comparison.hidden),
         "command": command(comparison, input_fps),
         "is_float": comparison.kind.endswith("float"),

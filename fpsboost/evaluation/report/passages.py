@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from statistics import median
 from typing import Any
@@ -12,7 +11,7 @@ from fpsboost.evaluation.contestants import Contestant
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.evaluation.metrics import as_shown
 from fpsboost.evaluation.report.pictures import find_loss
-from fpsboost.evaluation.report.self_contained import LOSSLESS, MAX_WIDTH, as_webp, data_uri, not_too_wide
+from fpsboost.evaluation.report.self_contained import LOSSLESS, MAX_WIDTH, PlayerData, as_webp, data_uri, not_too_wide
 from fpsboost.evaluation.results import Comparison
 from fpsboost.frame import Image
 
@@ -27,31 +26,6 @@ MIN_HIDDEN = 6
 
 QUALITY = 72
 """Of WebP; most frames are seen for a moment only."""
-
-
-@dataclass(frozen=True)
-class Played:
-    """Passages as the player takes them.
-
-    Attributes
-    ----------
-    width, height : int
-        Of the frames, pixels.
-    fps : float
-        Frames per second.
-    uris : list of str
-        Encoded pictures.
-    frames : list of dict
-        Of each frame its ``number``, ``passage``, ``note``, the places of its ``images`` in `uris` (the truth and every
-        method's, or one if the frame was shown to the methods), and ``loss``, the mean absolute error that compression
-        leaves in its first picture, levels of 255; 0 if its pictures are exact.
-    """
-
-    width: int
-    height: int
-    fps: float
-    uris: list[str]
-    frames: list[dict[str, Any]]
 
 
 def choose_passages(comparison: Comparison, count: int, also: Sequence[int] = ()) -> list[list[int]]:
@@ -123,8 +97,10 @@ def view_passages(
     passages: Sequence[Sequence[int]],
     input_fps: Fraction | None = None,
     exact: Collection[int] = (),
-) -> Played:
-    """Make the frames of passages once more and encode them.
+) -> PlayerData:
+    """Interpolate the frames of passages once more and encode them.
+
+    The views are the truth and all methods; frames that were shown to the methods have one picture.
 
     Parameters
     ----------
@@ -137,44 +113,39 @@ def view_passages(
     exact : collection of int
         Numbers of the hidden frames that are kept without loss; see `choose_exact`.
     """
-    wanted = {number: place for place, passage in enumerate(passages) for number in passage}
-    entries: dict[tuple[int, int], dict[str, Any]] = {}
-    uris: list[str] = []
+    passage_of = {number: place for place, passage in enumerate(passages) for number in passage}
+    last = max(passage_of)
+    data = PlayerData(["truth", *(method.name for method in comparison.methods)], *_size_of(comparison), 0.0)
+    frames: dict[tuple[int, int], dict[str, Any]] = {}
 
     def add(number: int, passage: int, image: Image, note: str) -> None:
         shown = not_too_wide(as_shown(image))
         picture = as_webp(shown, LOSSLESS if number in exact else QUALITY)
-        if (passage, number) not in entries:
-            entries[passage, number] = {
-                "number": number,
-                "passage": passage,
-                "note": note,
-                "images": [],
-                "loss": round(find_loss(shown, picture), 1),
-            }
-        entries[passage, number]["images"].append(len(uris))
-        uris.append(data_uri(picture, "webp"))
+        loss = round(find_loss(shown, picture), 1) if (passage, number) not in frames else None
+        frame = {"number": number, "passage": passage, "note": note, "images": [], "loss": loss}
+        frames.setdefault((passage, number), frame)["images"].append(data.add_picture(data_uri(picture, "webp")))
 
     def intervals() -> Iterator[Interval]:
         return comparison.hiding.intervals(comparison.clip, input_fps)
 
-    size, fps = (0, 0), 0.0
-    for interval in _until(intervals(), max(wanted), 0):
-        places = [(hidden, wanted[hidden.number]) for hidden in interval.hidden if hidden.number in wanted]
-        for hidden, passage in places:
+    for interval in _until(intervals(), last, 0):
+        for hidden in interval.hidden:
+            if hidden.number not in passage_of:
+                continue
+            passage = passage_of[hidden.number]
             for number, frame in ((interval.number, interval.shown0), (interval.last, interval.shown1)):
-                if (passage, number) not in entries:
+                if (passage, number) not in frames:
                     add(number, passage, frame.array, "shown")
             add(hidden.number, passage, hidden.truth, "hidden")
-            size = hidden.truth.shape[1], hidden.truth.shape[0]
-            fps = float((len(interval.hidden) + 1) / (interval.shown1.time - interval.shown0.time))
+            data.fps = float((len(interval.hidden) + 1) / (interval.shown1.time - interval.shown0.time))
     for method in comparison.methods:
         contestant = contestants[method.name]
-        # one interval more, whose motion has a say; a method that styles far gets all
-        read = intervals() if contestant.looks_far else _until(intervals(), max(wanted), 1)
-        for made in contestant.interpolate(read, wanted):
-            add(made.number, wanted[made.number], made.image, "hidden")
-    return Played(*size, fps, uris, [entries[key] for key in sorted(entries)])
+        # one interval more, whose motion has a say; a method that looks far gets all
+        read = intervals() if contestant.looks_far else _until(intervals(), last, 1)
+        for interpolated in contestant.interpolate(read, passage_of):
+            add(interpolated.number, passage_of[interpolated.number], interpolated.image, "hidden")
+    data.frames = [frames[key] for key in sorted(frames)]
+    return data
 
 
 def _until(intervals: Iterable[Interval], last: int, more: int) -> Iterator[Interval]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
@@ -19,6 +20,49 @@ LOSSLESS = 101
 
 MAX_WIDTH = 1280
 """Width of a picture that a page can use, pixels."""
+
+
+@dataclass
+class PlayerData:
+    """Frames that the player of a page shows, as player.js takes them.
+
+    Attributes
+    ----------
+    names : list of str
+        Names of the views of every frame.
+    width, height : int
+        Size of a frame, pixels.
+    fps : float
+        Frames per second.
+    frames : list of dict
+        For each frame its ``number``, ``passage``, ``note``, the places of its ``images`` in `uris` (one of each view,
+        or one for all of them), and optionally ``loss``, the mean absolute error that compression leaves in its first
+        picture, levels of 255.
+    opening : int or None
+        Number of the frame that is shown first; None for the first one.
+    """
+
+    names: list[str]
+    width: int
+    height: int
+    fps: float
+    frames: list[dict[str, Any]] = field(default_factory=list)
+    opening: int | None = None
+    _places: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def uris(self) -> list[str]:
+        """Encoded pictures, each once."""
+        return list(self._places)
+
+    def add_picture(self, uri: str) -> int:
+        """Return the place of a picture in `uris`, to which it is added if it is new."""
+        return self._places.setdefault(uri, len(self._places))
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what player.js reads."""
+        names = ("names", "fps", "uris", "frames", "opening")
+        return {name: getattr(self, name) for name in names}
 
 
 def templates_of(*packages: str) -> Environment:

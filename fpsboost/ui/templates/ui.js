@@ -282,7 +282,7 @@ async function decoded(src) {
 }
 
 async function picture(found, method) {
-  const frame = { number: 0, passage: 0, images: found.images };
+  const data = { names: ["blending", method], fps: 1, uris: found.images, frames: [{ number: 0, passage: 0, images: [0, 1] }] };
   if (!state.player) {
     const { naturalWidth: width, naturalHeight: height } = await decoded(found.images[0]);
     const element = byId("player").content.firstElementChild.cloneNode(true);
@@ -290,12 +290,9 @@ async function picture(found, method) {
     element.style.setProperty("--height", height);
     Object.assign(element.querySelector("canvas"), { width, height });
     byId("picture").replaceChildren(element);
-    state.player = new Player(element, { names: ["blending", method], fps: 1, frames: [frame] });
+    state.player = new Player(element, data);
   } else {
-    state.player.names = ["blending", method];
-    state.player.frames = [frame];
-    state.player.decoding.clear();
-    state.player.read.clear();
+    state.player.take(data);
     state.player.show(0);
     state.player.restyle();
   }

@@ -1,17 +1,15 @@
 "use strict";
 /* A player of pictures that belong together: several views of each frame, two of them at a time with an edge between.
 
-   On the page: the macro `player` of player.html.j2 (controls), player.css, this file, and then
+   On the page: the macro `player` of player.html.j2 (controls, and the data of `PlayerData` in Python), player.css, this
+   file, and then `new Player(document.querySelector(".player"))`, or `new Player(element, data)` with
 
-     const player = new Player(document.querySelector(".player"), {
-       names: ["truth", "nlm"],              // of the views
-       fps: 24,
-       frames: [{ number: 7, passage: 0, images: [uri, uri] }, ...],
-     });
+     { names: ["truth", "nlm"], fps: 24, uris: [uri, uri], frames: [{ number: 7, passage: 0, images: [0, 1] }, ...] }
 
-   `number` is what the frame is called, `passage` tells frames that are played in one go from others. `images` has a data
-   URI for each view, or one for all of them; `loss` is the mean error of their compression in levels, 0 if there is none,
-   missing if nobody knows. Optional elements of the macro may be missing. Methods to call: show(place), play(), pause(), choose(side, view), zoomTo(zoom, centre),
+   `number` is what the frame is called, `passage` tells frames that are played in one go from others. `images` has the
+   place in `uris` for each view, or one for all of them; `loss` is the mean error of their compression in levels, 0 if there
+   is none, missing if nobody knows; `opening` is the number of the frame that the page shows first. Optional elements of the
+   macro may be missing. Methods to call: show(place), play(), pause(), choose(side, view), zoomTo(zoom, centre),
    setMode(mode), restyle() after `nameOf` was replaced. The element gets an event "shown" after each frame that was
    drawn, and "changed" after anything else that the user chose; both bubble. */
 
@@ -31,15 +29,18 @@ const heatColours = (() => {
 })();
 
 class Player {
-  constructor(element, { names, frames, fps }) {
-    Object.assign(this, { element, names, frames, fps });
+  constructor(element, data = JSON.parse(element.querySelector(".played").textContent)) {
+    this.element = element;
+    this.read = new Map();
+    this.decoding = new Map();
+    this.take(data);
     this.nameOf = (view) => this.names[view];
     this.stage = element.querySelector(".stage");
     this.canvas = element.querySelector("canvas");
     this.context = this.canvas.getContext("2d");
     this.width = +this.canvas.width;
     this.height = +this.canvas.height;
-    this.sides = { left: 0, right: Math.min(1, names.length - 1) };
+    this.sides = { left: 0, right: Math.min(1, this.names.length - 1) };
     this.place = 0;
     this.mode = "wipe";
     this.zoom = 0; // 0 fits the picture into its place, others are screen pixels for each of its pixels
@@ -48,10 +49,16 @@ class Player {
     this.range = 64; // levels at the bright end of the error's colours
     this.fingers = new Map(); // where pointers are that touch the stage
     this.images = [];
-    this.read = new Map();
-    this.decoding = new Map();
     this.listen();
     this.show(0);
+  }
+
+  /** Take other frames, which `show` and `restyle` then draw. */
+  take({ names, fps, uris, frames, opening }) {
+    Object.assign(this, { names, fps, opening });
+    this.frames = frames.map((frame) => ({ ...frame, images: frame.images.map((place) => uris[place]) }));
+    this.decoding.clear();
+    this.read.clear();
   }
 
   find(selector) {

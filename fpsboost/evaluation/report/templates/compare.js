@@ -1,20 +1,4 @@
-// Reads nothing but this page; without it the page still shows every table and closer look. Needs player.js before it.
-
-const all = (selector, within = document) => [...within.querySelectorAll(selector)];
-const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
-
-// ---------------------------------------------------------------- light and dark
-
-function toggleTheme() {
-  const root = document.documentElement;
-  const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-  root.dataset.theme = dark ? "light" : "dark";
-  try {
-    localStorage.setItem("fpsboost-theme", root.dataset.theme);
-  } catch (error) {
-    // a browser that keeps nothing shows it all the same
-  }
-}
+// Reads nothing but this page; without it the page still shows every table and closer look. Needs player.js and base.js before it.
 
 // ---------------------------------------------------------------- tables
 
@@ -76,7 +60,7 @@ class Reader {
 
   /** Shade frames that can be played. */
   shade(first, last) {
-    const [left, right] = [first, last].map((frame) => clamp(this.across(frame), this.left, this.left + this.width));
+    const [left, right] = [first, last].map((frame) => between(this.across(frame), this.left, this.left + this.width));
     this.add("shade").style.cssText = `left:${100 * left}%;width:${100 * (right - left)}%;top:${100 * this.top}%;height:${100 * this.height}%`;
   }
 
@@ -103,7 +87,7 @@ class Reader {
     if (event.key === "Enter") this.choose();
     if (!move) return;
     event.preventDefault();
-    this.read(this.place === null ? 0 : clamp(this.place + move, 0, this.values.frames.length - 1));
+    this.read(this.place === null ? 0 : between(this.place + move, 0, this.values.frames.length - 1));
   }
 
   read(place) {
@@ -148,7 +132,7 @@ class Reader {
     // beside the line, where there is more room, and never beyond the figure
     const width = this.chart.clientWidth;
     const beside = x < 0.5 ? x * width + 14 : x * width - 14 - box.offsetWidth;
-    box.style.left = `${clamp(beside, 0, Math.max(0, width - box.offsetWidth))}px`;
+    box.style.left = `${between(beside, 0, Math.max(0, width - box.offsetWidth))}px`;
   }
 
   add(names, style = "") {
@@ -194,11 +178,9 @@ class Clip {
 
   open() {
     if (this.player) return;
-    const { names, fps, uris, frames, opening } = JSON.parse(this.element.querySelector(".played").textContent);
-    const played = frames.map((frame) => ({ ...frame, images: frame.images.map((image) => uris[image]) }));
     const screen = this.element.querySelector(".player");
-    this.player = new Player(screen, { names, fps, frames: played });
-    const passages = Map.groupBy ? [...Map.groupBy(played, (frame) => frame.passage).values()] : [];
+    this.player = new Player(screen);
+    const passages = Map.groupBy ? [...Map.groupBy(this.player.frames, (frame) => frame.passage).values()] : [];
     if (passages.length > 1) {
       for (const each of passages) for (const reader of this.readers) reader.shade(each[0].number, each.at(-1).number);
     }
@@ -206,7 +188,7 @@ class Clip {
       for (const reader of this.readers) reader.follow(this.player.frames[this.player.place].number);
     });
     this.blind = new BlindTest(this.element.querySelector(".blind"), this.player);
-    this.goTo(opening);
+    this.goTo(this.player.opening);
   }
 
   /** Show a frame, or the nearest one that can be played. */
@@ -381,7 +363,7 @@ class Address {
     if (this.clip.blind?.isOn) return; // it would tell names
     if (!values.has("frame")) return this.showSection(document.getElementById(location.hash.slice(1)));
     this.reads = true;
-    this.turnTo(clamp((+values.get("clip") || 1) - 1, 0, this.clips.length - 1));
+    this.turnTo(between((+values.get("clip") || 1) - 1, 0, this.clips.length - 1));
     const { clip } = this;
     const { player } = clip;
     for (const side of ["left", "right"]) {
@@ -398,7 +380,6 @@ class Address {
   }
 }
 
-document.querySelector(".theme").addEventListener("click", toggleTheme);
 for (const button of all(".sort")) button.addEventListener("click", () => sortTable(button.parentElement));
 for (const button of all("[data-toggles]")) button.addEventListener("click", () => toggleMethod(+button.dataset.toggles));
 const address = new Address(all(".clip").map((element) => new Clip(element)));
