@@ -11,6 +11,7 @@ from video_truth import write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.encoder import with_hdr
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.traits import (
     LightLevel,
@@ -18,7 +19,6 @@ from fpsboost.io.video.traits import (
     VideoTraits,
     parse_light_level,
     parse_mastering_display,
-    with_hdr,
 )
 from fpsboost.observer import Summary
 
