@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from fpsboost.cli.messages import LibraryTexts, console, say_error, say_traceback, sentence, shown
+from fpsboost.cli.messages import LibraryTexts, console, literal, say_error, say_traceback, sentence
 from fpsboost.cli.options import CutOptions, JoinOptions, MessageOptions, MethodOptions, TuningOptions
 from fpsboost.cli.progress import print_object, reporter_of
 from fpsboost.cli.signature import GROUPS, PathName, default_text, with_flags
@@ -175,7 +175,7 @@ app.command(
 app.command(
     "fpsboost.cli.plan:plan", help="Say which regions of the frames between are worth rendering.", help_epilogue=""
 )
-app.command("fpsboost.cli.merge:merge", help="Put rendered regions back into the frames.", help_epilogue="")
+app.command("fpsboost.cli.plan:merge", help="Put rendered regions back into the frames.", help_epilogue="")
 
 
 @app.command(
@@ -269,7 +269,7 @@ def run_command(texts: LibraryTexts) -> None:
         if texts.sentence() and in_json:
             print_object(remarks=[texts.sentence()])
         elif texts.sentence() and not quiet:
-            errors.print(f"Note: {shown(texts.sentence())}")
+            errors.print(f"Note: {literal(texts.sentence())}")
     except KeyboardInterrupt as stopped:
         left = notes_of(stopped)
         nothing = "Stopped." if PIPE in tokens else "Stopped; nothing was written."
@@ -281,13 +281,13 @@ def run_command(texts: LibraryTexts) -> None:
         if not quiet:
             errors.print(sentence(str(error)))
     except CycloptsError as error:
-        errors.print(f"[red]fpsboost:[/] {shown(str(error))} See fpsboost --help.")
+        errors.print(f"[red]fpsboost:[/] {literal(str(error))} See fpsboost --help.")
         sys.exit(2)
     except (FpsboostError, OSError, MemoryError) as error:
         if "--verbose" in tokens and not isinstance(error, MemoryError):
             say_traceback()
             for line in texts.lines():
-                errors.print(shown(line))
+                errors.print(literal(line))
         say_error(errors, FpsboostError(explain(error)) if isinstance(error, OSError | MemoryError) else error)
         sys.exit(2 if isinstance(error, OptionError) else 1)
 

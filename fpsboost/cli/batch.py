@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from fpsboost.cli.messages import console, say_error, say_traceback, sentence, shown
+from fpsboost.cli.messages import console, literal, say_error, say_traceback, sentence
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
@@ -25,19 +25,9 @@ Convert = Callable[[str, str | None, str], None]
 
 
 def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
-    """Choose an output path for each input.
+    """Choose an output path in a folder, which need not exist, for each input.
 
-    Parameters
-    ----------
-    inputs : sequence of str
-        Video files, folders and patterns of images.
-    folder : str
-        Folder of the outputs; it need not exist.
-
-    Returns
-    -------
-    list of str
-        A video keeps its name, and its suffix if that can be written; images go into a folder of their folder's name.
+    A video keeps its name, and its suffix if that can be written; images go into a folder of their folder's name.
 
     Raises
     ------
@@ -52,10 +42,10 @@ def plan_outputs(inputs: Sequence[str], folder: str) -> list[str]:
     if is_file or looks_like_file or is_pattern(folder):
         raise OptionError(f"{folder} is no folder, and {len(inputs)} inputs need one; name a folder last.")
     outputs: dict[str, str] = {}
-    taken: dict[str, str] = {}
+    by_output: dict[str, str] = {}
     for path in inputs:
         output = _choose_output(path, Path(folder))
-        clash = taken.setdefault(output.casefold(), path)  # many file systems ignore case
+        clash = by_output.setdefault(output.casefold(), path)  # many file systems ignore case
         if path in outputs or clash != path:
             raise OptionError(f"{clash} and {path} would both become {output}; convert one of them by itself.")
         outputs[path] = output
@@ -73,17 +63,8 @@ def _choose_output(path: str, folder: Path) -> str:
 def convert_each(inputs: Sequence[str], folder: str, convert: Convert, *, quiet: bool, verbose: bool) -> None:
     """Convert every input into a folder and print how many failed; exit with code 1 if any did.
 
-    Parameters
-    ----------
-    inputs : sequence of str
-    folder : str
-        Created if it is missing, and removed again if it is still empty at the end.
-    convert : callable
-        Converts one input; an error that it raises is printed, and the next input follows.
-    quiet : bool
-        Print failures only.
-    verbose : bool
-        Show tracebacks.
+    The folder is made if it is missing, and removed again if it is still empty at the end. An error of one input is
+    printed, and the next one follows.
 
     Raises
     ------
@@ -136,7 +117,7 @@ def _convert_all(
         stopped.add_note(f"{done} of {len(inputs)} inputs were converted.")
         raise
     if failed:
-        messages.print(f"[red]fpsboost:[/] {len(failed)} of {len(inputs)} inputs failed: {shown(', '.join(failed))}.")
+        messages.print(f"[red]fpsboost:[/] {len(failed)} of {len(inputs)} inputs failed: {literal(', '.join(failed))}.")
         sys.exit(1)
     if not quiet:
         messages.print(f"All {len(inputs)} inputs were converted.")

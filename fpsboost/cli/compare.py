@@ -21,7 +21,7 @@ from rich.table import Column, Table
 from fpsboost.cli import messages
 from fpsboost.cli.contestants import choose, name_others, split_methods
 from fpsboost.cli.flags import words_of
-from fpsboost.cli.messages import sentence, shown
+from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import ContestOptions, CutOptions, HidingOptions, ResultOptions
 from fpsboost.cli.signature import GROUPS, PathName, with_flags
 from fpsboost.errors import OptionError, OutputError
@@ -88,20 +88,20 @@ def compare(
     ours = with_cuts(ours, at_cuts)
     if results.fail_under is not None:
         check_limit(results.fail_under, contest.methods, list(ours), skipped)
-    chosen = choose_metrics(results.metrics)
+    metrics = choose_metrics(results.metrics)
     for path, option in ((results.report, "--report"), (results.json, "--json"), (results.csv, "--csv")):
         check_new(path, option)
     rate = None if decoding.input_fps is None else Fraction(decoding.input_fps)
-    for each in more:  # the first one says so soon enough
-        next(hiding.intervals(each, rate))
+    for clip in more:  # the first one says so soon enough
+        next(hiding.intervals(clip, rate))
     compared = []
     with tempfile.TemporaryDirectory(prefix="fpsboost-") as scratch:  # the report shows frames that a peer wrote there
-        for each in inputs:
+        for clip in inputs:
             with Progressing(quiet=results.quiet) as progress:
-                intervals = partial(hiding.intervals, each, rate)
+                intervals = partial(hiding.intervals, clip, rate)
                 contestants = ours | dict(others.contestants(intervals, Path(scratch), progress.begin))
                 comparison = run(
-                    each,
+                    clip,
                     contestants,
                     hiding,
                     progress,
@@ -112,21 +112,21 @@ def compare(
                     vectors=folder,
                     cuts=at_cuts.applied_to(find_method("nlm")).cuts,
                     cut_options=words_of(at_cuts.given),
-                    metrics=chosen,
+                    metrics=metrics,
                 )
             print_comparison(comparison, contestants, console)
             compared.append(ComparedClip(comparison, contestants))
         write_results(compared, results, console, rate)
     if results.fail_under is not None:
-        check_is_reached([each.comparison for each in compared], results.fail_under)
+        check_is_reached([clip.comparison for clip in compared], results.fail_under)
 
 
 def print_comparison(comparison: Comparison, contestants: Mapping[str, Contestant], console: Console) -> None:
     """Print the tables, the remarks and the verdict."""
     from fpsboost.evaluation.verdict import judge  # noqa: PLC0415
 
-    for each in tables(comparison):
-        console.print(each)
+    for table in tables(comparison):
+        console.print(table)
     for line in remarks(comparison, contestants):
         console.print(sentence(line))
     console.print(sentence(judge(comparison).text), style="bold", soft_wrap=True)
@@ -139,7 +139,7 @@ def write_results(
     from fpsboost.evaluation.export import write_csv, write_json  # noqa: PLC0415
     from fpsboost.evaluation.verdict import judge_all  # noqa: PLC0415
 
-    comparisons = [each.comparison for each in compared]
+    comparisons = [clip.comparison for clip in compared]
     if len(comparisons) > 1:
         console.print(table_of_means(comparisons))
         console.print(sentence(judge_all(comparisons)), style="bold", soft_wrap=True)
@@ -152,7 +152,7 @@ def write_results(
 
         with Console(stderr=True, quiet=results.quiet).status("writing the page"):
             page = write_report(Path(results.report), compared, input_fps=input_fps)
-        console.print(f"Page: {shown(str(page))}", soft_wrap=True)
+        console.print(f"Page: {literal(str(page))}", soft_wrap=True)
 
 
 def check_several(inputs: Sequence[str], contest: ContestOptions) -> None:
@@ -195,7 +195,7 @@ def check_is_reached(comparisons: Sequence[Comparison], limit: float) -> None:
     first = means_over_clips(comparisons)[0]
     if first.mean < limit:
         sentence = f"{first.method} reaches {first.mean:.2f} dB, below the {limit:g} dB of --fail-under."
-        messages.console().print(f"[red]fpsboost:[/] {shown(sentence)}")
+        messages.console().print(f"[red]fpsboost:[/] {literal(sentence)}")
         sys.exit(EXIT_BELOW_LIMIT)
 
 
@@ -224,7 +224,7 @@ def tables(comparison: Comparison) -> list[Table]:
     ranked = sorted(comparison.methods, key=lambda method: -comparison.means(method).psnr)
     overall = Table(
         Column("method", overflow="fold"),
-        title=f"{shown(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}",
+        title=f"{literal(comparison.clip)}: {len(comparison.hidden)} frames of {comparison.kind}",
     )
     by_area = Table(Column("MAE", overflow="fold"), title="where the errors are")
     for name in ("PSNR", "PSNR P5", "SSIM", "MAE", "MSE", "s/frame", "CPU s"):
@@ -235,16 +235,16 @@ def tables(comparison: Comparison) -> list[Table]:
         by_area.add_column(outside, justify="right")
     for place, method in enumerate(ranked):
         style = "bold green" if place == 0 and len(ranked) > 1 else ""
-        name = "\n".join(map(shown, break_name(method.name)))
+        name = "\n".join(map(literal, break_name(method.name)))
         overall.add_row(name, *overall_cells(comparison, method), style=style)
-        errors = [comparison.mean_error(method, *each) for each in product(areas, (True, False))]
+        errors = [comparison.mean_error(method, *pair) for pair in product(areas, (True, False))]
         by_area.add_row(name, *("-" if math.isnan(error) else f"{error:.2f}" for error in errors), style=style)
-    found = [overall]
+    all_tables = [overall]
     if areas:
-        found.append(by_area)
+        all_tables.append(by_area)
     if comparison.metrics:
-        found.append(further_table(comparison, ranked))
-    return found
+        all_tables.append(further_table(comparison, ranked))
+    return all_tables
 
 
 def table_of_means(comparisons: Sequence[Comparison]) -> Table:
@@ -255,11 +255,11 @@ def table_of_means(comparisons: Sequence[Comparison]) -> Table:
     table = Table(Column("PSNR", overflow="fold"), title=f"{len(comparisons)} clips")
     table.add_column("mean", justify="right")
     for comparison in comparisons:
-        table.add_column(shown(Path(comparison.clip).name), justify="right", overflow="fold")
-    for place, each in enumerate(sorted(means_over_clips(comparisons), key=lambda each: -each.mean)):
+        table.add_column(literal(Path(comparison.clip).name), justify="right", overflow="fold")
+    for place, means in enumerate(sorted(means_over_clips(comparisons), key=lambda means: -means.mean)):
         style = "bold green" if place == 0 else ""
-        cells = [f"{psnr:.2f}" for psnr in (each.mean, *each.of_clips)]
-        table.add_row("\n".join(map(shown, break_name(each.method))), *cells, style=style)
+        cells = [f"{psnr:.2f}" for psnr in (means.mean, *means.of_clips)]
+        table.add_row("\n".join(map(literal, break_name(means.method))), *cells, style=style)
     return table
 
 
@@ -274,7 +274,7 @@ def further_table(comparison: Comparison, ranked: Sequence[MethodResult]) -> Tab
     for method in ranked:
         values = comparison.further(method).items()
         cells = ["-" if math.isnan(value) else f"{value:.{metrics[name].digits}f}" for name, value in values]
-        table.add_row("\n".join(map(shown, break_name(method.name))), *cells)
+        table.add_row("\n".join(map(literal, break_name(method.name))), *cells)
     return table
 
 
@@ -287,7 +287,7 @@ def overall_cells(comparison: Comparison, method: MethodResult) -> list[str]:
         f"{scores.ssim:.4f}",
         f"{scores.mae:.2f}",
         f"{scores.mse:.1f}",
-        *("-" if math.isnan(each) else f"{each:.3f}" for each in seconds),
+        *("-" if math.isnan(value) else f"{value:.3f}" for value in seconds),
     ]
 
 
@@ -331,7 +331,7 @@ class Progressing:
 
     def begin(self, name: str, frames: int | None) -> None:
         """See `fpsboost.evaluation.compare.Observer.begin`."""
-        self._task = self._progress.add_task(shown(name), total=frames)
+        self._task = self._progress.add_task(literal(name), total=frames)
 
     def advance(self) -> None:
         """See `fpsboost.evaluation.compare.Observer.advance`."""

@@ -46,24 +46,24 @@ def split_methods(texts: Sequence[str]) -> list[NamedMethod]:
     >>> [each.text for each in split_methods(["nlm,nlm-exhaustive:patch-radius=9,v=0.05,dis", "blend"])]
     ['nlm', 'nlm-exhaustive:patch-radius=9,v=0.05', 'dis', 'blend']
     """
-    found: list[NamedMethod] = []
+    methods: list[NamedMethod] = []
     for text in texts:
-        for place, part in enumerate(each.strip() for each in text.split(",")):
+        for place, part in enumerate(word.strip() for word in text.split(",")):
             name, colon, option = part.partition(":")
             if "=" in part and not (colon and "=" not in name):  # an option of the method before
-                if place == 0 or ":" not in found[-1].text:
+                if place == 0 or ":" not in methods[-1].text:
                     raise OptionError(f"{part!r} belongs to no method; write METHOD:{part}.")
-                found[-1] = _with_option(found[-1], f"{found[-1].text},{part}", part)
+                methods[-1] = _with_option(methods[-1], f"{methods[-1].text},{part}", part)
                 continue
             if not name:
                 raise OptionError(f"--methods {text!r} lacks a name; write names with commas between them.")
             method = NamedMethod(part, name.strip(), {})
-            found.append(_with_option(method, part, option) if colon else method)
-    return found
+            methods.append(_with_option(method, part, option) if colon else method)
+    return methods
 
 
 def _with_option(method: NamedMethod, text: str, part: str) -> NamedMethod:
-    option, equals, value = (each.strip() for each in part.partition("="))
+    option, equals, value = (word.strip() for word in part.partition("="))
     if not (option and equals and value):
         raise OptionError(f"{method.text!r} has an option without a value; write {method.name}:OPTION=VALUE.")
     if option in method.options:
@@ -82,25 +82,25 @@ def choose(texts: Sequence[str], vectors: VectorFolder | None) -> tuple[dict[str
     from fpsboost.evaluation.contestants import MINTERPOLATE, Minterpolate, method_names  # noqa: PLC0415
     from fpsboost.method_table import vector_methods  # noqa: PLC0415
 
-    every = method_names()
+    names = method_names()
     contestants: dict[str, Contestant] = {}
     skipped: dict[str, str] = {}
     for method in split_methods(texts):
-        chosen = [method]
+        candidates = [method]
         if method.text == "all":
-            chosen = [NamedMethod(name, name, {}) for name in every]
-        for each in chosen:
-            if each.name not in every:
-                raise OptionError(f"There is no method {each.name!r}; choose from {', '.join(every)}, or all.")
-            if each.name in vector_methods and vectors is None:
-                skipped[each.text] = "it needs the renderer's motion vectors (--vectors)"
+            candidates = [NamedMethod(name, name, {}) for name in names]
+        for candidate in candidates:
+            if candidate.name not in names:
+                raise OptionError(f"There is no method {candidate.name!r}; choose from {', '.join(names)}, or all.")
+            if candidate.name in vector_methods and vectors is None:
+                skipped[candidate.text] = "it needs the renderer's motion vectors (--vectors)"
                 continue
-            contestant = _make(each, vectors)  # first, because a wrong option is one wherever FFmpeg is missing
-            reason = Minterpolate.missing() if each.name == MINTERPOLATE else None
+            contestant = _make(candidate, vectors)  # first, because a wrong option is one wherever FFmpeg is missing
+            reason = Minterpolate.missing() if candidate.name == MINTERPOLATE else None
             if reason is None:
-                contestants[each.text] = contestant
+                contestants[candidate.text] = contestant
             else:
-                skipped[each.text] = reason
+                skipped[candidate.text] = reason
     return contestants, skipped
 
 
@@ -162,7 +162,7 @@ class Others(NamedTuple):
             Reads the clip.
         scratch : Path
             Folder for the files that commands read and write; it must exist as long as the frames are needed.
-        begun : callable
+        begin : callable
             Called with the name of each tool at its turn.
         """
         from fpsboost.evaluation.peers import find_frames, run_peer  # noqa: PLC0415
@@ -187,18 +187,18 @@ def name_others(frames: Sequence[str], peers: Sequence[str]) -> Others:
     from fpsboost.evaluation.peers import split_command  # noqa: PLC0415
 
     taken = set(method_names()) | {"all", "truth"}
-    found: dict[str, dict[str, str]] = {"--frames": {}, "--peer": {}}
+    by_option: dict[str, dict[str, str]] = {"--frames": {}, "--peer": {}}
     for option, value, text in [
-        *(("--frames", "FOLDER", each) for each in frames),
-        *(("--peer", "'COMMAND {in} {out}'", each) for each in peers),
+        *(("--frames", "FOLDER", word) for word in frames),
+        *(("--peer", "'COMMAND {in} {out}'", word) for word in peers),
     ]:
-        name, equals, rest = (each.strip() for each in text.partition("="))
+        name, equals, rest = (word.strip() for word in text.partition("="))
         if not (name and equals and rest):
             raise OptionError(f"{option} {text!r} lacks a name or what it names; write {option} NAME={value}.")
         if name in taken or ":" in name:
             raise OptionError(f"{option} {name!r} is the name of another method; choose one of your own.")
         taken.add(name)
-        found[option][name] = rest
-    for name, command in found["--peer"].items():
+        by_option[option][name] = rest
+    for name, command in by_option["--peer"].items():
         split_command(name, command)
-    return Others(found["--frames"], found["--peer"])
+    return Others(by_option["--frames"], by_option["--peer"])

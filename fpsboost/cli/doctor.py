@@ -13,7 +13,7 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Table
 
-from fpsboost.cli.messages import console, shown
+from fpsboost.cli.messages import console, literal
 
 if TYPE_CHECKING:
     from fpsboost.diagnosis import Finding
@@ -35,9 +35,9 @@ def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
 
     with Console(stderr=True, quiet=json).status("looking, and compiling kernels that are not there yet"):
         findings = list(diagnose())
-    broken = [each for each in findings if each.advice]
+    broken = [finding for finding in findings if finding.advice]
     if json:
-        print(plain.dumps({"works": not broken, "findings": [asdict(each) for each in findings]}, indent=1))
+        print(plain.dumps({"works": not broken, "findings": [asdict(finding) for finding in findings]}, indent=1))
     else:
         out = Console(highlight=False)
         out.width = min(out.width, MAX_WIDTH)
@@ -45,8 +45,8 @@ def doctor(*, json: Annotated[bool, Parameter(group=options)] = False) -> None:
         if not broken:
             out.print("[green]Everything works.[/]")
     errors = console()
-    for each in broken:
-        errors.print(f"[red]fpsboost:[/] {shown(each.advice)}")
+    for finding in broken:
+        errors.print(f"[red]fpsboost:[/] {literal(finding.advice)}")
     if broken:
         sys.exit(1)
 
@@ -58,8 +58,8 @@ def table_of(findings: list[Finding]) -> Table:
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     table.add_column(no_wrap=True)
-    for part, each_of in groupby(findings, key=attrgetter("part")):
-        for place, each in enumerate(each_of):
-            state = "[red]fails[/]" if each.advice else "[green]ok[/]"
-            table.add_row(part if place == 0 else "", each.name, shown(each.value), state)
+    for part, group in groupby(findings, key=attrgetter("part")):
+        for place, finding in enumerate(group):
+            state = "[red]fails[/]" if finding.advice else "[green]ok[/]"
+            table.add_row(part if place == 0 else "", finding.name, literal(finding.value), state)
     return table

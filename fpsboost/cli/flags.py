@@ -11,19 +11,7 @@ from fpsboost.options import Option
 
 @dataclass(frozen=True)
 class Flag:
-    """Flag for a field of a dataclass.
-
-    Attributes
-    ----------
-    field : str
-        Name of the field.
-    kind : type
-        Type of the field.
-    default : object
-        Default of the field.
-    option : Option
-        What the field declares for a command line.
-    """
+    """Flag for a field of a dataclass, with the field's name, type and default, and its `Option`."""
 
     field: str
     kind: Any

@@ -41,7 +41,7 @@ def console(*, quiet: bool = False) -> Console:
     return Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
 
 
-def shown(text: str) -> str:
+def literal(text: str) -> str:
     r"""Return a text escaped so that Rich prints it literally; file names and titles may contain terminal controls.
 
     Examples
@@ -54,7 +54,7 @@ def shown(text: str) -> str:
 
 def sentence(text: str) -> str:
     """Return a sentence of the library with flags for the options that it names, escaped like `shown`."""
-    return shown(in_flags(text))
+    return literal(in_flags(text))
 
 
 def say_error(errors: Console, error: BaseException) -> None:

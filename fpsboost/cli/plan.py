@@ -1,4 +1,4 @@
-"""Command `fpsboost plan`: says which regions, or which frames, are worth rendering."""
+"""Commands `fpsboost plan`: which regions or frames are worth rendering; and `fpsboost merge`: regions put back."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Table
 
-from fpsboost.cli.messages import shown
+from fpsboost.cli.messages import console, literal, sentence
 from fpsboost.cli.options import MethodOptions, PlannedMethodOptions, TuningOptions
 from fpsboost.cli.signature import PathName, with_flags
 from fpsboost.errors import OptionError
-from fpsboost.rerender.options import FrameChoiceOptions, PlanOptions
+from fpsboost.rerender.options import FrameChoiceOptions, MergeOptions, PlanOptions
 
 if TYPE_CHECKING:
     from fpsboost.rerender.frame_choice import FrameChoice
@@ -22,6 +22,7 @@ MAX_LIST = 60
 """Maximum length of a list of frames on the terminal; frames.txt has all."""
 
 budget, frames, method = Group("Regions", sort_key=1), Group("Frames", sort_key=2), Group("Method", sort_key=3)
+merge_options = Group("Options", sort_key=1)
 
 
 @with_flags
@@ -62,33 +63,33 @@ def plan(
         Console(highlight=False).print(table)
 
 
-def plan_table(found: RerenderPlan, folder: str) -> Table:
+def plan_table(plan: RerenderPlan, folder: str) -> Table:
     """Return what was planned, one name and value per row."""
-    started = [frame for frame in found.frames if frame.regions]
+    started = [frame for frame in plan.frames if frame.regions]
     regions = sum(len(frame.regions) for frame in started)
     whole = sum(frame.whole for frame in started)
     table = _table(folder)
-    table.add_row("frames", f"{len(started)} of {len(found.frames)} that are made" + f", {whole} whole" * (whole > 0))
+    table.add_row("frames", f"{len(started)} of {len(plan.frames)} that are made" + f", {whole} whole" * (whole > 0))
     table.add_row("regions", f"{regions} rectangles")
-    table.add_row("pixels", f"{found.rendered_share:.1%} of those frames")
-    if found.seconds is not None:
-        table.add_row("rendering", f"{found.seconds:.0f} s")
-    before, after = found.expected_error, found.remaining_error
+    table.add_row("pixels", f"{plan.rendered_share:.1%} of those frames")
+    if plan.seconds is not None:
+        table.add_row("rendering", f"{plan.seconds:.0f} s")
+    before, after = plan.expected_error, plan.remaining_error
     less = f", {1 - after / before:.0%} less" if before > 0 else ""
     table.add_row("squared error", f"{before:.1f} -> {after:.1f} expected{less}")
     return table
 
 
-def choice_table(found: FrameChoice, folder: str) -> Table:
+def choice_table(choice: FrameChoice, folder: str) -> Table:
     """Return which frames were chosen, one name and value per row."""
     table = _table(folder)
-    count = len(found.numbers)
-    table.add_row("render", f"{count} of {found.total} frames, {count / found.total:.0%}")
-    if found.lowest is not None:
-        table.add_row("others", f"{found.lowest:.1f} dB or more on the preview")
-    if found.extrapolated:
+    count = len(choice.numbers)
+    table.add_row("render", f"{count} of {choice.total} frames, {count / choice.total:.0%}")
+    if choice.lowest is not None:
+        table.add_row("others", f"{choice.lowest:.1f} dB or more on the preview")
+    if choice.extrapolated:
         table.add_row("", "between images of the preview: estimated from larger distances")
-    table.add_row("numbers", shorten(found.as_json()["ranges"], MAX_LIST))
+    table.add_row("numbers", shorten(choice.as_json()["ranges"], MAX_LIST))
     return table
 
 
@@ -98,7 +99,45 @@ def shorten(text: str, longest: int) -> str:
 
 
 def _table(folder: str) -> Table:
-    table = Table(box=None, pad_edge=False, show_header=False, title=f"[bold]{shown(folder)}[/]", title_justify="left")
+    table = Table(
+        box=None, pad_edge=False, show_header=False, title=f"[bold]{literal(folder)}[/]", title_justify="left"
+    )
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     return table
+
+
+@with_flags
+def merge(
+    images: Annotated[PathName, Parameter(name="MADE")],
+    rendered: Annotated[PathName, Parameter(name="RENDERED")],
+    output: Annotated[PathName, Parameter(name="OUT")],
+    /,
+    *,
+    options: Annotated[MergeOptions, merge_options],
+) -> None:
+    """Put rendered regions back into the frames that were made.
+
+    Parameters
+    ----------
+    images
+        All images of a conversion: a folder or a pattern.
+    rendered
+        A folder with NAME_0012.png or NAME_0012_1.png, _2, ... for
+        frame 12: full frames, or cropped to the regions.
+    output
+        A new folder. Images without regions are copied.
+    """
+    from fpsboost.rerender.merging import merge_regions  # noqa: PLC0415
+
+    with Console(stderr=True).status("merging"):
+        summary = merge_regions(images, rendered, output, options)
+    errors = console()
+    errors.print(
+        sentence(
+            f"{output}: {summary.regions} regions put back into {summary.merged_frames} of {summary.frames} frames, "
+            "all others copied"
+        )
+    )
+    for remark in summary.remarks:
+        errors.print(f"Note: {sentence(remark)}")

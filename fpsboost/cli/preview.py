@@ -13,7 +13,7 @@ from rich.console import Console
 from fpsboost.cli.batch import plan_outputs
 from fpsboost.cli.contestants import choose, split_methods
 from fpsboost.cli.flags import words_of, words_of_options
-from fpsboost.cli.messages import sentence, shown
+from fpsboost.cli.messages import literal, sentence
 from fpsboost.cli.options import CutOptions, PreviewOptions, in_flags
 from fpsboost.cli.signature import GROUPS, PathName, with_flags
 from fpsboost.errors import OptionError
@@ -59,33 +59,33 @@ def preview(
     if options.side_by_side is not None:
         check_video(Target.parse(options.side_by_side), overwrite=options.overwrite)
     methods = _methods(options, cuts)
-    planned = plan_outputs([input], "converted")[0]
-    output = f"{_stem(input)}-converted{'/' if planned.endswith('/') else Path(planned).suffix}"
+    default_output = plan_outputs([input], "converted")[0]
+    output = f"{_stem(input)}-converted{'/' if default_output.endswith('/') else Path(default_output).suffix}"
     job = ConversionJob(input, output, rate, next(iter(methods.values())), decoding)
     console = Console(highlight=False, quiet=options.quiet)
     with Console(stderr=True, quiet=options.quiet).status("reading") as status:
-        found = run(
+        result = run(
             job,
             methods,
             RunOptions(limit=options.limit, threads=options.threads),
             at=options.at,
-            told=lambda task: status.update(shown(task)),
+            told=lambda task: status.update(literal(task)),
         )
-        found.remarks = [in_flags(remark) for remark in found.remarks]
+        result.remarks = [in_flags(remark) for remark in result.remarks]
         status.update("writing the page")
         words = ["fpsboost", input, output, *_method_words(options)]
         write_page(
-            place, found, shlex.join([*words, *words_of_options(decoding, rate, cuts)]), overwrite=options.overwrite
+            place, result, shlex.join([*words, *words_of_options(decoding, rate, cuts)]), overwrite=options.overwrite
         )
         if options.side_by_side is not None:
-            write_video(options.side_by_side, found, overwrite=options.overwrite)
-    for remark in found.remarks:
-        console.print(f"Note: {shown(remark)}", soft_wrap=True)
-    for name, estimate in found.estimates.items():
+            write_video(options.side_by_side, result, overwrite=options.overwrite)
+    for remark in result.remarks:
+        console.print(f"Note: {literal(remark)}", soft_wrap=True)
+    for name, estimate in result.estimates.items():
         console.print(sentence(f"{name}: {estimate_sentence(estimate)}"), soft_wrap=True)
     if options.side_by_side is not None:
-        console.print(f"Video: {shown(options.side_by_side)}", soft_wrap=True)
-    console.print(f"Page: {shown(str(place))}", soft_wrap=True)
+        console.print(f"Video: {literal(options.side_by_side)}", soft_wrap=True)
+    console.print(f"Page: {literal(str(place))}", soft_wrap=True)
 
 
 def _stem(input: str) -> str:

@@ -10,7 +10,7 @@ from cyclopts import Group, Parameter
 from rich.console import Console
 from rich.table import Table
 
-from fpsboost.cli.messages import shown
+from fpsboost.cli.messages import literal
 from fpsboost.cli.options import in_flags
 from fpsboost.cli.signature import PathName
 
@@ -51,27 +51,27 @@ def probe(
 
     rate = None if input_fps is None else parse_rate(input_fps, "`input_fps`")
     with Console(stderr=True, quiet=json).status("reading"):
-        found = run(input, rate, stream)
-    found = replace(
-        found,
-        remarks=[in_flags(remark) for remark in found.remarks],
+        result = run(input, rate, stream)
+    result = replace(
+        result,
+        remarks=[in_flags(remark) for remark in result.remarks],
         conversion=replace(
-            found.conversion,
-            refused=found.conversion.refused and in_flags(found.conversion.refused),
-            remarks=[in_flags(remark) for remark in found.conversion.remarks],
+            result.conversion,
+            refused=result.conversion.refused and in_flags(result.conversion.refused),
+            remarks=[in_flags(remark) for remark in result.conversion.remarks],
         ),
     )
     if json:
-        print(plain.dumps(found.as_json(), indent=1))
+        print(plain.dumps(result.as_json(), indent=1))
         return
     console = Console(highlight=False)
     console.width = min(console.width, MAX_WIDTH)
-    console.print(f"[bold]{shown(found.name)}[/]")
-    if found.streams:
-        console.print(stream_table(found.streams))
-    console.print(fact_table(found))
-    for remark in [*found.remarks, *found.conversion.remarks]:
-        console.print(f"[yellow]Note:[/] {shown(remark)}")
+    console.print(f"[bold]{literal(result.name)}[/]")
+    if result.streams:
+        console.print(stream_table(result.streams))
+    console.print(fact_table(result))
+    for remark in [*result.remarks, *result.conversion.remarks]:
+        console.print(f"[yellow]Note:[/] {literal(remark)}")
 
 
 def stream_table(streams: list[StreamFacts]) -> Table:
@@ -79,38 +79,40 @@ def stream_table(streams: list[StreamFacts]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="dim")
     for name in ("stream", "kind", "codec", "", "language", "title", "in .mp4"):
         table.add_column(name, overflow="fold")
-    for each in streams:
-        cells = (str(each.index), each.kind, each.codec, each.details, each.language, each.title)
-        table.add_row(*(shown(cell or "-") for cell in cells), "yes" if each.carries_over else "[yellow]no[/]")
+    for stream in streams:
+        cells = (str(stream.index), stream.kind, stream.codec, stream.details, stream.language, stream.title)
+        table.add_row(*(literal(cell or "-") for cell in cells), "yes" if stream.carries_over else "[yellow]no[/]")
     return table
 
 
-def fact_table(found: Probe) -> Table:
+def fact_table(result: Probe) -> Table:
     """Return a table of everything else, one name and value per row."""
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
-    for name, value in facts(found).items():
-        table.add_row(name, shown(value))
+    for name, value in facts(result).items():
+        table.add_row(name, literal(value))
     return table
 
 
-def facts(found: Probe) -> dict[str, str]:
+def facts(result: Probe) -> dict[str, str]:
     """Return names and values as readable text."""
-    conversion = found.conversion
-    every = "" if found.declared_frames in (None, found.frames) else f" of the {found.declared_frames} declared"
-    lines = {"size": f"{found.width}x{found.height}", **(look_lines(found.look) if found.look else {})}
-    lines["rate"] = f"{found.rate:.6g} fps ({found.exact_rate}), {'varies' if found.varies else 'constant'}"
-    lines["intervals"] = " / ".join(f"{1000 * each:.4g}" for each in (found.shortest, found.median, found.longest))
+    conversion = result.conversion
+    every = "" if result.declared_frames in (None, result.frames) else f" of the {result.declared_frames} declared"
+    lines = {"size": f"{result.width}x{result.height}", **(look_lines(result.look) if result.look else {})}
+    lines["rate"] = f"{result.rate:.6g} fps ({result.exact_rate}), {'varies' if result.varies else 'constant'}"
+    lines["intervals"] = " / ".join(
+        f"{1000 * interval:.4g}" for interval in (result.shortest, result.median, result.longest)
+    )
     lines["intervals"] += " ms (shortest / median / longest)"
-    lines["duration"] = f"{found.duration:.3f} s" + (f", starts at {found.start:.3f} s" if found.start else "")
-    lines["frames"] = f"{found.frames}{every}"
-    if found.number_step is not None and found.number_step > 1:
-        lines["numbers"] = f"in steps of {found.number_step}"
-    lines["duplicates"] = str(found.duplicates) if found.duplicates else "none"
-    lines["scene cuts"] = cut_times(found.cuts)
-    flagged = f"{found.interlaced} of {found.frames} frames flagged; --deinterlace makes two of each"
-    lines["interlaced"] = flagged if found.interlaced else "no"
+    lines["duration"] = f"{result.duration:.3f} s" + (f", starts at {result.start:.3f} s" if result.start else "")
+    lines["frames"] = f"{result.frames}{every}"
+    if result.number_step is not None and result.number_step > 1:
+        lines["numbers"] = f"in steps of {result.number_step}"
+    lines["duplicates"] = str(result.duplicates) if result.duplicates else "none"
+    lines["scene cuts"] = cut_times(result.cuts)
+    flagged = f"{result.interlaced} of {result.frames} frames flagged; --deinterlace makes two of each"
+    lines["interlaced"] = flagged if result.interlaced else "no"
     lines["--factor 2"] = conversion.refused or f"{conversion.frames} frames at {conversion.rate:.6g} fps"
     return lines
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from fpsboost.cli.messages import console, sentence, shown
+from fpsboost.cli.messages import console, literal, sentence
 from fpsboost.cli.options import MessageOptions, in_flags
 from fpsboost.timing.position import format_time
 from fpsboost.version import __version__
@@ -72,7 +72,7 @@ class Reporter:
             self._say(f"{info.name}: {info.width}x{info.height}, {count} frames at {readable(info.rate)} fps")
         self._listening.enter_context(told_of_compiling(self._say_compiling))
         self._task = self._progress.add_task(
-            shown(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
+            literal(self._output), total=expected_frames, start=False, frames=expected_frames or "?"
         )
 
     def ready(self) -> None:

@@ -54,16 +54,16 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     for name, parameter in signature.parameters.items():
         cls, *more = get_args(hints[name]) if get_origin(hints[name]) is Annotated else [hints[name]]
         if is_dataclass(cls):
-            group = next((each for each in more if isinstance(each, Group)), None)
+            group = next((candidate for candidate in more if isinstance(candidate, Group)), None)
             classes[name] = cls  # type: ignore[assignment]
             parameters += [parameter_of(flag, group) for flag in flags_of(classes[name])]
         else:
             parameters.append(parameter.replace(annotation=hints[name]))
 
-    def run(*arguments: Any, **given: Any) -> None:
-        options = {name: _built(cls, given) for name, cls in classes.items()}
+    def run(*arguments: Any, **values: Any) -> None:
+        options = {name: _built(cls, values) for name, cls in classes.items()}
         own = hints.keys() - classes.keys()
-        command(*arguments, **options, **{name: value for name, value in given.items() if name in own})
+        command(*arguments, **options, **{name: value for name, value in values.items() if name in own})
 
     run.__doc__, run.__module__ = command.__doc__, command.__module__
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]

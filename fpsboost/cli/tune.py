@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fpsboost.cli.compare import Progressing, check_new, frames_group, hiding_of
-from fpsboost.cli.messages import shown
+from fpsboost.cli.messages import literal
 from fpsboost.cli.options import HidingOptions, SweepOptions
 from fpsboost.cli.signature import PathName, with_flags
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -31,7 +31,7 @@ def tune(
     /,
     *,
     decoding: Annotated[DecodeOptions, frames_group],
-    chosen: Annotated[HidingOptions, frames_group],
+    frames: Annotated[HidingOptions, frames_group],
     sweep: Annotated[SweepOptions, Group("What is tried", sort_key=2)],
     figure: Annotated[PathName | None, Parameter(group=results, metavar="FILE")] = None,
     quiet: Annotated[bool, Parameter(group=results, name=["--quiet", "-q"])] = False,
@@ -51,7 +51,7 @@ def tune(
     from fpsboost.evaluation.tune import tune as run  # noqa: PLC0415
 
     console = Console(highlight=False)
-    hiding = hiding_of(chosen, decoding)
+    hiding = hiding_of(frames, decoding)
     check_new(figure, "--figure")
     if figure is not None:
         check_drawable(Path(figure))
@@ -62,38 +62,38 @@ def tune(
         draw_tuning(tuning, Path(figure))
     if not quiet:
         numbers = ", ".join(map(str, tuning.frames))
-        console.print(shown(f"{input}, frames {numbers}: mean squared error, levels of 255; CPU seconds a frame."))
+        console.print(literal(f"{input}, frames {numbers}: mean squared error, levels of 255; CPU seconds a frame."))
         for name, trials in tuning.sweeps.items():
             console.print(table(name, trials, tuning))
-        console.print(shown(beside_the_default(tuning)))
+        console.print(literal(beside_the_default(tuning)))
         console.print("In a comparison:")
-        console.print(shown(f"-m {as_method(tuning)}"), soft_wrap=True)
+        console.print(literal(f"-m {as_method(tuning)}"), soft_wrap=True)
         console.print("In a conversion:")
-    console.print(shown(as_options(tuning)), soft_wrap=True)
+    console.print(literal(as_options(tuning)), soft_wrap=True)
 
 
 def table(name: str, trials: list[Trial], tuning: Tuning) -> Table:
     """Return the table of one sweep, with bars."""
-    shown = Table(name.replace("_", " "), box=None, title=None, pad_edge=False)
+    sweep_table = Table(name.replace("_", " "), box=None, title=None, pad_edge=False)
     windowed = name == "patch_radius" and "window" in trials[0].options
     if windowed:
-        shown.add_column("window")
-    shown.add_column("MSE", justify="right")
-    shown.add_column("")
-    shown.add_column("CPU s", justify="right")
+        sweep_table.add_column("window")
+    sweep_table.add_column("MSE", justify="right")
+    sweep_table.add_column("")
+    sweep_table.add_column("CPU s", justify="right")
     largest = max(trial.mse for trial in trials)
     best = tuning.best.options
     for trial in trials:
-        chosen = trial.options[name] == best[name] and (not windowed or trial.options["window"] == best["window"])
-        shown.add_row(
+        is_best = trial.options[name] == best[name] and (not windowed or trial.options["window"] == best["window"])
+        sweep_table.add_row(
             str(trial.options[name]),
             *([trial.options["window"]] if windowed else []),
             f"{trial.mse:.2f}",
             "█" * max(1, round(MAX_BAR_LENGTH * trial.mse / largest)),
             f"{trial.cpu_seconds:.2f}",
-            style="bold green" if chosen else "",
+            style="bold green" if is_best else "",
         )
-    return shown
+    return sweep_table
 
 
 def beside_the_default(tuning: Tuning) -> str:

@@ -9,7 +9,7 @@ import shlex
 import pytest
 from video_truth import write_clip
 
-from fpsboost.cli.messages import shown
+from fpsboost.cli.messages import literal
 
 pytestmark = [
     pytest.mark.skipif(os.name == "nt", reason="Windows has no such names"),
@@ -87,4 +87,4 @@ def test_names_that_are_no_text(fpsboost_, tmp_path):
 @pytest.mark.parametrize("text", ["Zoë 映画", "👩\u200d🚀", "नी\u200cला", "a\\nb", "\u00a0", "e\u0301"])
 def test_what_is_only_text_stays(text):
     """Other scripts, joined emoji, accents and backslashes are printed as they are."""
-    assert shown(text) == text
+    assert literal(text) == text
