@@ -27,7 +27,7 @@ from fpsboost.io.staging import JobFingerprint, StagingDirectory, fingerprint_op
 from fpsboost.io.vectors.flow_files import write_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
-from fpsboost.io.video.chunks import ChunkEncoder, Times, find_chunks
+from fpsboost.io.video.chunks import Times, VideoChunks, find_chunks
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import VideoSink
@@ -607,10 +607,10 @@ def test_images_that_are_there(tmp_path, images, snapshot):
 
 def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
     """Let Ctrl-C come when so many frames are on their way and a chunk is finished."""
-    finished, finish = threading.Event(), ChunkEncoder.finish
+    finished, finish = threading.Event(), VideoChunks.finish
 
-    def finish_chunk(encoder: ChunkEncoder) -> None:
-        finish(encoder)
+    def finish_chunk(chunks: VideoChunks) -> None:
+        finish(chunks)
         finished.set()
 
     def wrote(_: object, summary: Summary) -> None:
@@ -618,7 +618,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
             assert finished.wait(60)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(ChunkEncoder, "finish", finish_chunk)
+    monkeypatch.setattr(VideoChunks, "finish", finish_chunk)
     monkeypatch.setattr("fpsboost.cli.progress.Reporter.wrote", wrote)
 
 

@@ -192,6 +192,9 @@ def _read_side_data(file: BinaryIO) -> PacketSideData:
 class VideoChunks:
     """Chunks of an output video for a container, of `chunk_frames` frames each.
 
+    The encoder is opened anew for every chunk, so that a chunk follows from its frames and the options alone, and the
+    output is the same whichever runs have encoded which chunks.
+
     Attributes
     ----------
     chunks : list of Chunk
@@ -208,11 +211,13 @@ class VideoChunks:
     def __init__(self, output: Output, container: str, chunk_frames: int) -> None:
         self._output, self._name, self._container, self._chunk_frames = output, output.path, container, chunk_frames
         self.chunks: list[Chunk] = []
-        self.codec, self._options = self._choose_encoder(output.stream.traits)
+        self.codec, _ = self._choose_encoder(output.stream.traits)
         self._folder: Path | None = None
+        self._first_chunk = 0 if output.part is None else output.part.first // chunk_frames
         self._encoder: VideoEncoder | None = None
-        self._chunk_encoder: ChunkEncoder | None = None
-        self._frames_seen = self._frames_there = 0
+        self._writer: ChunkWriter | None = None
+        self._durations: dict[int, int] = {}
+        self._frames_seen = self._frames_there = self._frames_in_chunk = 0
         self._last_pts: int | None = None
         self._alpha_dropped = self._light_clipped = False
         self._remarks: list[str] = []
@@ -232,24 +237,16 @@ class VideoChunks:
         """Number of frames in finished chunks."""
         return sum(chunk.frames for chunk in self.chunks)
 
-    @property
-    def first_chunk(self) -> int:
-        return 0 if self._output.part is None else self._output.part.first // self._chunk_frames
-
     def open(self, folder: Path) -> None:
         """Find the finished chunks in a folder; those to come are written there."""
         self._folder = folder
-        self.chunks = find_chunks(folder, self.first_chunk)
+        self.chunks = find_chunks(folder, self._first_chunk)
         self._frames_there = self.completed_frames
 
     def start(self, traits: VideoTraits) -> av.VideoStream:
         """Set up the encoder, so that errors occur before any work is done; return a stream that is set up like it."""
-        assert self._folder is not None
-        self.codec, self._options = self._choose_encoder(traits)
-        self._encoder = VideoEncoder(self._output, self.codec, self._options, self._container, traits)
-        self._chunk_encoder = ChunkEncoder(
-            self._folder, self.chunks, self._encoder, self._chunk_frames, self.first_chunk
-        )
+        self.codec, options = self._choose_encoder(traits)
+        self._encoder = VideoEncoder(self._output, self.codec, options, self._container, traits)
         return self._encoder.stream
 
     @property
@@ -268,7 +265,6 @@ class VideoChunks:
     def write(self, frame: Frame) -> None:
         """Encode one frame, unless it is in a finished chunk; times must increase."""
         assert self._encoder is not None
-        assert self._chunk_encoder is not None
         if frame.image.dtype == np.float32:
             self._remark_on_floats(frame.array)
         if frame.image.shape[2] == 4 and not self._alpha_dropped and not has_alpha(self._encoder.pixel_format):
@@ -284,17 +280,38 @@ class VideoChunks:
         self._frames_seen += 1
         if self._frames_seen > self._frames_there:
             end = round((frame.time + frame.duration) / time_base)
-            self._chunk_encoder.write(frame, pts, max(1, end - pts))
+            self._encode(self._encoder, frame, pts, max(1, end - pts))
 
     def finish(self) -> None:
-        """Finish the last chunk."""
-        if self._chunk_encoder is not None:
-            self._chunk_encoder.finish()
+        """Finish the current chunk, if there is one, so that the next one does not depend on its frames."""
+        if self._writer is not None and self._encoder is not None:
+            self._keep(self._writer, self._encoder.finish())
+            self.chunks.append(self._writer.finish(self._frames_in_chunk))
+            self._writer, self._frames_in_chunk = None, 0
 
     def discard(self) -> None:
-        """Discard the chunk that is not finished."""
-        if self._chunk_encoder is not None:
-            self._chunk_encoder.discard()
+        """Discard the chunk that is not finished, and close the encoder."""
+        if self._writer is not None:
+            self._writer.discard()
+        if self._encoder is not None:
+            self._encoder.close()
+
+    def _encode(self, encoder: VideoEncoder, frame: Frame, pts: int, duration: int) -> None:
+        """Encode one frame into the current chunk; times are in ticks."""
+        if self._writer is None:
+            assert self._folder is not None
+            extradata = bytes(encoder.stream.codec_context.extradata or b"")
+            self._writer = ChunkWriter(self._folder, self._first_chunk + len(self.chunks), extradata)
+        self._durations[pts] = duration
+        self._keep(self._writer, encoder.encode(frame, pts, duration))
+        self._frames_in_chunk += 1
+        if self._frames_in_chunk == self._chunk_frames:
+            self.finish()
+            return_free_memory()  # of the encoder, which lived as long as its packets
+
+    def _keep(self, writer: ChunkWriter, packets: Iterable[av.Packet[Any]]) -> None:
+        for packet in packets:
+            writer.add(packet, self._durations.pop(packet.pts, 0) if packet.pts is not None else 0)
 
     def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
         """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
@@ -318,49 +335,3 @@ def _is_beyond_white(image: Image) -> bool:
     """Return whether a float image has colours outside 0 to 1."""
     colours = image[..., :3]
     return bool(np.max(colours, initial=0) > 1 or np.min(colours, initial=0) < 0)
-
-
-class ChunkEncoder:
-    """Encoder of frames into chunk files, which appends each finished one to `chunks`, those of earlier runs.
-
-    The encoder is opened anew for every chunk, so that a chunk follows from its frames and the options alone, and the
-    output is the same whichever runs have encoded which chunks.
-    """
-
-    def __init__(
-        self, folder: Path, chunks: list[Chunk], encoder: VideoEncoder, chunk_frames: int, first: int = 0
-    ) -> None:
-        self._folder, self._chunks, self._encoder, self._chunk_frames = folder, chunks, encoder, chunk_frames
-        self._first = first
-        self._writer: ChunkWriter | None = None
-        self._frames = 0
-        self._durations: dict[int, int] = {}
-
-    def write(self, frame: Frame, pts: int, duration: int) -> None:
-        """Encode one frame; times are in ticks."""
-        if self._writer is None:
-            extradata = bytes(self._encoder.stream.codec_context.extradata or b"")
-            self._writer = ChunkWriter(self._folder, self._first + len(self._chunks), extradata)
-        self._durations[pts] = duration
-        self._keep(self._writer, self._encoder.encode(frame, pts, duration))
-        self._frames += 1
-        if self._frames == self._chunk_frames:
-            self.finish()
-            return_free_memory()  # of the encoder, which lived as long as its packets
-
-    def finish(self) -> None:
-        """Finish the current chunk, if there is one, so that the next one does not depend on its frames."""
-        if self._writer is not None:
-            self._keep(self._writer, self._encoder.finish())
-            self._chunks.append(self._writer.finish(self._frames))
-            self._writer, self._frames = None, 0
-
-    def discard(self) -> None:
-        """Discard the current chunk and close the encoder."""
-        if self._writer is not None:
-            self._writer.discard()
-        self._encoder.close()
-
-    def _keep(self, writer: ChunkWriter, packets: Iterable[av.Packet[Any]]) -> None:
-        for packet in packets:
-            writer.add(packet, self._durations.pop(packet.pts, 0) if packet.pts is not None else 0)

@@ -31,7 +31,89 @@ from fpsboost.io.video.traits import VideoTraits
 from fpsboost.io.writable import check_writable
 
 
-class VideoSink:
+class _ChunkSink:
+    """Sink that encodes frames into chunks, which are kept if it is left early."""
+
+    holds_last_frame = True
+
+    def __init__(self, output: Output, name: str, container: str, chunk_frames: int) -> None:
+        self._output, self._name = output, name
+        self._video = VideoChunks(output, container, chunk_frames)
+        # what the container cannot hold is known before any frame is encoded
+        self._fitting = fit_streams(output, self._video.codec, container)
+        self._frames_there = 0
+
+    @property
+    def details(self) -> str:
+        """Encoder, pixel format and options."""
+        return self._video.details
+
+    @property
+    def completed_frames(self) -> int:
+        """Number of frames that an earlier run has finished; see `fpsboost.io.Resumable`."""
+        return self._frames_there
+
+    def __enter__(self) -> Self:
+        try:
+            with explained_writing(self._name):
+                # Created at once, so that a folder without write permission is detected before any work is done.
+                self._video.open(self._open())
+                self._frames_there = self._video.completed_frames
+                if self._output.stream.traits is not None:
+                    self._start(self._output.stream.traits)
+        except BaseException as error:
+            self._leave(error)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                with explained_writing(self._name):
+                    self._video.finish()
+                    self._publish()
+        except BaseException as failure:
+            self._leave(failure)
+            raise
+        self._leave(error)
+
+    def write(self, frame: Frame) -> None:
+        """Encode one frame; times must increase.
+
+        Raises
+        ------
+        OutputError
+            The frame does not fit the clip, or cannot be written.
+        """
+        self._video.check_size(frame)
+        with explained_writing(self._name):
+            if not self._video.is_started:
+                self._start(traits_of_image(frame.pixels))
+            self._video.write(frame)
+
+    def _open(self) -> Path:
+        """Return the folder for the chunks, which is locked for this run."""
+        raise NotImplementedError
+
+    def _start(self, traits: VideoTraits) -> None:
+        """Set up the encoder, so that errors occur before any work is done.
+
+        Without the traits of a source, the traits are those of the first frame.
+        """
+        self._video.start(traits)
+
+    def _publish(self) -> None:
+        """Give the complete output its final name."""
+        raise NotImplementedError
+
+    def _leave(self, error: BaseException | None) -> None:
+        """Close and discard everything but the finished chunks that a later run can resume from."""
+        self._video.discard()
+
+
+class VideoSink(_ChunkSink):
     """Sink that encodes frames into a video file, which gets its final name when it is complete.
 
     Parameters
@@ -51,83 +133,24 @@ class VideoSink:
         source's other streams.
     """
 
-    holds_last_frame = True
-
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
-        self._plan = output
-        self._name, self._path = output.path, Path(output.path)
-        self._container = container_of(self._path, self._name)
-        self._unfinished = StagingDirectory(
-            hidden_place(self._path.parent, self._path.name),
-            f"output{self._path.suffix.lower()}",
-            self._name,
-            output.job,
-        )
+        name, self._path = output.path, Path(output.path)
+        container = container_of(self._path, name)
+        place = hidden_place(self._path.parent, self._path.name)
+        self._unfinished = StagingDirectory(place, f"output{self._path.suffix.lower()}", name, output.job)
         resumes = output.job is not None and output.job.resume
-        if resumes and not output.overwrite and self._is_complete_already():
+        if resumes and not output.overwrite and self._is_complete_already(output.stream.files):
             self._unfinished.remove_leftovers()
-            raise CompleteAlreadyError(complete_already(self._name))
-        check_writable(self._path, self._name, output.stream.files, output.overwrite)
-        check_time_base(output, self._container)
-        self._video = VideoChunks(output, self._container, chunk_frames)
-        self._fitting = fit_streams(output, self._video.codec, self._container)
+            raise CompleteAlreadyError(complete_already(name))
+        check_writable(self._path, name, output.stream.files, output.overwrite)
+        check_time_base(output, container)
+        super().__init__(output, name, container, chunk_frames)
         self._assembly: Assembly | None = None
-        self._frames_there = 0
 
     @property
     def remarks(self) -> list[str]:
         parts = (self._unfinished, self._video, self._assembly)
         return [remark for part in parts if part for remark in part.remarks]
-
-    @property
-    def details(self) -> str:
-        """Encoder, pixel format and options."""
-        return self._video.details
-
-    @property
-    def completed_frames(self) -> int:
-        """Number of frames that an earlier run has finished; see `fpsboost.io.Resumable`."""
-        return self._frames_there
-
-    def __enter__(self) -> Self:
-        try:
-            with explained_writing(self._name):
-                # Created at once, so that a folder without write permission is detected before any work is done.
-                self._unfinished.open()
-                self._video.open(self._unfinished.folder)
-                self._frames_there = self._video.completed_frames
-                if self._plan.stream.traits is not None:
-                    self._start(self._plan.stream.traits)
-        except BaseException as error:
-            self._leave(error)
-            raise
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None:
-                with explained_writing(self._name):
-                    self._finish()
-        except BaseException as failure:
-            self._leave(failure)
-            raise
-        self._leave(error)
-
-    def write(self, frame: Frame) -> None:
-        """Encode one frame; times must increase.
-
-        Raises
-        ------
-        OutputError
-            The frame does not fit the clip, or the file cannot be written.
-        """
-        self._video.check_size(frame)
-        with explained_writing(self._name):
-            if not self._video.is_started:
-                self._start(traits_of_image(frame.pixels))
-            self._video.write(frame)
 
     def join(self, chunks: Sequence[Chunk], traits: VideoTraits) -> None:
         """Take chunks that were encoded elsewhere, all of the output's, instead of frames.
@@ -142,36 +165,33 @@ class VideoSink:
                 self._start(traits)
         self._video.chunks[:] = chunks
 
+    def _open(self) -> Path:
+        self._unfinished.open()
+        return self._unfinished.folder
+
     def _start(self, traits: VideoTraits) -> None:
-        """Set up the encoder and write the file's header, so that errors occur before any work is done.
+        template = self._video.start(traits)  # the file's header is written at once
+        self._assembly = Assembly(self._unfinished.staged, template, self._output, traits.display_matrix, self._fitting)
 
-        Without the traits of a source, the traits are those of the first frame.
-        """
-        template = self._video.start(traits)
-        self._assembly = Assembly(self._unfinished.staged, template, self._plan, traits.display_matrix, self._fitting)
-
-    def _finish(self) -> None:
-        self._video.finish()
+    def _publish(self) -> None:
         if self._assembly is None or not self._video.chunks:
             raise OutputError(f"{self._name} was not written because there were no frames.")
         self._assembly.finish(self._video.chunks)
         self._unfinished.publish(self._path)
 
-    def _is_complete_already(self) -> bool:
+    def _is_complete_already(self, sources: Sequence[Path]) -> bool:
         """Return whether an earlier run has finished the output and no later run has begun it again."""
-        files = self._plan.stream.files
-        is_input = self._path.exists() and any(each.exists() and self._path.samefile(each) for each in files)
+        is_input = self._path.exists() and any(path.exists() and self._path.samefile(path) for path in sources)
         return self._path.is_file() and not is_input and not self._unfinished.is_pending
 
     def _leave(self, error: BaseException | None) -> None:
-        """Close and discard everything but the finished chunks that a later run can resume from."""
-        self._video.discard()
+        super()._leave(error)
         if self._assembly is not None:
             self._assembly.discard()
-        self._unfinished.leave(error, self._video.completed_frames, self._plan.expected_frames)
+        self._unfinished.leave(error, self._video.completed_frames, self._output.expected_frames)
 
 
-class VideoPartSink:
+class VideoPartSink(_ChunkSink):
     """Sink that encodes the frames of a part into chunks, in a folder that appears when the part is complete.
 
     The part begins with a chunk; the output's path is that of the whole video.
@@ -182,73 +202,25 @@ class VideoPartSink:
         See `VideoSink` and `fpsboost.io.part_folder.PartFolder`.
     """
 
-    holds_last_frame = True
-
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:
-        self._traits = output.stream.traits
         container = container_of(Path(output.path), output.path)
         check_time_base(output, container)
         self._folder = PartFolder(output)
-        self._video = VideoChunks(output, container, chunk_frames)
-        fit_streams(output, self._video.codec, container)  # what does not fit is known before any frame is made
-        self._frames_there = 0
+        super().__init__(output, self._folder.name, container, chunk_frames)
 
     @property
     def remarks(self) -> list[str]:
         return [*self._folder.remarks, *self._video.remarks]
 
-    @property
-    def details(self) -> str:
-        """Encoder, pixel format and options."""
-        return self._video.details
+    def _open(self) -> Path:
+        self._folder.open()
+        return self._folder.files
 
-    @property
-    def completed_frames(self) -> int:
-        """Number of frames that an earlier run has finished; see `fpsboost.io.Resumable`."""
-        return self._frames_there
-
-    def __enter__(self) -> Self:
-        try:
-            with explained_writing(self._folder.name):
-                self._folder.open()
-                self._video.open(self._folder.files)
-                self._frames_there = self._video.completed_frames
-                if self._traits is not None:
-                    self._video.start(self._traits)
-        except BaseException as error:
-            self._leave(error)
-            raise
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None:
-                with explained_writing(self._folder.name):
-                    self._video.finish()
-                    self._folder.publish()
-        except BaseException as failure:
-            self._leave(failure)
-            raise
-        self._leave(error)
-
-    def write(self, frame: Frame) -> None:
-        """Encode one frame; times must increase.
-
-        Raises
-        ------
-        OutputError
-            The frame does not fit the clip, or the chunk cannot be written.
-        """
-        self._video.check_size(frame)
-        with explained_writing(self._folder.name):
-            if not self._video.is_started:
-                self._video.start(traits_of_image(frame.pixels))
-            self._video.write(frame)
+    def _publish(self) -> None:
+        self._folder.publish()
 
     def _leave(self, error: BaseException | None) -> None:
-        self._video.discard()
+        super()._leave(error)
         self._folder.leave(error, self._video.completed_frames)
 
 
