@@ -20,9 +20,8 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbering import find_images
 from fpsboost.method_table import find_method
 from fpsboost.rerender.frame_choice import choose_frames
-from fpsboost.rerender.regions import RenderCost, choose_regions
+from fpsboost.rerender.regions import RenderCost, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import comparable, expect_errors, squared_error
-from fpsboost.rerender.tiles import TileGrid, partition
 from fpsboost.timing.rate import OutputRate
 
 SHARES = (0.05, 0.1, 0.2)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from fpsboost.rerender.options import MergeOptions, PlanOptions, RenderBudget
     from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
     from fpsboost.rerender.planning import plan_rerender
-    from fpsboost.rerender.tiles import Rectangle
+    from fpsboost.rerender.regions import Rectangle
     from fpsboost.run_options import RunOptions
     from fpsboost.streaming import Entry, OutputRange, run_conversion
     from fpsboost.synthesis import InterpolatedImage, Synthesizer
@@ -154,7 +154,7 @@ _homes = {
     "PlanOptions": "rerender.options",
     "PlannedFrame": "rerender.plan_file",
     "Position": "timing.position",
-    "Rectangle": "rerender.tiles",
+    "Rectangle": "rerender.regions",
     "RenderBudget": "rerender.options",
     "RerenderPlan": "rerender.plan_file",
     "RunOptions": "run_options",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
@@ -164,6 +164,8 @@ class Findings:
 
     Attributes
     ----------
+    seen : callable
+        Function that is given every frame, and its time after the first one, seconds.
     times : list of Fraction
         Times of all frames, seconds.
     end : Fraction
@@ -176,6 +178,7 @@ class Findings:
         Times of the frames that are no duplicates.
     """
 
+    seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
     times: list[Fraction] = field(default_factory=list)
     end: Fraction = Fraction(0)
     interlaced: int = 0
@@ -197,6 +200,7 @@ class Findings:
             self.times.append(frame.time)
             self.end = frame.time + (frame.duration or 1 / frames.info.rate)
             self.interlaced += _is_interlaced(frame)
+            self.seen(frame, frame.time - self.times[0])
             begins = beginning(frames)
             place = SourcePosition(begins.number + len(self.times) - 1, begins.seconds + frame.time - self.times[0])
             yield SourceFrame(frame, FrameCache(frame.image, source_position=place))

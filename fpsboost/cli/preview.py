@@ -48,8 +48,7 @@ def preview(
     """
     from fpsboost.io.target import Target  # noqa: PLC0415
     from fpsboost.preparation import ConversionJob  # noqa: PLC0415
-    from fpsboost.preview.page import check_page, estimate_sentence, write_page  # noqa: PLC0415
-    from fpsboost.preview.side_by_side import check_video, write_video  # noqa: PLC0415
+    from fpsboost.preview.page import check_page, check_video, estimate_sentence, write_page, write_video  # noqa: PLC0415  # noqa: PLC0415
     from fpsboost.preview.trial import preview as run  # noqa: PLC0415
 
     if input in PIPES:

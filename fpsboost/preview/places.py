@@ -6,25 +6,19 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from fpsboost.analysis.duplicates import SourceFrame
-from fpsboost.errors import OptionError
-from fpsboost.frame import ClipInfo, Frame
-from fpsboost.frame_cache import FrameCache
-from fpsboost.io import FrameSource
+from fpsboost import ClipInfo, ConversionJob, Frame, OptionError, Position, RunOptions, Trim
+from fpsboost.image import view
 from fpsboost.io.trim import Seekable, Sliceable
-from fpsboost.motion.components import small_copy
-from fpsboost.motion.opencv import Dis
-from fpsboost.preparation import ConversionJob, opened_clip
+from fpsboost.preparation import opened_clip
 from fpsboost.preview.views import View
 from fpsboost.probing import Findings
-from fpsboost.run_options import RunOptions
 from fpsboost.streaming import beginning
-from fpsboost.timing.position import Position
-from fpsboost.timing.trim import Trim
 
 PASSAGES = 3
 """Maximum number of passages that are chosen."""
@@ -46,6 +40,9 @@ MAX_PIXELS = 33_000_000
 
 THUMBNAIL_SIDE = 160
 """Longer side of the images on which motion is measured, pixels."""
+
+SHORTEST_SIDE = 32
+"""Shortest side of an image that DIS takes, pixels."""
 
 
 class Place(NamedTuple):
@@ -220,19 +217,6 @@ def of_part(job: ConversionJob, trim: Trim) -> ConversionJob:
     return replace(job, decoding=replace(job.decoding, trim=trim))
 
 
-@dataclass
-class _Watched(Findings):
-    """Facts collected while frames are read, which are passed on with their times from the first one."""
-
-    seen: Callable[[Frame, Fraction], None] = lambda frame, time: None
-
-    def shown(self, frames: FrameSource) -> Iterator[SourceFrame]:
-        """See `Findings.shown`."""
-        for each in super().shown(frames):
-            self.seen(each.frame, each.frame.time - self.times[0])
-            yield each
-
-
 @dataclass(frozen=True)
 class _Reader:
     """Reader of parts of a job's clip, which is opened anew for each."""
@@ -250,17 +234,17 @@ class _Reader:
         ends = [Fraction(round(each * self.rate)) if self.is_images else each for each in (start, start + lasts)]
         trim = Trim(*(Position(each, is_frame=self.is_images) for each in ends))
         with opened_clip(of_part(self.job, trim), self.run) as clip:
-            view = View(clip.whole.stream_info.traits)
-            findings = _Watched(seen=seen or view.add)
+            image_view = View(clip.whole.stream_info.traits)
+            findings = Findings(seen or image_view.add)
             cuts = findings.cuts(clip.source, self.job.method)
             begins, first = beginning(clip.source).seconds, findings.times[0]
-        view.end = findings.end - first
+        image_view.end = findings.end - first
         of_clip = [[begins + time - first for time in times] for times in (cuts, findings.duplicates)]
-        return Passage(begins, trim, view, *of_clip)
+        return Passage(begins, trim, image_view, *of_clip)
 
     def read(self, start: Fraction, lasts: Fraction, count: int) -> tuple[Passage, list[Place]]:
         """Read a part, and measure the motion from each of its frames on, in that many."""
-        small = list[tuple[Fraction, FrameCache]]()
+        small = list[tuple[Fraction, NDArray[Any]]]()
         read = self.examine(start, lasts, lambda frame, time: small.append((time, _thumbnail(frame))))
         motions = [Place(read.start + each.start, each.motion) for each in _motions(small)]
         groups = [motions[number : number + count] for number in range(0, len(motions), max(1, count // 3))]
@@ -287,16 +271,23 @@ class _Reader:
         return Place(motions[0].start - origin, _mean(motions)) if motions else None
 
 
-def _thumbnail(frame: Frame) -> FrameCache:
-    return FrameCache(small_copy(frame.pixels, THUMBNAIL_SIDE))
+def _thumbnail(frame: Frame) -> NDArray[Any]:
+    """Return a frame in gray, (h, w) uint8."""
+    height, width = frame.pixels.shape[:2]
+    scale = THUMBNAIL_SIDE / max(height, width)
+    image = view(frame.pixels).thumbnail((max(1, round(width * scale)), max(1, round(height * scale))))
+    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.shape[2] == 3 else image[..., 0]
+    below, right = (max(0, SHORTEST_SIDE - side) for side in gray.shape)
+    return cv2.copyMakeBorder(np.rint(gray * 255).astype(np.uint8), 0, below, 0, right, cv2.BORDER_REPLICATE)
 
 
 def _mean(motions: list[Place]) -> float:
     return float(np.mean([each.motion for each in motions]))
 
 
-def _motions(images: Iterable[tuple[Fraction, FrameCache]]) -> Iterator[Place]:
+def _motions(images: Iterable[tuple[Fraction, NDArray[Any]]]) -> Iterator[Place]:
     """Yield the mean length of the motion from every image to the next, as a fraction of the longer side."""
+    estimator = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     for (time, image0), (_, image1) in pairwise(images):
-        field01, _ = Dis("fast").estimate(image0, image1)
-        yield Place(time, float(np.linalg.norm(field01.flow, axis=2).mean()) / THUMBNAIL_SIDE)
+        flow = estimator.calc(image0, image1, np.zeros((*image0.shape, 2), np.float32))
+        yield Place(time, float(np.linalg.norm(flow, axis=2).mean()) / THUMBNAIL_SIDE)

@@ -12,19 +12,25 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from fpsboost.conversion import convert_job
-from fpsboost.errors import FpsboostError
-from fpsboost.frame import ClipInfo, Frame
-from fpsboost.interpolator import Interpolator
+from fpsboost import (
+    ClipInfo,
+    ConversionJob,
+    FpsboostError,
+    Frame,
+    Interpolator,
+    LowestMatch,
+    Position,
+    RunOptions,
+    Summary,
+    convert_job,
+)
 from fpsboost.io.target import Target
-from fpsboost.observer import LowestMatch, SilentObserver, Summary
-from fpsboost.preparation import ConversionJob, opened_clip, prepare
+from fpsboost.observer import SilentObserver
+from fpsboost.preparation import opened_clip, prepare
 from fpsboost.preview.places import Found, Passage, find_passages, of_part
 from fpsboost.preview.views import View
-from fpsboost.run_options import RunOptions
 from fpsboost.synthesis import FusesHypotheses
 from fpsboost.threads import available_cores
-from fpsboost.timing.position import Position
 
 
 class Trial(NamedTuple):

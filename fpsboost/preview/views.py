@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost import Frame
 from fpsboost.evaluation.metrics import as_shown
-from fpsboost.frame import Frame
 from fpsboost.image import view
 from fpsboost.io.video.pictures import turned_upright
 from fpsboost.io.video.traits import VideoTraits

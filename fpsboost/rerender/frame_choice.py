@@ -21,14 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from fpsboost.errors import InputError, OptionError
+from fpsboost import InputError, Interpolator, MemoryLimit, OptionError
 from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE
 from fpsboost.io.staging import write_safely

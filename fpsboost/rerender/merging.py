@@ -16,30 +16,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost import InputError, Layer, LayeredImage, MemoryLimit, OptionError, OutputError
 from fpsboost.colour import has_alpha
-from fpsboost.errors import InputError, OptionError, OutputError, explained
+from fpsboost.errors import explained
 from fpsboost.frame import FrameImage, Image, as_array, describe
 from fpsboost.image import view
 from fpsboost.io.images.exr_header import parse_exr_header
-from fpsboost.io.images.files import (
-    IMAGE_SUFFIXES,
-    content_of,
-    decode_image,
-    encode_image,
-    extension_of,
-    needs_float,
-)
+from fpsboost.io.images.files import IMAGE_SUFFIXES, content_of, decode_image, encode_image, extension_of, needs_float
 from fpsboost.io.images.metadata import can_pass, metadata_of
 from fpsboost.io.images.numbering import find_images
 from fpsboost.io.images.passes import ALL, Passes, encode_like
 from fpsboost.io.images.sequence import list_files
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.staging import write_safely
-from fpsboost.layered import Layer, LayeredImage
 from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
-from fpsboost.rerender.tiles import Rectangle
+from fpsboost.rerender.regions import Rectangle
 
 LOSSY = (".jpg", ".jpeg")
 

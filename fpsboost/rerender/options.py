@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from fpsboost.errors import OptionError
+from fpsboost import OptionError
 from fpsboost.options import option
 
 

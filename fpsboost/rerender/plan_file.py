@@ -17,11 +17,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError
+from fpsboost import InputError
 from fpsboost.io.images.files import content_of, decode_image, encode_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.staging import write_safely
-from fpsboost.rerender.tiles import Rectangle
+from fpsboost.rerender.regions import Rectangle
 
 PLAN_FILE = "plan.json"
 VERSION = 1

@@ -10,19 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from fpsboost.errors import InputError
-from fpsboost.interpolator import Interpolator
+from fpsboost import InputError, Interpolator, MemoryLimit
 from fpsboost.io.images.numbered import ImageSource
-from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.rerender.options import PlanOptions, RenderBudget
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
-from fpsboost.rerender.regions import RenderCost, choose_regions
+from fpsboost.rerender.regions import Rectangle, RenderCost, TileGrid, choose_regions, partition
 from fpsboost.rerender.score import expect_errors
-from fpsboost.rerender.tiles import Rectangle, TileGrid, partition
 from fpsboost.threads import available_cores, run_in_parallel
 
 DEFAULT_BUDGET = RenderBudget(0.1)

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
+from fpsboost import Frame, Interpolator
 from fpsboost.colour import compared_colours, has_alpha, normalised
-from fpsboost.frame import Frame, Image, as_array
+from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.interpolator import Interpolator, Pair, with_neighbours
-from fpsboost.rerender.tiles import TileGrid
+from fpsboost.interpolator import Pair, with_neighbours
+from fpsboost.rerender.regions import TileGrid
 
 MIN_ERROR = 1e-7
 """Added to squared errors that are multiplied, for white = 1: a tenth of the error of rounding to 8 bits."""

@@ -6,19 +6,15 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
+from fpsboost import ConversionJob, DecodeOptions, Encoding, OptionError, OutputRate, RunOptions, Trim
 from fpsboost.cli.batch import plan_outputs
 from fpsboost.cli.flags import words_of_options
 from fpsboost.cli.options import MethodOptions, TuningOptions, in_flags
-from fpsboost.errors import OptionError, check_choice
-from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.io.video.encode_options import Encoding
+from fpsboost.errors import check_choice
 from fpsboost.io.video.encoding import encoders
-from fpsboost.preparation import ConversionJob, opened_clip, prepare
-from fpsboost.run_options import RunOptions
+from fpsboost.preparation import opened_clip, prepare
 from fpsboost.timing.position import format_time, parse_position
-from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import parse_number, parse_rate
-from fpsboost.timing.trim import Trim
 from fpsboost.ui.files import Files
 
 CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}

@@ -12,8 +12,8 @@ from typing import Annotated
 from cyclopts import Group, Parameter
 from rich.console import Console
 
+from fpsboost import OptionError
 from fpsboost.cli.signature import PathName
-from fpsboost.errors import OptionError
 
 options = Group("Options", sort_key=1)
 

@@ -10,7 +10,8 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from fpsboost.errors import InputError, OutputError, explained
+from fpsboost import InputError, OutputError
+from fpsboost.errors import explained
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES

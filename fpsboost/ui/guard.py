@@ -8,7 +8,7 @@ from urllib.parse import parse_qs
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from fpsboost.errors import InputError
+from fpsboost import InputError
 
 MAX_BODY = 64 * 1024
 """Largest body of a request, bytes; what the page sends has a few hundred."""

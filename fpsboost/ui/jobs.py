@@ -12,7 +12,8 @@ from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Literal
 
-from fpsboost.errors import OptionError, OutputError, explained
+from fpsboost import OptionError, OutputError
+from fpsboost.errors import explained
 from fpsboost.io.staging import discard_unfinished, write_safely
 from fpsboost.io.target import Target
 

@@ -26,9 +26,8 @@ from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.method_table import methods
 from fpsboost.preparation import ConversionJob
-from fpsboost.preview.page import _as_duration, estimate_sentence, write_page
+from fpsboost.preview.page import LABEL_HEIGHT, _as_duration, estimate_sentence, write_page, write_video
 from fpsboost.preview.places import Found, find_passages
-from fpsboost.preview.side_by_side import LABEL_HEIGHT, write_video
 from fpsboost.preview.trial import Estimate, Preview, preview
 from fpsboost.run_options import RunOptions
 from fpsboost.timing.position import Position

@@ -20,7 +20,7 @@ from fpsboost.io.images.metadata import ImageMetadata, metadata_of
 from fpsboost.rerender.merging import merge_regions, mix, seam_weights
 from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
-from fpsboost.rerender.tiles import Rectangle
+from fpsboost.rerender.regions import Rectangle
 
 HEIGHT, WIDTH = 24, 32
 REGIONS = (Rectangle(0, 0, 8, 8), Rectangle(16, 8, 8, 16))

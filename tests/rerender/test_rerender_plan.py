@@ -18,9 +18,16 @@ from fpsboost.io.images.files import read_image
 from fpsboost.rerender.options import PlanOptions, RenderBudget, parse_budget
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.planning import plan_rerender
-from fpsboost.rerender.regions import RenderCost, choose_regions, smooth_over_time
+from fpsboost.rerender.regions import (
+    Rectangle,
+    RenderCost,
+    TileGrid,
+    choose_regions,
+    partition,
+    simplified,
+    smooth_over_time,
+)
 from fpsboost.rerender.score import ErrorCurve, Trial, comparable, squared_error
-from fpsboost.rerender.tiles import Rectangle, TileGrid, partition, simplified
 
 HEIGHT, WIDTH, TILE = 64, 96, 16
 UNPREDICTABLE = Rectangle(48, 16, 32, 32)
