@@ -103,7 +103,7 @@ def tags_for(source: Mapping[str, str], container: str) -> Tags:
     camera would be lost otherwise.
     """
     values = {
-        key: value
+        key: value.partition(";")[0] if key.lower() == "creation_time" else value  # FFmpeg 9 joins equal ones
         for key, value in source.items()
         if not _is_file_specific(key, value) and not _is_language_duplicate(key, source)
     }
