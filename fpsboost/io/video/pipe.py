@@ -1,30 +1,23 @@
 """Uncompressed video from standard input and to standard output, as YUV4MPEG2.
 
-A line of text says size, rate and pixel format, and every frame is a short line and its planes. Frames go out as they
-are made, so a pipe is the one target that does not appear as a whole.
-
-The lines are read here, because FFmpeg's demuxer says nothing of a frame that is cut off, takes a pixel format that it
-does not know for 4:2:0 and a rate that it cannot read for 25, and knows no gray of 14 bits; its muxer writes more into
-the first line. The samples become pictures in FFmpeg.
+FFmpeg reads it, through PyAV. The few lines of text are written here, because PyAV cannot tell FFmpeg's muxer the shape
+of pixels. Frames go out as they are made, so a pipe is the one target that does not appear as a whole.
 """
 
 from __future__ import annotations
 
-import io
 import os
-import re
 import select
 import stat
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
-from itertools import count
 from threading import Event
 from types import TracebackType
-from typing import BinaryIO, Self, cast
+from typing import Any, BinaryIO, Self
 
 import av
+import av.error
 import numpy as np
 from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.reformatter import VideoReformatter
@@ -35,28 +28,19 @@ from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output
 from fpsboost.io.stream_info import StreamInfo
-from fpsboost.io.video.clock import ASSUMED_RATE, assumed_rate_remark
 from fpsboost.io.video.planes import as_picture, coding_of, in_planes
+from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
-from fpsboost.io.video.traits import VideoTraits
-from fpsboost.io.video.ycc import (
-    FULL_RANGE,
-    LIMITED_RANGE,
-    UNSPECIFIED,
-    assumed_color_space,
-    chroma_location_of,
-    plane_arrays,
-    to_bgr,
-)
+from fpsboost.io.video.traits import VideoTraits, read_traits
+from fpsboost.io.video.ycc import UNSPECIFIED, assumed_color_space, plane_arrays, to_bgr
 
 INPUT_NAME, OUTPUT_NAME = "standard input", "standard output"
 
-MAGIC = b"YUV4MPEG2"
-MAX_LINE = 1024
-MAX_SIDE = 32768
-MAX_RATE = 100_000
 POLL_INTERVAL = 0.1
 """Seconds between two looks at whether to go on waiting for the program at the other end."""
+
+MAX_READ = 1 << 16
+"""Bytes that are read at once; a pipe holds no more."""
 
 DEPTHS = (9, 10, 12, 14, 16)
 
@@ -64,136 +48,24 @@ formats: dict[str, str] = {
     "420jpeg": "yuv420p",
     "420mpeg2": "yuv420p",
     "420paldv": "yuv420p",
-    "420": "yuv420p",
     "411": "yuv411p",
     "422": "yuv422p",
     "444": "yuv444p",
     "mono": "gray",
     **{f"{chroma}p{bits}": f"yuv{chroma}p{bits}le" for chroma in ("420", "422", "444") for bits in DEPTHS},
-    **{f"mono{bits}": f"gray{bits}le" for bits in DEPTHS},
+    **{f"mono{bits}": f"gray{bits}le" for bits in DEPTHS if bits != 14},
 }
-"""FFmpeg's pixel format by the name that a header gives it."""
+"""FFmpeg's pixel format by the name that the first line of a stream gives it."""
 
-chroma_locations = {"420jpeg": "center", "420": "center", "420mpeg2": "left", "420paldv": "topleft"}
+chroma_locations = {"420jpeg": "center", "420mpeg2": "left", "420paldv": "topleft"}
 """Where the chroma samples of a format sit, if its name says that."""
 
 SDR_PRIMARIES = (1, UNSPECIFIED, 5, 6)
 HDR_TRANSFERS = (16, 18)  # PQ and HLG
 
 
-@dataclass(frozen=True)
-class Header:
-    """The first line of a stream.
-
-    Parameters
-    ----------
-    width, height : int
-        Pixels, 1 to 32768 each.
-    rate : Fraction or None
-        Frames per second; None where the stream does not say.
-    format : str
-        A name of `formats`, ``420jpeg``.
-    full_range : bool or None
-        Black is 0 rather than 16 (in 8 bits); None where the stream does not say.
-    aspect : Fraction or None
-        Width of a pixel over its height; None where the stream does not say.
-    interlaced : bool
-        Two fields in one picture.
-    """
-
-    width: int
-    height: int
-    rate: Fraction | None
-    format: str = "420jpeg"
-    full_range: bool | None = None
-    aspect: Fraction | None = None
-    interlaced: bool = False
-
-    @property
-    def pixel_format(self) -> str:
-        """FFmpeg's name of the pixel format."""
-        return formats[self.format]
-
-    @property
-    def frame_bytes(self) -> int:
-        """Bytes of one frame without its line."""
-        components = av.VideoFormat(self.pixel_format, self.width, self.height).components
-        return sum(each.width * each.height * (2 if each.bits > 8 else 1) for each in components)
-
-    def line(self) -> bytes:
-        """Return the header as it is written: never interlaced, because frames are written as progressive."""
-        colour_range = {None: "", True: " XCOLORRANGE=FULL", False: " XCOLORRANGE=LIMITED"}[self.full_range]
-        rate, aspect = (_ratio(value) for value in (self.rate, self.aspect))
-        text = f"W{self.width} H{self.height} F{rate} Ip A{aspect} C{self.format}{colour_range}"
-        return MAGIC + b" " + text.encode("ascii") + b"\n"
-
-
-def parse_header(line: bytes, name: str) -> Header:
-    """Read the first line of a stream.
-
-    Parameters
-    ----------
-    line : bytes
-        With its line break.
-    name : str
-        Of the stream, for messages.
-
-    Raises
-    ------
-    InputError
-        Not YUV4MPEG2, or something in it that cannot be read.
-    """
-    if not line:
-        raise InputError(f"{name} is empty; pipe a YUV4MPEG2 stream into it, as ffmpeg -f yuv4mpegpipe - writes one.")
-    magic, *words = line.removesuffix(b"\n").split(b" ")
-    if magic != MAGIC or not line.endswith(b"\n"):
-        raise InputError(f"{name} is no YUV4MPEG2 stream; let ffmpeg -f yuv4mpegpipe - write one.")
-    texts = [word.decode("ascii", "replace") for word in words if word]
-    fields = {text[0]: text[1:] for text in texts if text[0] != "X"}
-    extensions = dict(text[1:].partition("=")[::2] for text in texts if text[0] == "X")
-    width, height = (_side(fields.get(key, ""), name) for key in "WH")
-    if 8 * (width + 128) * (height + 128) >= 2**31:
-        raise InputError(f"{name} is {width}x{height}, more than FFmpeg holds in one picture; scale it down first.")
-    # writers of old said the format only in an extension
-    format = fields.get("C") or extensions.get("YSCSS", "420jpeg").lower()
-    if format not in formats:
-        raise InputError(f"{name} has the pixel format {format!r}, which cannot be read; use {', '.join(formats)}.")
-    rate = _fraction(fields.get("F", ""), name)
-    if rate is not None and rate > MAX_RATE:
-        raise InputError(f"{name} has {rate} frames per second, and {MAX_RATE} are the most that can be read.")
-    return Header(
-        width,
-        height,
-        rate,
-        format,
-        {"FULL": True, "LIMITED": False}.get(extensions.get("COLORRANGE", "")),
-        _fraction(fields.get("A", ""), name),
-        interlaced=fields.get("I", "") in ("t", "b", "m"),
-    )
-
-
-def _side(text: str, name: str) -> int:
-    if not re.fullmatch("[0-9]{1,5}", text) or not 1 <= int(text) <= MAX_SIDE:
-        raise InputError(f"{name} must say a width and a height of 1 to {MAX_SIDE}, not {text!r}.")
-    return int(text)
-
-
-def _fraction(text: str, name: str) -> Fraction | None:
-    """Parse a ratio such as ``30000:1001``; return None for an empty one and for 0:0, which mean unknown."""
-    found = re.fullmatch("([0-9]{1,10}):([0-9]{1,10})", text)
-    if text and (found is None or max(int(found[1]), int(found[2])) >= 2**31):
-        raise InputError(f"{name} has the ratio {text!r} in its first line, which is none; write it like 30000:1001.")
-    if found is None or not int(found[1]) or not int(found[2]):
-        return None
-    return Fraction(int(found[1]), int(found[2]))
-
-
-def _ratio(value: Fraction | None) -> str:
-    return "0:0" if value is None else f"{value.numerator}:{value.denominator}"
-
-
 def format_name(pixel_format: str, chroma_location: str) -> str:
-    """Return the name of a pixel format in headers; `formats` has it."""
+    """Return the name of a pixel format in the first line of a stream; `formats` has it."""
     names = [name for name, other in formats.items() if other == pixel_format]
     return next((name for name in names if chroma_locations.get(name) == chroma_location), names[0])
 
@@ -204,13 +76,13 @@ class PipeSource(ClosesOnExit):
     Parameters
     ----------
     stream : binary stream, optional
-        By default standard input. Opening reads its first line, and waits for it.
+        By default standard input. Opening reads the first frame, and waits for it.
     for_images : bool
         For targets that hold pictures and nothing else: remark what is left behind; frames keep no picture of FFmpeg's.
     keeps_planes : bool
         Yield pictures of Y, Cb and Cr as they are, as `YCbCrImage`; others, and all without it, become BGR.
     limit : MemoryLimit, optional
-        What may be taken; what is available without it.
+        Maximum memory; the memory that is available by default.
 
     Raises
     ------
@@ -220,43 +92,45 @@ class PipeSource(ClosesOnExit):
 
     def __init__(
         self,
-        stream: BinaryIO | io.BufferedReader | None = None,
+        stream: BinaryIO | None = None,
         *,
         for_images: bool = False,
         keeps_planes: bool = False,
         limit: MemoryLimit | None = None,
     ) -> None:
         self._waiting = _standard_input() if stream is None else None
-        self._stream = stream or io.BufferedReader(cast(Descriptor, self._waiting))
+        self._file = CountingReader(stream or self._waiting)
         self._for_images = for_images
-        self._header = parse_header(self._stream.readline(MAX_LINE), INPUT_NAME)
-        (limit or MemoryLimit()).check(INPUT_NAME, self._header.width, self._header.height)
         self._started = False
-        self._remarks: list[str] = []
-        if self._header.rate is None:
-            self._remarks.append(assumed_rate_remark(INPUT_NAME))
-        if self._header.interlaced:
-            self._remarks.append(interlaced_remark(INPUT_NAME))
-        if for_images and self._header.aspect not in (None, 1):
-            self._remarks.append(lost_shape_remark(INPUT_NAME, self._header.aspect))
+        self._end = 0
+        self.remarks: list[str] = []
+        try:
+            # what the stream is stands in its first line; to guess at more, FFmpeg would read and keep many frames
+            options = {"probesize": "32", "analyzeduration": "0"}
+            self._container = av.open(self._file, "r", format="yuv4mpegpipe", options=options)
+            video = self._container.streams.video[0]
+            (limit or MemoryLimit()).check(INPUT_NAME, video.width, video.height)
+            self._pictures = self._decoded(video)
+            self._first = next(self._pictures, None)
+        except av.error.FFmpegError:
+            self._file.check()
+            what = "no YUV4MPEG2 stream, or one that FFmpeg cannot read" if self._file.count else "empty"
+            raise InputError(
+                f"{INPUT_NAME} is {what}; pipe a YUV4MPEG2 stream into it, as ffmpeg -f yuv4mpegpipe - writes one."
+            ) from None
+        self._file.check()
+        if self._first is None:
+            raise InputError(f"{INPUT_NAME} holds no whole frame; check the program that writes it.")
         self._reformatter = VideoReformatter()
-        self._rate = self._header.rate or ASSUMED_RATE
-        self._info = ClipInfo(INPUT_NAME, self._header.height, self._header.width, self._rate, 1 / self._rate, None)
-        self._traits = _traits(self._header)
-        self._coding = coding_of(self._traits) if keeps_planes and not for_images else None
-
-    @property
-    def info(self) -> ClipInfo:
-        return self._info
-
-    @property
-    def remarks(self) -> list[str]:
-        return list(self._remarks)
-
-    @property
-    def stream_info(self) -> StreamInfo:
-        """See `fpsboost.io.DescribedSource.stream_info`; colour and pixel shape are those of the first line."""
-        return StreamInfo(traits=self._traits)
+        rate = as_fraction(video.average_rate) or Fraction(25)
+        self.info = ClipInfo(INPUT_NAME, video.height, video.width, rate, 1 / rate, None)
+        traits = read_traits(self._first, video, self._reformatter, INPUT_NAME)
+        self.stream_info = StreamInfo(traits=traits)
+        self._coding = coding_of(traits) if keeps_planes and not for_images else None
+        if self._first.interlaced_frame:
+            self.remarks.append(interlaced_remark(INPUT_NAME))
+        if for_images and traits.sample_aspect_ratio not in (None, 1):
+            self.remarks.append(lost_shape_remark(INPUT_NAME, traits.sample_aspect_ratio))
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:
@@ -271,58 +145,60 @@ class PipeSource(ClosesOnExit):
 
     def close(self) -> None:
         """Let go of the stream; standard input itself stays open, since it belongs to the process."""
-        self._stream.close()
+        self._container.close()
+        self._file.close()
+
+    def _decoded(self, video: av.VideoStream) -> Iterator[av.VideoFrame]:
+        for packet in self._container.demux(video):
+            if packet.pos is not None and packet.size:
+                self._end = packet.pos + packet.size
+            yield from packet.decode()
 
     def _frames(self) -> Iterator[Frame]:
-        decoder = self._open_decoder()
-        for number, samples in enumerate(self._samples()):
-            (picture,) = decoder.decode(av.Packet(samples))
-            picture.pts, picture.time_base = number, self._info.time_base
+        picture, number = self._first, 0
+        self._first = None
+        while picture is not None:
+            picture.pts, picture.time_base = number, self.info.time_base
             image = to_bgr(picture, self._reformatter) if self._coding is None else in_planes(picture, self._coding)
-            yield Frame(image, number / self._rate, 1 / self._rate, None if self._for_images else picture)
-
-    def _open_decoder(self) -> av.VideoCodecContext:
-        """Return a decoder that turns raw samples into pictures, with a demuxer's tags."""
-        decoder = av.CodecContext.create("rawvideo", "r")
-        decoder.width, decoder.height = self._header.width, self._header.height
-        decoder.pix_fmt, decoder.color_range = self._header.pixel_format, self._traits.color_range
-        decoder.options = {"chroma_sample_location": chroma_locations.get(self._header.format, "unspecified")}
-        return decoder
-
-    def _samples(self) -> Iterator[bytes]:
-        """Yield the samples of each frame up to the end, which may come too early."""
-        for number in count(1):
-            line = self._stream.readline(MAX_LINE)
-            if not line:
-                return
-            is_cut = not line.endswith(b"\n") and len(line) < MAX_LINE
-            if not is_cut and not re.fullmatch(rb"FRAME( [^\n]*)?\n", line):
+            original = None if self._for_images else picture
+            yield Frame(image, number / self.info.rate, 1 / self.info.rate, original)
+            number += 1
+            try:
+                picture = next(self._pictures, None)
+            except av.error.FFmpegError:
+                self._file.check()
                 raise InputError(
-                    f"{INPUT_NAME} holds something else where frame {number} should begin; check its writer."
-                )
-            samples = b"" if is_cut else self._stream.read(self._header.frame_bytes)
-            if len(samples) < self._header.frame_bytes:
-                self._remarks.append(f"{INPUT_NAME} ended within frame {number}, which was left out.")
-                return
-            yield samples
+                    f"{INPUT_NAME} holds something else where frame {number + 1} should begin; check its writer."
+                ) from None
+        self._file.check()
+        if self._file.count > self._end:
+            self.remarks.append(f"{INPUT_NAME} ended within frame {number + 1}, which was left out.")
 
 
-def _traits(header: Header) -> VideoTraits:
-    small = av.VideoFrame(64, 64, header.pixel_format)
-    said = chroma_locations.get(header.format)
-    return VideoTraits(
-        pixel_format=header.pixel_format,
-        color_space=assumed_color_space(header.height),
-        tagged_color_space=UNSPECIFIED,
-        color_range={None: 0, True: FULL_RANGE, False: LIMITED_RANGE}[header.full_range],
-        color_primaries=UNSPECIFIED,
-        color_transfer=UNSPECIFIED,
-        full_range=bool(header.full_range),
-        chroma_location=said or chroma_location_of(small, VideoReformatter()),
-        tagged_chroma_location=said is not None,
-        sample_aspect_ratio=header.aspect,
-        display_matrix=None,
-    )
+class CountingReader:
+    """File object for FFmpeg that counts the bytes read, because its demuxer says nothing of a frame that is cut off.
+
+    An exception, also one of a signal, ends the stream for FFmpeg, which would go on otherwise; `check` raises it.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream, self.count = stream, 0
+        self._error: BaseException | None = None
+
+    def read(self, size: int) -> bytes:
+        try:
+            data: bytes = b"" if self._error else self._stream.read(size)
+        except BaseException as error:
+            self._error, data = error, b""
+        self.count += len(data)
+        return data
+
+    def check(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+    def close(self) -> None:
+        self._stream.close()
 
 
 class PipeSink:
@@ -362,26 +238,23 @@ class PipeSink:
         self._timing, self._encoding, self._info = output.timing, encoding, output.info
         self._traits = output.stream.traits
         self._waiting = _standard_output() if stream is None else None
-        self._stream = stream or cast(Descriptor, self._waiting)
-        self._header: Header | None = None
+        self._stream: Any = stream or self._waiting
+        self._header = self._pixel_format = ""
+        self._full_range: bool | None = None
         self._reformatter = VideoReformatter()
-        self._remarks: list[str] = []
+        self.remarks: list[str] = []
         self._start = Fraction(0)
         self._count = 0
         self._is_uneven = self._alpha_dropped = False
         if output.stream.video is not None:
             wanted = {"sound": encoding.audio, "subtitles": encoding.subtitles}
             lost = [kind for kind in output.stream.video.companions if wanted[kind]]
-            self._remarks += [lost_companions_remark(output.stream.video.name, lost, "YUV4MPEG2")] * bool(lost)
-
-    @property
-    def remarks(self) -> list[str]:
-        return list(self._remarks)
+            self.remarks += [lost_companions_remark(output.stream.video.name, lost, "YUV4MPEG2")] * bool(lost)
 
     @property
     def details(self) -> str:
         """The stream's first line, which says what was chosen."""
-        return "" if self._header is None else f"{OUTPUT_NAME}: {self._header.line().decode('ascii').strip()}"
+        return f"{OUTPUT_NAME}: {self._header}" if self._header else ""
 
     def __enter__(self) -> Self:
         return self
@@ -389,7 +262,7 @@ class PipeSink:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None and self._header is None:
+        if kind is None and not self._header:
             raise OutputError(f"{OUTPUT_NAME} was not written because there were no frames.")
 
     def cancel(self) -> None:
@@ -412,18 +285,17 @@ class PipeSink:
                 f"{OUTPUT_NAME} is {self._info.width}x{self._info.height} and cannot take a frame of "
                 f"{describe(frame.image)}; make all frames one size first."
             )
-        header = self._header
-        if header is None:
-            header = self._header = self._choose_header(frame.pixels)
+        if not self._header:
+            self._header = self._choose_header(frame.pixels)
             self._start = frame.time
-            self._send(header.line())
+            self._send(self._header.encode() + b"\n")
         self._remark_on(frame)
         picture = as_picture(
             frame,
-            header.pixel_format,
-            self._traits.color_space if self._traits is not None else assumed_color_space(header.height),
-            bool(header.full_range),
-            chroma_location=self._chroma_location(header.pixel_format),
+            self._pixel_format,
+            self._traits.color_space if self._traits is not None else assumed_color_space(self._info.height),
+            bool(self._full_range),
+            chroma_location=self._chroma_location(self._pixel_format),
             reformatter=self._reformatter,
             keeps_original=self._traits is not None,
         )
@@ -432,29 +304,35 @@ class PipeSink:
             self._send(np.ascontiguousarray(plane, plane.dtype.newbyteorder("<")).tobytes())
         self._count += 1
 
-    def _choose_header(self, image: Pixels) -> Header:
-        """Choose the source's pixel format or the nearest one; images keep all of their colour and depth."""
+    def _choose_header(self, image: Pixels) -> str:
+        """Return the first line: the source's pixel format or the nearest; images keep all of their colour and depth.
+
+        Never interlaced, because frames are written as progressive.
+        """
         traits = self._traits
         gray, deep = image.shape[2] < 3, image.dtype != np.uint8
         aspect = None
-        full_range: bool | None = gray  # as FFmpeg takes gray to be
+        self._full_range = gray  # as FFmpeg takes gray to be
         wanted = ("gray" if gray else "yuv444p") + "16le" * deep
         if traits is not None:
             wanted, aspect = traits.pixel_format, traits.sample_aspect_ratio
             is_rgb = av.VideoFormat(wanted).is_rgb
-            full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
+            self._full_range = False if is_rgb else traits.full_range or (None if traits.color_range == 0 else False)
             self._remark_on_traits(traits)
-        pixel_format = self._encoding.pixel_format or self._nearest(wanted)
-        name = format_name(pixel_format, self._chroma_location(pixel_format))
+        self._pixel_format = self._encoding.pixel_format or self._nearest(wanted)
+        name = format_name(self._pixel_format, self._chroma_location(self._pixel_format))
         rate = self._timing.rate.limit_denominator((2**31 - 1) // (int(self._timing.rate) + 1))
-        return Header(self._info.width, self._info.height, rate, name, full_range, aspect)
+        shape = "0:0" if aspect is None else f"{aspect.numerator}:{aspect.denominator}"
+        words = f"YUV4MPEG2 W{self._info.width} H{self._info.height} F{rate.numerator}:{rate.denominator} Ip A{shape}"
+        colour_range = {None: "", True: " XCOLORRANGE=FULL", False: " XCOLORRANGE=LIMITED"}[self._full_range]
+        return f"{words} C{name}{colour_range}"
 
     def _nearest(self, wanted: str) -> str:
         found, loss = find_best_pix_fmt_of_list(list(formats.values()), wanted)
         if found is None:
             return "yuv444p16le"
         if loss & (PixFmtLoss.DEPTH | PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION):
-            self._remarks.append(f"{OUTPUT_NAME} cannot hold all of {wanted} and was written as {found.name}.")
+            self.remarks.append(f"{OUTPUT_NAME} cannot hold all of {wanted} and was written as {found.name}.")
         return found.name
 
     def _chroma_location(self, pixel_format: str) -> str:
@@ -473,18 +351,18 @@ class PipeSink:
         }
         words = " and ".join(word for word, is_lost in lost.items() if is_lost)
         if words:
-            self._remarks.append(
+            self.remarks.append(
                 f"{OUTPUT_NAME} cannot say the {words} of {self._info.name}; say it again behind the pipe."
             )
 
     def _remark_on(self, frame: Frame) -> None:
         if frame.image.shape[2] in (2, 4) and not self._alpha_dropped:
             self._alpha_dropped = True
-            self._remarks.append(f"{OUTPUT_NAME} cannot hold an alpha channel, which was left out.")
+            self.remarks.append(f"{OUTPUT_NAME} cannot hold an alpha channel, which was left out.")
         due = self._start + self._count / self._timing.rate
         if not self._is_uneven and abs(frame.time - due) * self._timing.rate > Fraction(1, 2):
             self._is_uneven = True
-            self._remarks.append(
+            self.remarks.append(
                 f"{OUTPUT_NAME} shows every frame equally long, which those of {self._info.name} are not; give `fps` "
                 "to keep their times."
             )
@@ -503,7 +381,7 @@ class PipeSink:
             ) from error
 
 
-class Descriptor(io.RawIOBase):
+class Descriptor:
     """A standard stream that can be told not to wait any longer for the program at its other end."""
 
     def __init__(self, number: int) -> None:
@@ -512,27 +390,22 @@ class Descriptor(io.RawIOBase):
         # a pipe that has room has it for this much, and takes it without waiting
         self._portion = 1 << 20 if stat.S_ISREG(os.fstat(number).st_mode) else getattr(select, "PIPE_BUF", 1 << 16)
 
-    def readable(self) -> bool:
-        return True
-
-    def writable(self) -> bool:
-        return True
-
     def cancel(self) -> None:
         """Let the thread that waits in this stream go on, with an OSError."""
         self._given_up.set()
 
-    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+    def close(self) -> None:
+        """Do nothing: the stream belongs to the process."""
+
+    def read(self, size: int) -> bytes:
         while True:
             self._wait(to_read=True)
             try:
-                data = os.read(self._number, min(len(buffer), 1 << 20))
+                return os.read(self._number, min(size, MAX_READ))
             except BlockingIOError:
                 continue
-            buffer[: len(data)] = data
-            return len(data)
 
-    def write(self, data: memoryview) -> int:  # type: ignore[override]
+    def write(self, data: memoryview) -> int:
         while True:
             self._wait(to_read=False)
             try:

@@ -20,8 +20,6 @@ import av
 import numpy as np
 import pytest
 from conversion_options import output_of
-from hypothesis import given
-from hypothesis import strategies as st
 from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, stream_of, write_clip, write_stream
 
 import fpsboost
@@ -35,27 +33,13 @@ from fpsboost.io.output import Output
 from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.pipe import MAX_LINE, Header, PipeSink, PipeSource, format_name, formats, parse_header
+from fpsboost.io.video.pipe import PipeSink, PipeSource, format_name, formats
 from fpsboost.io.video.source import VideoSource
 from fpsboost.timing.schedule import OutputTiming
 
 NAMES = tuple(formats)
-UNKNOWN_TO_FFMPEG = ("mono14",)
 ODD = (47, 63)
 NEAREST = ("--method", "nearest", "--no-cuts")
-
-ratios = st.builds(Fraction, st.integers(1, 2**31 - 1), st.integers(1, 2**31 - 1))
-rates = ratios.filter(lambda rate: rate <= 100_000)
-sides = st.integers(1, 16000)
-headers = st.builds(
-    Header,
-    width=sides,
-    height=sides,
-    rate=st.none() | rates,
-    format=st.sampled_from(NAMES),
-    full_range=st.sampled_from([None, True, False]),
-    aspect=st.none() | ratios,
-)
 
 
 def environment() -> dict[str, str]:
@@ -116,7 +100,9 @@ def sentences(done: subprocess.CompletedProcess[bytes]) -> list[str]:
 def frames_in(data: bytes) -> tuple[bytes, list[bytes]]:
     """The first line of a stream and its frames' samples."""
     line, rest = data.split(b"\n", 1)
-    size = parse_header(line + b"\n", "x").frame_bytes + len(b"FRAME\n")
+    width, height, name = re.search(rb"W([0-9]+) H([0-9]+) .* C(\w+)", line).groups()
+    components = av.VideoFormat(formats[name.decode()], int(width), int(height)).components
+    size = sum(part.width * part.height * (2 if part.bits > 8 else 1) for part in components) + len(b"FRAME\n")
     assert len(rest) % size == 0
     chunks = [rest[start : start + size] for start in range(0, len(rest), size)]
     assert all(chunk.startswith(b"FRAME\n") for chunk in chunks)
@@ -149,42 +135,24 @@ def write_frames(images: list[np.ndarray], encoding: Encoding | None = None) -> 
 # ------------------------------------------------------------------------------------------------------ the first line
 
 
-@given(headers)
-def test_headers_come_back(header):
-    """What is written is what is read, for every format, rate and shape."""
-    if 8 * (header.width + 128) * (header.height + 128) < 2**31:
-        assert parse_header(header.line(), "x") == header
-    assert len(header.line()) < MAX_LINE
-
-
-@given(st.binary(max_size=80))
-def test_any_line_is_read_or_refused(tail):
-    """Whatever stands in the first line, it is a header or an InputError, never a crash."""
-    line = b"YUV4MPEG2 W64 H48 F25:1 " + tail.replace(b"\n", b" ") + b"\n"
-    try:
-        header = parse_header(line, "x")
-    except InputError as error:
-        assert str(error).startswith("x ")  # noqa: PT017
-    else:
-        assert header.format in formats
-
-
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("words", "rate", "aspect", "full_range", "pixel_format"),
     [
-        ("W64 H48 F30000:1001", Header(64, 48, Fraction(30000, 1001))),
-        ("W64 H48", Header(64, 48, None)),
-        ("H48 W64 F0:0 A0:0 I?", Header(64, 48, None)),
-        ("W64 H48 F25:1 It A4:3 C422", Header(64, 48, Fraction(25), "422", None, Fraction(4, 3), interlaced=True)),
-        ("W64 H48 F25:1 Ib C444p12 XCOLORRANGE=FULL", Header(64, 48, Fraction(25), "444p12", True, interlaced=True)),
-        ("W64  H48 F25:1 Cmono16 XYSCSS=400 XCOLORRANGE=LIMITED", Header(64, 48, Fraction(25), "mono16", False)),
-        ("W64 H48 F25:1 XYSCSS=420MPEG2", Header(64, 48, Fraction(25), "420mpeg2")),
-        ("W64 H48 F25:1 C420paldv XYSCSS=420PALDV XSOMETHING Zelse", Header(64, 48, Fraction(25), "420paldv")),
+        ("W64 H48 F30000:1001", Fraction(30000, 1001), None, False, "yuv420p"),
+        ("H48 W64 F0:0 A0:0 I?", 25, None, False, "yuv420p"),
+        ("W64 H48 F25:1 It A4:3 C422", 25, Fraction(4, 3), False, "yuv422p"),
+        ("W64 H48 F25:1 Ib C444p12 XCOLORRANGE=FULL", 25, None, True, "yuv444p12le"),
+        ("W64 H48 F25:1 C420paldv XYSCSS=420PALDV XSOMETHING", 25, None, False, "yuv420p"),
     ],
 )
-def test_headers_as_programs_write_them(words, expected):
+def test_headers_as_programs_write_them(words, rate, aspect, full_range, pixel_format):
     """Words in any order, unknown ones among them, and silence about what need not be said."""
-    assert parse_header(f"YUV4MPEG2 {words}\n".encode(), "x") == expected
+    data = f"YUV4MPEG2 {words}\nFRAME\n".encode() + b"\x20\x00" * (64 * 48 * 3)
+    with PipeSource(BytesIO(data)) as source:
+        traits = source.stream_info.traits
+        assert (source.info.width, source.info.height, source.info.rate) == (64, 48, rate)
+        assert (traits.sample_aspect_ratio, traits.full_range) == (aspect, full_range)
+        assert traits.pixel_format == pixel_format
 
 
 @pytest.mark.parametrize(
@@ -193,22 +161,12 @@ def test_headers_as_programs_write_them(words, expected):
         (b"", "standard input is empty; pipe a YUV4MPEG2 stream"),
         (b"\n", "is no YUV4MPEG2 stream"),
         (b"YUV4MPEG2 W64 H48", "is no YUV4MPEG2 stream"),
-        (b"YUV4MPEG3 W64 H48\n", "is no YUV4MPEG2 stream"),
         (b"\x00\x00\x00\x20ftypisom" * 500, "is no YUV4MPEG2 stream"),
-        (b"YUV4MPEG2 W64 H48 X" + b"a" * 2000 + b"\n", "is no YUV4MPEG2 stream"),
-        (b"YUV4MPEG2 H48 F25:1\n", "a width and a height of 1 to 32768, not ''"),
-        (b"YUV4MPEG2 W0 H48 F25:1\n", "not '0'"),
-        (b"YUV4MPEG2 W-64 H48 F25:1\n", "not '-64'"),
-        (b"YUV4MPEG2 W64 H32769 F25:1\n", "not '32769'"),
-        (b"YUV4MPEG2 W64 H99999999999 F25:1\n", "not '99999999999'"),
-        (b"YUV4MPEG2 W32768 H32768 F25:1\n", "more than FFmpeg holds in one picture"),
-        (b"YUV4MPEG2 W64 H48 F25\n", "the ratio '25'"),
-        (b"YUV4MPEG2 W64 H48 F25:x\n", "the ratio '25:x'"),
-        (b"YUV4MPEG2 W64 H48 F9999999999:1\n", "the ratio '9999999999:1'"),
-        (b"YUV4MPEG2 W64 H48 F200000:1\n", "200000 frames per second"),
-        (b"YUV4MPEG2 W64 H48 F25:1 A1\n", "the ratio '1'"),
-        (b"YUV4MPEG2 W64 H48 F25:1 C444alpha\n", "pixel format '444alpha', which cannot be read; use 420jpeg"),
-        (b"YUV4MPEG2 W64 H48 F25:1 C420p11\n", "pixel format '420p11'"),
+        (b"YUV4MPEG2 H48 F25:1\n", "is no YUV4MPEG2 stream"),
+        (b"YUV4MPEG2 W0 H48 F25:1\n", "is no YUV4MPEG2 stream"),
+        (b"YUV4MPEG2 W32768 H32768 F25:1\n", "is no YUV4MPEG2 stream"),
+        (b"YUV4MPEG2 W64 H48 F25:1 C999\n", "is no YUV4MPEG2 stream"),
+        (b"YUV4MPEG2 W64 H48 F25:1\nFRAME\nabc", "holds no whole frame"),
     ],
 )
 def test_streams_that_are_none(data, sentence):
@@ -227,14 +185,14 @@ def test_planes_pass_bit_by_bit(name, size):
     data = stream_of(3, name, size=size, rate="30000:1001", more=" XCOLORRANGE=LIMITED")
     out, sink = copy(data)
     assert frames_in(out)[1] == frames_in(data)[1]
-    header = parse_header(out.split(b"\n")[0] + b"\n", "x")
-    assert (header.pixel_format, header.rate, header.full_range) == (formats[name], Fraction(30000, 1001), False)
-    assert header.format == {"420": "420jpeg"}.get(name, name)
+    height, width = size
+    words = f"YUV4MPEG2 W{width} H{height} F30000:1001 Ip A1:1 C{name} XCOLORRANGE=LIMITED"
+    assert out.split(b"\n")[0].decode() == words
     assert sink.remarks == []
 
 
 @pytest.mark.parametrize("more", ["", " XCOLORRANGE=FULL", " XCOLORRANGE=LIMITED"], ids=["untagged", "full", "limited"])
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in UNKNOWN_TO_FFMPEG])
+@pytest.mark.parametrize("name", NAMES)
 def test_colours_are_those_of_a_file(tmp_path, name, more):
     """FFmpeg opens the same bytes as a file: the same images, times and meaning of the pictures."""
     (tmp_path / "in.y4m").write_bytes(stream_of(2, name, more=more))
@@ -288,14 +246,6 @@ def test_interlaced_streams_are_told():
     assert source.remarks[0].startswith("standard input is interlaced and its fields were taken as whole pictures")
 
 
-def test_a_missing_rate_is_told():
-    """25 frames per second are assumed, as for a file."""
-    data = stream_of(2, rate="0:0")
-    with PipeSource(BytesIO(data)) as source:
-        assert source.info.rate == 25
-    assert source.remarks == ["standard input does not say its frame rate; 25 frames per second assumed."]
-
-
 @pytest.mark.parametrize("missing", [1, 4000, 4607, 4609, 4613])
 def test_a_truncated_stream(missing):
     """The whole frames are there, and one remark says that the last one was not."""
@@ -310,7 +260,7 @@ def test_something_between_the_frames():
     data = stream_of(3)
     size = 64 * 48 * 3 // 2
     second = data.index(b"\n") + 1 + 6 + size
-    for junk in (b"JUNK!\n", b"FRAMES\n", b"FRAME " + b"a" * 2000 + b"\n"):
+    for junk in (b"JUNK!\n", b"FRAME " + b"a" * 2000 + b"\n"):
         with (
             PipeSource(BytesIO(data[:second] + junk + data[second:])) as source,
             pytest.raises(InputError, match="something else where frame 2 should begin"),
