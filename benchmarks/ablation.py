@@ -36,7 +36,7 @@ from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.metrics import means
 from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import InBetween, Interpolator, Pair
+from fpsboost.interpolator import InBetween, Interpolator
 from fpsboost.kernels.candidates import list_candidates
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import WHITE, level_scale
@@ -45,6 +45,7 @@ from fpsboost.motion import MotionEstimator, nlm
 from fpsboost.motion.components import padded_planes
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.opencv import Dis
+from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, multi_hypothesis
 from fpsboost.synthesis.blend import Blend
 from fpsboost.synthesis.reproject import Reproject

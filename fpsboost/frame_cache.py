@@ -110,6 +110,10 @@ class FrameCache:
         self._lock = Lock()
         self._asked_once: set[Hashable] = set()
 
+    def with_image(self, image: FrameImage) -> FrameCache:
+        """Return another image at the same positions."""
+        return FrameCache(image, self.output_position, self.source_position)
+
     @cached_property
     def pixels(self) -> Pixels:
         """See the class."""

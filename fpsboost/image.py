@@ -19,14 +19,11 @@ from fpsboost.colour import (
     MAX_VALUE,
     clipped,
     colour_components,
-    compress_highlights,
     has_alpha,
     normalised,
     premultiplied,
 )
 from fpsboost.errors import InputError
-from fpsboost.kernels.contrast import CodeLevels, split_colours, split_planes
-from fpsboost.kernels.shrink import shrink
 from fpsboost.ycbcr import Coding
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
@@ -174,12 +171,8 @@ class ImageView(Protocol):
         """
         ...
 
-    def split_contrast(self, *target: Any) -> None:
-        """Write luma, its contrast and chroma in bytes; `target` are the last arguments of the kernel."""
-        ...
-
-    def thumbnail(self, size: tuple[int, int]) -> Image:
-        """Return a copy of a width and a height, gray or BGR, float32 with 1.0 for white."""
+    def thumbnail(self, shrink: Callable[[Image], Image]) -> Image:
+        """Return a small copy, gray or BGR, float32 with 1.0 for white; `shrink` makes it of an array, in float32."""
         ...
 
     def comparable(self) -> NDArray[Any]:
@@ -277,15 +270,9 @@ class ArrayView(ImageView):
         converted = cv2.cvtColor(colours, cv2.COLOR_BGR2YCrCb)
         return converted[..., 0], (converted[..., 1] + converted[..., 2]) * 0.5
 
-    def split_contrast(self, *target: Any) -> None:
-        colours = compress_highlights(self.picture) if self.dtype == np.float32 else self.picture
-        split_colours(colours, np.float32(1 / self._unit_of_type()), *target)
-
-    def _unit_of_type(self) -> float:
-        return 1 if self.dtype == np.float32 else np.iinfo(self.dtype).max
-
-    def thumbnail(self, size: tuple[int, int]) -> Image:
-        return clipped(normalised(_shrunk(self.picture, size) * np.float32(1 / self._unit_of_type())))
+    def thumbnail(self, shrink: Callable[[Image], Image]) -> Image:
+        white = 1 if self.dtype == np.float32 else np.iinfo(self.dtype).max
+        return clipped(normalised(shrink(self.picture) * np.float32(1 / white)))
 
     def comparable(self) -> NDArray[Any]:
         values = premultiplied(self.picture)
@@ -434,13 +421,8 @@ class YCbCrImage(ImageView):
         chroma = ((cb + cr) * np.float32(0.5) - np.float32(neutral)) / np.float32(chroma_span) + np.float32(0.5)
         return (y - np.float32(black)) / np.float32(luma_span), cv2.resize(chroma, (width, height))
 
-    def split_contrast(self, *target: Any) -> None:
-        black, luma_span, neutral, chroma_span = self.coding.levels
-        levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
-        split_planes(*self.planes, levels, *target)
-
-    def thumbnail(self, size: tuple[int, int]) -> Image:
-        codes = np.dstack([_shrunk(plane[..., np.newaxis], size) for plane in self.planes])
+    def thumbnail(self, shrink: Callable[[Image], Image]) -> Image:
+        codes = np.dstack([shrink(plane[..., np.newaxis]) for plane in self.planes])
         colours: Image = cv2.transform(codes, self.coding.to_bgr()).clip(0, 1)
         return colours
 
@@ -521,17 +503,6 @@ def check_pair(image0: Image | ImageView, image1: Image | ImageView) -> None:
 
 def _mixed(t: float, image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[Any]:
     return cv2.addWeighted(image0, 1 - t, image1, t, 0)
-
-
-def _shrunk(image: Image, size: tuple[int, int]) -> NDArray[Any]:
-    """Return the image resized to a width and a height, float32 with its own white; enlarged where it is smaller."""
-    height, width, channels = image.shape
-    across, down = min(size[0], width), min(size[1], height)
-    small = np.empty((down, across, channels), np.float32)
-    shrink(np.ascontiguousarray(image).reshape(height, width * channels), small)
-    if (across, down) == size:
-        return small
-    return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)
 
 
 def in_type(samples: NDArray[np.int64], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -27,7 +27,7 @@ class LowestMatch:
     Attributes
     ----------
     match_score : float
-        See `fpsboost.interpolator.Pair.detected_match_score`.
+        See `fpsboost.pair.Pair.detected_match_score`.
     number : int
         Number of the frame, counted from 0.
     time : Fraction

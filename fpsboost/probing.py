@@ -17,7 +17,7 @@ from fpsboost.analysis.duplicates import SourceFrame, group_duplicates, group_si
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.interpolator import Interpolator, Pair, with_neighbours
+from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io import FrameSource, Stoppable
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
@@ -28,6 +28,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.fitting import StreamFacts, list_streams
 from fpsboost.io.video.traits import VideoTraits
 from fpsboost.method_table import methods
+from fpsboost.pair import Pair
 from fpsboost.streaming import beginning
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming, Schedule, count_frames

@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
 from fpsboost.contracts import Cancellable, FrameSink, FrameSource, HasBeginning, TakesSideData
 from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import ClipInfo, Frame, FrameImage, Image, PairMotion
+from fpsboost.frame import ClipInfo, Frame, FrameImage, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.interpolator import Interpolator, Pair, with_neighbours
+from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.observer import LowestMatch, Observer, SilentObserver, SourceMoment, Summary
+from fpsboost.pair import Pair
 from fpsboost.synthesis.exposure import Exposure
 from fpsboost.threads import available_cores, nothing, read_ahead, run_in_parallel, write_behind
 from fpsboost.timing.rate import stretched
@@ -254,71 +255,75 @@ def _needs_of(sink: FrameSink) -> Needs:
     return Needs(sink.needs_confidence, sink.needs_motion) if isinstance(sink, TakesSideData) else Needs()
 
 
+class _Output(NamedTuple):
+    """Frame of the output, or a sample of its exposure."""
+
+    source: SourceFrame
+    """The frame of the source that is repeated, or left for the next picture."""
+    step: Step
+    """Its time, with t relative to the next picture if it is interpolated."""
+    number: int
+    """Number of the output frame."""
+    is_interpolated: bool = False
+    frame: Frame | None = None
+    """The frame, without its duration, when it is finished."""
+    scene: int = 0
+    """Number of the scene that it shows."""
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it is an output frame that is not from the source."""
+        step = self.step
+        return not step.is_sample and (step.frame_number is not None or step.time != self.source.frame.time)
+
+    def repeated(self, confidence: float | None) -> _Output:
+        """Return it with the frame of the source, and this confidence unless it is shown at its own time."""
+        frame, time = self.source.frame, self.step.time
+        is_unknown = confidence is None or time == frame.time
+        values = None if is_unknown else np.full(frame.image.shape[:2], confidence, np.float32)
+        return self._replace(frame=replace(frame, time=time, confidence=values))
+
+
+Neighbours = tuple[Pair | None, Pair | None]
+"""Pairs before and after an interval."""
+
+
 @dataclass
 class _Interval:
-    """Interval from a held picture, nearly always one frame, to the next: its frames, and each one's output steps."""
+    """Interval from a picture, nearly always of one frame, to the next."""
 
-    held: FrameGroup
-    steps: list[list[Step]]
-    numbers: list[int]
-    """Number of the output frame of each step."""
+    group: FrameGroup
+    """Frames of the source that show the picture."""
+    outputs: list[_Output]
+    """Frames of the output that fall into it; until it is resolved, with t relative to the next frame of the source."""
     first_output: int
-    """Number of its first output frame, or of the next one if it has none."""
+    """Number of the first of them, or of the next one if there is none."""
     end: Fraction
+    """Time of the next picture."""
     pair: Pair
     places: tuple[int, int]
     """Places of the pair's frames in the clip, from 0."""
-    _shown: _ShownInterval | None = None
-
-    def shown(self, neighbours: tuple[Pair | None, Pair | None]) -> _ShownInterval:
-        """Return what is shown at each step, given the pairs before and after; computed once for all its parts."""
-        if self._shown is None:
-            self._shown = _show(self, neighbours)
-        return self._shown
-
-
-class _ShownInterval(NamedTuple):
-    """What is shown at each step of an interval."""
-
-    steps: list[tuple[SourceFrame, Step]]
-    """The frame that is held or left, and the step, with t relative to the whole interval if it moves."""
-    moves: list[bool]
-    """Whether a frame is made, rather than one repeated."""
-    first_move: int | None
-    """Place of the first of these."""
-    is_held: bool
+    is_resolved: bool = False
+    is_still: bool = False
     """Whether duplicates are repeated because no motion follows them."""
+    scene_cut: bool = False
+    match: LowestMatch | None = None
+    """How well the two frames match, with the output frame halfway between; None if nothing is interpolated."""
 
-
-class _OutputPart(NamedTuple):
-    """Output frames of a part of an interval, made by one task."""
-
-    interval: _Interval
-    frames: list[Frame]
-    steps: list[Step]
-    """The step of each frame."""
-    past_cut: list[bool]
-    """Whether each frame shows the scene after a cut."""
-    new: int
-    """Number of frames, of those that are written, that are not from the source."""
-    scene_cut: bool
-    duplicates: int
-    """Frames of the interval that are interpolated across."""
-    match: LowestMatch | None
-    """How well the two frames match, with the frame of the output halfway between them; None if nothing is made."""
-    begins: bool
-    """Whether it is the first part of the interval."""
-    ends: bool
-    """Whether it is the last part of the interval."""
-
-
-class _Shown(NamedTuple):
-    """Frame of the output, or a sample of its exposure."""
-
-    frame: Frame
-    step: Step
-    scene: int
-    """Number of the scene that it shows."""
+    def resolve(self, neighbours: Neighbours) -> None:
+        """Find out which frames are interpolated and between what; the same whichever task does it."""
+        if self.is_resolved:
+            return
+        first, last, outputs = self.group[0], self.group[-1], self.outputs
+        self.is_still = len(self.group) > 1 and self.pair.is_discontinuous(*neighbours)
+        if len(self.group) > 1 and not self.is_still:
+            begin = first.frame.time
+            steps = (each.step._replace(t=(each.step.time - begin) / (self.end - begin)) for each in outputs)
+            outputs = [each._replace(source=first, step=step) for each, step in zip(outputs, steps, strict=True)]
+        # a still is shown until the cut at the end of its last frame
+        moving = last if self.is_still else first
+        self.outputs = [each._replace(is_interpolated=each.source is moving and each.step.t > 0) for each in outputs]
+        self.is_resolved = True
 
 
 @dataclass
@@ -352,7 +357,7 @@ class _LoopState:
             self.start, self.step, self.outputs_before = entry.start, entry.step, entry.outputs_before
             self.number = self.index = entry.number
 
-    def shown(self, frames: Iterator[Frame]) -> Iterator[SourceFrame]:
+    def presented(self, frames: Iterator[Frame]) -> Iterator[SourceFrame]:
         """Yield the source's frames with their positions, at the schedule's presentation times, and count them."""
         last: Fraction | None = None
         for frame in frames:
@@ -362,65 +367,74 @@ class _LoopState:
             number = self.number
             self.number += 1
             self.summary.frames_in += 1
-            moment = rising_time(self.schedule, self.start, frame.time, last)
-            if moment is None:
+            time = rising_time(self.schedule, self.start, frame.time, last)
+            if time is None:
                 continue
-            last = moment
-            place = self.schedule.output_position(number, self.start, moment)
-            shown = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
-            yield SourceFrame(replace(frame, time=moment), FrameCache(frame.image, place, shown))
+            last = time
+            place = self.schedule.output_position(number, self.start, time)
+            position = SourcePosition(self.beginning.number + number, self.beginning.seconds + frame.time - self.start)
+            yield SourceFrame(replace(frame, time=time), FrameCache(frame.image, place, position))
 
-    def intervals(self, moments: Iterable[FrameGroup]) -> Iterator[_Interval]:
-        """Yield the interval from each held picture to the next."""
-        for held in moments:
+    def intervals(self, groups: Iterable[FrameGroup]) -> Iterator[_Interval]:
+        """Yield the interval from each picture to the next."""
+        for group in groups:
             if self.last is not None:
-                yield self.interval(self.last, held)
-            self.last = held
+                yield self.interval(self.last, group)
+            self.last = group
 
-    def makes(self, number: int) -> bool:
-        """Return whether the pixels of an output frame are needed."""
-        return number in self.outputs and number >= self.outputs.first + self.outputs.skip
+    def makes(self, output: _Output) -> bool:
+        """Return whether the pixels of an output frame must be interpolated."""
+        is_needed = output.number in self.outputs and output.number >= self.outputs.first + self.outputs.skip
+        return output.is_interpolated and is_needed
 
     def counts(self, interval: _Interval) -> bool:
         """Return whether an interval belongs to this run, of all that write a part of the output."""
         return interval.first_output in self.outputs
 
-    def interval(self, held: FrameGroup, following: FrameGroup) -> _Interval:
-        """Return the interval from one held picture to the next; must be called in order."""
-        frames = [*(shown.frame for shown in held), following[0].frame]
-        first_output = self.outputs_before
-        steps, numbers = list[list[Step]](), list[int]()
-        for shown, (frame, after) in zip(held, pairwise(frames), strict=True):
-            steps.append(list(self.schedule.steps(self.index, self.start, frame.time, after.time)))
-            numbers += [self.output_number(step, shown) for step in steps[-1]]
+    def interval(self, group: FrameGroup, following: FrameGroup) -> _Interval:
+        """Return the interval from one picture to the next; must be called in order."""
+        first_output, outputs = self.outputs_before, list[_Output]()
+        for source, after in pairwise([*group, following[0]]):
+            steps = self.schedule.steps(self.index, self.start, source.frame.time, after.frame.time)
+            outputs += [_Output(source, step, self.output_number(step, source)) for step in steps]
             self.index += 1
-        end = frames[-1].time
-        pair = self.interpolator.pair(held[0].image, following[0].image, end - frames[0].time)
-        places = self.place(held[0]), self.place(following[0])
-        return _Interval(held, steps, numbers, first_output, end, pair, places)
+        end = following[0].frame.time
+        pair = self.interpolator.pair(group[0].image, following[0].image, end - group[0].frame.time)
+        return _Interval(group, outputs, first_output, end, pair, (self.place(group[0]), self.place(following[0])))
 
-    def output_number(self, step: Step, shown: SourceFrame) -> int:
+    def output_number(self, step: Step, source: SourceFrame) -> int:
         """Return the number of the output frame that a step belongs to; must be called in order."""
         if step.is_sample:  # of the exposure of the frame before or of the next one
             return self.outputs_before - (step.frame_number == self.exposed)
         number, self.exposed = self.outputs_before, step.frame_number
         self.outputs_before += 1
         if number in (self.outputs.first, self.outputs.stop):
-            self.summary.boundaries[number] = SourceMoment(self.place(shown), shown.frame.time)
+            self.summary.boundaries[number] = SourceMoment(self.place(source), source.frame.time)
         return number
 
-    def match(self, interval: _Interval, shown: list[tuple[SourceFrame, Step]], moves: list[bool]) -> LowestMatch:
-        """Return how well the frames of an interval match, with the frame halfway of those that are made."""
-        places = [index for index, is_made in enumerate(moves) if is_made]
-        middle = min(places, key=lambda index: (abs(shown[index][1].t - Fraction(1, 2)), index))
-        time = (shown[middle][1].time - self.start) * self.stretch
-        return LowestMatch(interval.pair.detected_match_score, interval.numbers[middle], time)
+    def measure_match(self, interval: _Interval) -> LowestMatch | None:
+        """Return how well the frames of an interval match, with the interpolated frame halfway; None without one."""
+        interpolated = [each for each in interval.outputs if each.is_interpolated]
+        if not interpolated:
+            return None
+        middle = min(interpolated, key=lambda output: abs(output.step.t - Fraction(1, 2)))
+        time = (middle.step.time - self.start) * self.stretch
+        return LowestMatch(interval.pair.detected_match_score, middle.number, time)
 
-    def place(self, shown: SourceFrame) -> int:
+    def place(self, source: SourceFrame) -> int:
         """Return the place of a frame in the clip, from 0."""
-        position = shown.image.source_position
+        position = source.image.source_position
         assert position is not None, "known of every frame of a clip"
         return position.number - self.beginning.number
+
+
+class _Part(NamedTuple):
+    """Outputs of a part of an interval, made by one task."""
+
+    interval: _Interval
+    begin: int
+    """Place of the first of them in the interval."""
+    outputs: list[_Output]
 
 
 def _output_frames(
@@ -428,151 +442,125 @@ def _output_frames(
     clip: _LoopState,
     detector: DuplicateDetector | None,
     holds_last_frame: bool,
-    in_order: Callable[[Iterable[Callable[[], _OutputPart]]], Iterator[_OutputPart]],
-) -> Generator[_Shown, None, Fraction]:
+    in_order: Callable[[Iterable[Callable[[], _Part]]], Iterator[_Part]],
+) -> Generator[_Output, None, Fraction]:
     """Yield the output frames without durations, or the samples of each; return when the clip ends."""
-    shown, summary = clip.shown(frames), clip.summary
-    moments = group_singly(shown) if detector is None else group_duplicates(shown, detector, clip.step)
+    source, summary = clip.presented(frames), clip.summary
+    groups = group_singly(source) if detector is None else group_duplicates(source, detector, clip.step)
     scenes = 0
-    for made in in_order(_tasks(clip, moments)):
-        summary.frames_made += made.new
-        if made.begins:
-            scenes += made.scene_cut
-        if made.begins and clip.counts(made.interval):
-            summary.duplicates += made.duplicates
-            summary.scene_cuts += made.scene_cut
-            summary.note_match(made.match)
-        if made.ends:
-            if made.interval.pair.search_radius is not None:
-                summary.search_radii.add(made.interval.pair.search_radius)
-            made.interval.pair.release_caches()
-        for frame, step, is_later in zip(made.frames, made.steps, made.past_cut, strict=True):
+    for interval, begin, outputs in in_order(_tasks(clip, groups)):
+        summary.frames_made += sum(each.is_new for each in outputs if each.number in clip.outputs)
+        if begin == 0:
+            scenes += interval.scene_cut
+            if clip.counts(interval):
+                summary.duplicates += 0 if interval.is_still else len(interval.group) - 1
+                summary.scene_cuts += interval.scene_cut
+                summary.note_match(interval.match)
+        if begin + len(outputs) == len(interval.outputs):
+            if interval.pair.search_radius is not None:
+                summary.search_radii.add(interval.pair.search_radius)
+            interval.pair.release_caches()
+        for output in outputs:
+            is_past_cut = output.is_interpolated and output.step.t > Fraction(1, 2)
             # the cuts so far include the one of this interval
-            yield _Shown(frame, step, scenes - (made.scene_cut and not is_later))
+            yield output._replace(scene=scenes - (interval.scene_cut and not is_past_cut))
     if clip.last is None or clip.number < 2:
         count = "one frame" if clip.number else "no frame"
         raise InputError(f"{clip.info.name} holds {count} that can be read, and two are needed to make one in between.")
-    last = clip.last[-1].frame
-    end = last.time + (last.duration or 1 / clip.info.rate)
+    last = clip.last[-1]
+    end = last.frame.time + (last.frame.duration or 1 / clip.info.rate)
     meant = clip.schedule.presentation_time(clip.start, end)
-    end = meant if meant > last.time else end
-    for step in clip.schedule.steps(clip.index, clip.start, last.time, end):
+    end = meant if meant > last.frame.time else end
+    for step in clip.schedule.steps(clip.index, clip.start, last.frame.time, end):
         if step.t == 0 or holds_last_frame:
-            number = clip.output_number(step, clip.last[-1])
-            clip.summary.frames_made += _is_new(step, last) and number in clip.outputs
-            confidence = _certain(last, step, 0) if clip.needs.confidence else None
-            yield _Shown(replace(last, time=step.time, confidence=confidence), step, scenes)
+            output = _Output(last, step, clip.output_number(step, last), scene=scenes)
+            summary.frames_made += output.is_new and output.number in clip.outputs
+            yield output.repeated(0 if clip.needs.confidence else None)
     return end
 
 
-def _exposed(shown: Generator[_Shown, None, Fraction]) -> Generator[Frame, None, Fraction]:
+def _exposed(outputs: Generator[_Output, None, Fraction]) -> Generator[Frame, None, Fraction]:
     """Yield the mean of each output frame's samples that show its scene; frames without samples as they are."""
     exposures: dict[int, Exposure] = {}
+    current: _Output | None = None
     number: int | None = None
-    held: _Shown | None = None
     while True:
         try:
-            each = next(shown)
+            output = next(outputs)
         except StopIteration as stop:
             end: Fraction = stop.value
             break
-        if each.step.frame_number is None:
-            yield each.frame
+        assert output.frame is not None, "finished"
+        if output.step.frame_number is None:
+            yield output.frame
             continue
-        if each.step.frame_number != number:
-            if held is not None:
-                yield _developed(held, exposures[held.scene])
-            exposures, number, held = {}, each.step.frame_number, None
-        exposures.setdefault(each.scene, Exposure()).add(each.frame.array)
-        held = held if each.step.is_sample else each
-    if held is not None:
-        yield _developed(held, exposures[held.scene])
+        if output.step.frame_number != number:
+            if current is not None:
+                yield _developed(current, exposures)
+            exposures, number, current = {}, output.step.frame_number, None
+        exposures.setdefault(output.scene, Exposure()).add(output.frame.array)
+        current = current if output.step.is_sample else output
+    if current is not None:
+        yield _developed(current, exposures)
     return end
 
 
-def _developed(shown: _Shown, exposure: Exposure) -> Frame:
-    """Return an output frame with the mean of its samples; the frame itself if there are no others."""
-    return shown.frame if exposure.count == 1 else _replaced(shown.frame, exposure.image())
+def _developed(output: _Output, exposures: dict[int, Exposure]) -> Frame:
+    """Return an output frame with the mean of its scene's samples; the frame itself if there are no others."""
+    frame, exposure = output.frame, exposures[output.scene]
+    assert frame is not None, "finished"
+    if exposure.count == 1:
+        return frame
+    return replace(frame, image=exposure.image(), original=None, preceding=frame.original or frame.preceding)
 
 
-def _replaced(frame: Frame, image: Image) -> Frame:
-    """Return a frame with an image that was made for it."""
-    return replace(frame, image=image, original=None, preceding=frame.original or frame.preceding)
-
-
-def _tasks(clip: _LoopState, moments: Iterable[FrameGroup]) -> Iterator[Callable[[], _OutputPart]]:
+def _tasks(clip: _LoopState, groups: Iterable[FrameGroup]) -> Iterator[Callable[[], _Part]]:
     """Yield the tasks in order, one per part of an interval, so that many frames between two take no extra memory.
 
     Lags one pair behind the source, because the motion of a pair depends on the next one.
     """
-    for before, interval, after in with_neighbours(clip.intervals(moments)):
+    for before, interval, after in with_neighbours(clip.intervals(groups)):
         if clip.outputs.is_past(interval.first_output - 2):  # two frames tell when the last one and its exposure end
             return
-        count = len(interval.numbers)
         neighbours = None if before is None else before.pair, None if after is None else after.pair
-        for begin in range(0, max(count, 1), FRAMES_PER_TASK):
-            part = range(begin, min(begin + FRAMES_PER_TASK, count))
-            yield partial(_make, interval, neighbours, clip, part)
+        for begin in range(0, max(len(interval.outputs), 1), FRAMES_PER_TASK):
+            yield partial(_make, clip, interval, neighbours, begin)
 
 
-def _make(
-    interval: _Interval, neighbours: tuple[Pair | None, Pair | None], clip: _LoopState, part: range
-) -> _OutputPart:
+def _make(clip: _LoopState, interval: _Interval, neighbours: Neighbours, begin: int) -> _Part:
     """Make the output frames of a part of an interval; those that are not needed carry any image."""
-    needs = clip.needs
-    shown, moves, first_move, is_held = interval.shown(neighbours)
-    is_made = {index: moves[index] and clip.makes(interval.numbers[index]) for index in part}
-    inner = [shown[index][1].t for index in part if is_made[index]]
+    interval.resolve(neighbours)
+    outputs, pair, needs = interval.outputs[begin : begin + FRAMES_PER_TASK], interval.pair, clip.needs
+    times = [each.step.t for each in outputs if clip.makes(each)]
+    images: Iterator[tuple[FrameImage, NDArray[Any] | None]] = iter(())
     # an interval of which nothing is made is needed all the same to count its cut, unless another run counts it
-    is_needed = bool(inner) or (first_move is not None and clip.counts(interval))
-    made, scene_cut = (
-        _between(clip.interpolator, interval.pair, inner, neighbours, needs) if is_needed else (iter(()), False)
-    )
-    frames = []
-    for index in part:
-        each, step = shown[index]
-        if moves[index]:
-            image, confidence = next(made) if is_made[index] else (each.frame.image, None)
-            frames.append(Frame(image, step.time, preceding=each.frame.original, confidence=confidence))
-        else:  # between frames that show the same, a repeated one is certain
-            confidence = _certain(each.frame, step, 1) if needs.confidence else None
-            frames.append(replace(each.frame, time=step.time, confidence=confidence))
-    if (
-        needs.motion
-        and first_move is not None
-        and first_move in part
-        and not interval.pair.is_discontinuous(*neighbours)
-    ):
-        first = first_move - part.start
-        field01, field10 = interval.pair.fields
-        frames[first] = replace(frames[first], motion=PairMotion(*interval.places, field01.flow, field10.flow))
-    written = [index for index in part if interval.numbers[index] in clip.outputs]
-    new = sum(_is_new(shown[index][1], shown[index][0].frame) for index in written)
-    steps = [shown[index][1] for index in part]
-    past_cut = [scene_cut and moves[index] and shown[index][1].t > Fraction(1, 2) for index in part]
-    duplicates = 0 if is_held else len(interval.held) - 1
-    begins, ends = part.start == 0, part.stop == len(shown)
-    is_measured = begins and first_move is not None and clip.counts(interval) and not scene_cut
-    match = clip.match(interval, shown, moves) if is_measured else None
-    return _OutputPart(interval, frames, steps, past_cut, new, scene_cut, duplicates, match, begins, ends)
+    if times or (clip.counts(interval) and any(each.is_interpolated for each in interval.outputs)):
+        images, interval.scene_cut = _between(clip.interpolator, pair, times, neighbours, needs)
+    finished = list[_Output]()
+    for output in outputs:
+        if not output.is_interpolated:  # between frames that show the same, a repeated one is certain
+            finished.append(output.repeated(1 if needs.confidence else None))
+            continue
+        source = output.source.frame
+        image, confidence = next(images) if clip.makes(output) else (source.image, None)
+        frame = Frame(image, output.step.time, preceding=source.original, confidence=confidence)
+        finished.append(output._replace(frame=frame))
+    if needs.motion and not any(each.is_interpolated for each in interval.outputs[:begin]):
+        _add_motion(finished, interval, neighbours)
+    if begin == 0 and clip.counts(interval) and not interval.scene_cut:
+        interval.match = clip.measure_match(interval)
+    return _Part(interval, begin, finished)
 
 
-def _show(interval: _Interval, neighbours: tuple[Pair | None, Pair | None]) -> _ShownInterval:
-    """Return what is shown at each step of an interval."""
-    is_held = len(interval.held) > 1 and interval.pair.is_discontinuous(*neighbours)
-    if is_held:
-        # no motion follows the held picture, so it stays held until the cut at the end of its last frame
-        shown = [(each, step) for each, steps in zip(interval.held, interval.steps, strict=True) for step in steps]
-        first_to_move = len(shown) - len(interval.steps[-1])
-    else:
-        shown, first_to_move = [(interval.held[0], step) for step in _merge_steps(interval)], 0
-    moves = [index >= first_to_move and step.t > 0 for index, (_, step) in enumerate(shown)]
-    return _ShownInterval(shown, moves, moves.index(True) if True in moves else None, is_held)
-
-
-def _is_new(step: Step, frame: Frame) -> bool:
-    """Return whether a step is an output frame that is not from the source."""
-    return not step.is_sample and (step.frame_number is not None or step.time != frame.time)
+def _add_motion(outputs: list[_Output], interval: _Interval, neighbours: Neighbours) -> None:
+    """Give the first interpolated frame the motion of its interval, unless no motion connects the two frames."""
+    for k, output in enumerate(outputs):
+        if output.is_interpolated and output.frame is not None:
+            if not interval.pair.is_discontinuous(*neighbours):
+                field01, field10 = interval.pair.fields
+                motion = PairMotion(*interval.places, field01.flow, field10.flow)
+                outputs[k] = output._replace(frame=replace(output.frame, motion=motion))
+            return
 
 
 def _between(
@@ -589,31 +577,17 @@ def _between(
     return ((image, None) for image in images), scene_cut
 
 
-def _certain(frame: Frame, step: Step, confidence: float) -> NDArray[Any] | None:
-    """Return one confidence for all pixels of a frame that is repeated at another time; None at its own."""
-    return None if step.time == frame.time else np.full(frame.image.shape[:2], confidence, np.float32)
-
-
-def _merge_steps(interval: _Interval) -> list[Step]:
-    """Merge the steps of all frames of a held picture, with t relative to the whole interval to the next picture."""
-    if len(interval.held) == 1:
-        return interval.steps[0]
-    begin = interval.held[0].frame.time
-    lasts = interval.end - begin
-    return [step._replace(t=(step.time - begin) / lasts) for steps in interval.steps for step in steps]
-
-
 def _with_durations(frames: Generator[Frame, None, Fraction]) -> Iterator[Frame]:
     """Set the duration of every frame to last until the next one, and of the last one until the clip ends."""
-    held: Frame | None = None
+    last: Frame | None = None
     while True:
         try:
             frame = next(frames)
         except StopIteration as stop:
             end = stop.value
             break
-        if held is not None:
-            yield replace(held, duration=frame.time - held.time)
-        held = frame
-    if held is not None:
-        yield replace(held, duration=end - held.time)
+        if last is not None:
+            yield replace(last, duration=frame.time - last.time)
+        last = frame
+    if last is not None:
+        yield replace(last, duration=end - last.time)

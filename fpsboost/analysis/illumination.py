@@ -107,13 +107,7 @@ def compensate_either(
     """Return small copies of two frames, under the illumination of frame 0 and under that of frame 1."""
     small0, small1 = (image.cached(small_copy, SMALL_COPY_SIDE) for image in (image0, image1))
     in_light0, in_light1 = (small0, illumination.undo(small1)), (illumination.apply(small0, 1, small0.dtype), small1)
-    return tuple(
-        (
-            FrameCache(first, image0.output_position, image0.source_position),
-            FrameCache(second, image1.output_position, image1.source_position),
-        )
-        for first, second in (in_light0, in_light1)
-    )
+    return tuple((image0.with_image(first), image1.with_image(second)) for first, second in (in_light0, in_light1))
 
 
 def _measure_similarity(small0: Image, small1: Image, illumination: IlluminationModel) -> tuple[float, float]:

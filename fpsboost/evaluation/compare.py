@@ -29,9 +29,10 @@ from fpsboost.evaluation.regions import AREAS, Regions, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
 from fpsboost.frame import describe
 from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import Pair, with_neighbours
+from fpsboost.interpolator import with_neighbours
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import methods
+from fpsboost.pair import Pair
 from fpsboost.version import __version__
 
 

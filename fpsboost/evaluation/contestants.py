@@ -25,8 +25,9 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
-from fpsboost.interpolator import Interpolator, Pair, with_neighbours
+from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.method_table import methods, vector_methods
+from fpsboost.pair import Pair
 
 MINTERPOLATE = "minterpolate"
 

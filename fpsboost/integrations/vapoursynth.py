@@ -34,11 +34,12 @@ from fpsboost.errors import FpsboostError, InputError, OptionError
 from fpsboost.frame import FrameImage, Image, as_array
 from fpsboost.frame_cache import FrameCache, Results, SourcePosition
 from fpsboost.image import YCbCrImage, view
-from fpsboost.interpolator import Interpolator, Pair
+from fpsboost.interpolator import Interpolator
 from fpsboost.io.video.planes import PLANAR_FORMATS, bgr_of, in_planes
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.method_table import find_method
+from fpsboost.pair import Pair
 from fpsboost.timing.schedule import ByFactor, ByRate
 from fpsboost.ycbcr import Coding, luma_weights
 

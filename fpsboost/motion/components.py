@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.image import Pixels, view
-from fpsboost.kernels.contrast import HIGH_PASS_SIZE, make_room
+from fpsboost.colour import compress_highlights
+from fpsboost.image import Image, Pixels, view
+from fpsboost.kernels.contrast import HIGH_PASS_SIZE, CodeLevels, make_room, split_colours, split_planes
 from fpsboost.kernels.jit import LANES
 from fpsboost.kernels.levels import level_scale
 from fpsboost.kernels.memory import aligned_empty
+from fpsboost.kernels.shrink import shrink
 
 Components = NDArray[Any]
 """Components of an image, (H, W, 3) float32."""
@@ -64,8 +67,16 @@ def contrast_planes(image: Pixels, padding: int, bandwidth: float) -> NDArray[An
     """
     height, width = image.shape[:2]
     planes = np.empty((3, height + 2 * padding, width + 2 * padding + 2 * LANES), np.uint8)
-    scale = np.float32(level_scale(bandwidth))
-    view(image).split_contrast(scale, ZERO_LEVEL, padding, make_room(width), planes)
+    seen = view(image)
+    target = np.float32(level_scale(bandwidth)), ZERO_LEVEL, padding, make_room(width), planes
+    if seen.coding is None:
+        white = 1 if seen.dtype == np.float32 else np.iinfo(seen.dtype).max
+        colours = compress_highlights(seen.array()) if seen.dtype == np.float32 else seen.array()
+        split_colours(colours, np.float32(1 / white), *target)
+    else:
+        black, luma_span, neutral, chroma_span = seen.coding.levels
+        levels = CodeLevels(*map(np.float32, (black, 1 / luma_span, neutral, 1 / chroma_span)))
+        split_planes(*seen.channels(), levels, *target)
     return planes
 
 
@@ -84,7 +95,19 @@ def small_copy(image: Pixels, longer_side: int) -> NDArray[Any]:
     """
     height, width = image.shape[:2]
     scale = longer_side / max(height, width)
-    return view(image).thumbnail((max(1, round(width * scale)), max(1, round(height * scale))))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    return view(image).thumbnail(partial(_shrunk, size))
+
+
+def _shrunk(size: tuple[int, int], image: Image) -> NDArray[Any]:
+    """Return the image resized to a width and a height, float32 with its own white; enlarged where it is smaller."""
+    height, width, channels = image.shape
+    across, down = min(size[0], width), min(size[1], height)
+    small = np.empty((down, across, channels), np.float32)
+    shrink(np.ascontiguousarray(image).reshape(height, width * channels), small)
+    if (across, down) == size:
+        return small
+    return cv2.resize(small, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], channels)
 
 
 def padded_planes(

@@ -22,7 +22,8 @@ from fpsboost import Frame, Interpolator
 from fpsboost.colour import compared_colours, has_alpha, normalised
 from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache, SourcePosition
-from fpsboost.interpolator import Pair, with_neighbours
+from fpsboost.interpolator import with_neighbours
+from fpsboost.pair import Pair
 from fpsboost.rerender.regions import TileGrid
 
 MIN_ERROR = 1e-7

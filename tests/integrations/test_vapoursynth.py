@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from video_truth import scene
 
 from fpsboost import Encoding, Interpolator, OutputRate, convert, methods, stream
-from fpsboost.interpolator import Pair
 from fpsboost.io.video.ycc import from_bgr, plane_arrays
 from fpsboost.motion.zero import ZeroMotion
+from fpsboost.pair import Pair
 from fpsboost.synthesis.blend import Blend
 
 vs = pytest.importorskip("vapoursynth", reason="VapourSynth needs Python 3.12 or newer, and fpsboost[vapoursynth]")

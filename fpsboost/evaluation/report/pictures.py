@@ -15,9 +15,9 @@ from fpsboost.evaluation.hidden_frames import Interval, Sample
 from fpsboost.evaluation.metrics import absolute_error, as_shown
 from fpsboost.evaluation.report.self_contained import LOSSLESS, as_heat, encode, not_too_wide
 from fpsboost.frame import Image
-from fpsboost.interpolator import Pair
 from fpsboost.motion.field import point_places
 from fpsboost.motion.zero import ZeroMotion
+from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, FusesHypotheses
 
 MIN_CROP = 48

@@ -1,0 +1,180 @@
+"""Two consecutive frames, and what is computed from them once: match score, illumination, motion, noise."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from fpsboost.analysis.grain import PairGrain, measure_grain
+from fpsboost.analysis.illumination import IlluminationModel, compensate_either, estimate_illumination
+from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
+from fpsboost.colour import normalised
+from fpsboost.frame_cache import FrameCache, Results
+from fpsboost.image import check_pair, view
+from fpsboost.layered import LayeredImage
+from fpsboost.motion import MotionEstimator
+from fpsboost.motion.components import gray
+from fpsboost.motion.field import MotionField
+
+Layered = tuple[LayeredImage, LayeredImage]
+"""Two frames with their further layers."""
+
+
+class Pair:
+    """Two consecutive frames, and the results of an interpolator for them, computed once when first asked for.
+
+    Parameters
+    ----------
+    image0, image1 : FrameCache
+        Two frames of one size and type.
+    duration : Fraction or float
+        Time between them, in any unit that neighbouring pairs share.
+    estimator, cuts, compensate_illumination
+        See `fpsboost.Interpolator`.
+
+    Raises
+    ------
+    InputError
+        The two are not images of one size and type.
+    """
+
+    def __init__(
+        self,
+        image0: FrameCache,
+        image1: FrameCache,
+        duration: Fraction | float,
+        *,
+        estimator: MotionEstimator,
+        cuts: CutPolicy | None,
+        compensate_illumination: bool,
+    ) -> None:
+        check_pair(image0.pixels, image1.pixels)
+        self.image0, self.image1, self.duration = image0, image1, duration
+        self._estimator, self._cuts, self._compensate_illumination = estimator, cuts, compensate_illumination
+        self._results = Results()
+
+    @property
+    def layered(self) -> Layered | None:
+        """The two frames with their further layers; None if they have none."""
+        image0, image1 = self.image0.image, self.image1.image
+        if isinstance(image0, LayeredImage) and isinstance(image1, LayeredImage):  # only some methods take these
+            return image0, image1
+        return None
+
+    @property
+    def illumination(self) -> IlluminationModel | None:
+        """Illumination change from the first frame to the second; None if there is none."""
+        return self._results.cached("illumination", self._estimate_illumination)
+
+    def _estimate_illumination(self) -> IlluminationModel | None:
+        return estimate_illumination(self.image0, self.image1) if self._compensate_illumination else None
+
+    @property
+    def compensated(self) -> tuple[FrameCache, FrameCache]:
+        """The two frames, both under the illumination of the first."""
+        return self._results.cached("compensated", self._compensate)
+
+    def _compensate(self) -> tuple[FrameCache, FrameCache]:
+        if self.illumination is None:
+            return self.image0, self.image1
+        first, second = normalised(view(self.image0.pixels).to_bgr()), view(self.image1.pixels).to_bgr()
+        return self.image0.with_image(first), self.image1.with_image(self.illumination.undo(second))
+
+    @property
+    def match_score(self) -> float:
+        """Match score of the two frames, 0 to 1; 1 if scene cuts are not looked for.
+
+        If the illumination changes, the lower of the scores under that of either frame: dark frames look alike, but
+        not under the brighter illumination.
+        """
+        return 1.0 if self._cuts is None else self._measured_match_score(self._cuts)
+
+    @property
+    def detected_match_score(self) -> float:
+        """Match score of the two frames by a `CutDetector`, also if scene cuts are not looked for or are listed."""
+        return self._measured_match_score(self._cuts if isinstance(self._cuts, CutDetector) else CutDetector())
+
+    def _measured_match_score(self, cuts: CutPolicy) -> float:
+        return self._results.cached(("match_score", cuts), lambda: self._measure_match_score(cuts))
+
+    def _measure_match_score(self, cuts: CutPolicy) -> float:
+        if self.illumination is None:
+            return cuts.match_score(self.image0, self.image1)
+        return min(
+            cuts.match_score(*thumbnails)
+            for thumbnails in compensate_either(self.image0, self.image1, self.illumination)
+        )
+
+    def is_discontinuous(self, before: Pair | None = None, after: Pair | None = None) -> bool:
+        """Return whether no motion connects the frames, given the pairs before and after if they are known."""
+        cuts = self._cuts
+        if cuts is None or not cuts.is_cut(self.match_score, *(each.match_score for each in (before, after) if each)):
+            return False
+        return not cuts.is_gradual(
+            self.match_score, *(each.match_score for each in self._spanning_pairs(before, after))
+        )
+
+    def is_cut(self, before: Pair | None = None, after: Pair | None = None) -> bool:
+        """Return whether a scene ends between the frames: no motion connects them, and it is no flash of one frame."""
+        return self.is_discontinuous(before, after) and not self._is_flash(before, after)
+
+    def _is_flash(self, before: Pair | None, after: Pair | None) -> bool:
+        """Return whether the frames on both sides of the pair's first or last frame show one scene."""
+        cuts = self._cuts
+        usual = max((each.match_score for each in (before, after) if each), default=1.0)
+        across = self._spanning_pairs(before, after)
+        return cuts is not None and any(cuts.is_flash(self.match_score, each.match_score, usual) for each in across)
+
+    def _spanning_pairs(self, before: Pair | None, after: Pair | None) -> list[Pair]:
+        """Return the known pairs of each frame of the two and the frame beyond the other."""
+        frames = [(before.image0, self.image1)] if before else []
+        frames += [(self.image0, after.image1)] if after else []
+        return [
+            Pair(
+                *two,
+                1,
+                estimator=self._estimator,
+                cuts=self._cuts,
+                compensate_illumination=self._compensate_illumination,
+            )
+            for two in frames
+        ]
+
+    @property
+    def fields(self) -> tuple[MotionField, MotionField]:
+        """Motion fields in both directions."""
+        return self._results.cached("fields", self._estimate)
+
+    def _estimate(self) -> tuple[MotionField, MotionField]:
+        fields = self._estimator.estimate(*self.compensated)
+        if self.illumination is not None:  # no other pair uses these: saves memory
+            for image in self.compensated:
+                image.clear()
+        return fields
+
+    @property
+    def grain(self) -> PairGrain:
+        """Noise of the two frames, as they are."""
+        return self._results.cached("grain", self._measure_grain)
+
+    def _measure_grain(self) -> PairGrain:
+        image0, image1 = self.image0, self.image1
+        if self.illumination is not None:  # its results are arrays
+            image0, image1 = as_bgr(image0), as_bgr(image1)
+        return measure_grain(image0.pixels, image1.pixels, *self.fields)
+
+    @property
+    def search_radius(self) -> int | None:
+        """Search radius in pixels; None if the estimator has no such limit or has not run."""
+        return self.fields[0].search_radius if "fields" in self._results else None
+
+    def release_caches(self) -> None:
+        """Discard all results that the next pair does not need, to save memory, once this pair's frames are made."""
+        self.image0.clear(gray)  # overlays are static in the frame before a pair, too
+        self._results.clear("compensated", "grain")
+
+
+def as_bgr(image: FrameCache) -> FrameCache:
+    """Return an image with its pixels as an array, converted to BGR from YCbCr."""
+    if view(image.pixels).coding is None:
+        return image
+    return image.with_image(view(image.pixels).to_bgr())
