@@ -11,12 +11,12 @@ import time
 
 from scoring import make_between, one_thread, read_frames
 
+from fpsboost.colour import Coding
 from fpsboost.frame import Image
 from fpsboost.image import YCbCrImage
 from fpsboost.io.video.planes import in_planes
 from fpsboost.io.video.ycc import BT709, from_bgr
 from fpsboost.method_table import find_method
-from fpsboost.ycbcr import Coding
 
 
 def as_video(image: Image) -> YCbCrImage:

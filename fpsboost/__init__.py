@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fpsboost.analysis.duplicates import DuplicateDetector
     from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
-    from fpsboost.array_stream import stream
-    from fpsboost.conversion import convert, convert_job
+    from fpsboost.colour import Coding
+    from fpsboost.conversion import convert, convert_job, stream
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame, PairMotion
     from fpsboost.interpolator import Interpolator
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from fpsboost.timing.rate import FrameIntervals, OutputRate
     from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
     from fpsboost.timing.trim import Trim
-    from fpsboost.ycbcr import Coding
 from fpsboost.image import YCbCrImage
 from fpsboost.version import __version__
 
@@ -119,7 +118,7 @@ _homes = {
     "ByFactor": "timing.schedule",
     "ByRate": "timing.schedule",
     "ClipInfo": "frame",
-    "Coding": "ycbcr",
+    "Coding": "colour",
     "ConversionJob": "preparation",
     "CutDetector": "analysis.scene_cuts",
     "CutPolicy": "analysis.scene_cuts",
@@ -176,7 +175,7 @@ _homes = {
     "methods": "method_table",
     "plan_rerender": "rerender.planning",
     "run_conversion": "streaming",
-    "stream": "array_stream",
+    "stream": "conversion",
 }
 
 

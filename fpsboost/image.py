@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import (
     MAX_VALUE,
+    Coding,
     clipped,
     colour_components,
     has_alpha,
@@ -24,7 +25,6 @@ from fpsboost.colour import (
     premultiplied,
 )
 from fpsboost.errors import InputError
-from fpsboost.ycbcr import Coding
 
 type_names = {np.dtype(np.uint8): "8-bit", np.dtype(np.uint16): "16-bit", np.dtype(np.float32): "float"}
 

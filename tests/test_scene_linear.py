@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from truth import waves
 
-from fpsboost.array_stream import stream
 from fpsboost.colour import compared_colours
-from fpsboost.conversion import convert
+from fpsboost.conversion import convert, stream
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding

@@ -13,6 +13,7 @@ from video_truth import pictures_of, samples_of, write_clip
 
 from fpsboost import Encoding, InputError, convert, methods
 from fpsboost.analysis.duplicates import DuplicateDetector, brightness
+from fpsboost.colour import Coding
 from fpsboost.frame import Frame, as_array, check_pair
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import YCbCrImage
@@ -22,7 +23,6 @@ from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import from_bgr
 from fpsboost.motion.components import contrast_components, contrast_planes, gray, small_copy
 from fpsboost.motion.nlm import pyramid
-from fpsboost.ycbcr import Coding
 
 METHODS = sorted(name for name, method in methods.items() if method.takes_planes)
 FORMATS = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le", "yuvj420p"]

@@ -30,6 +30,7 @@ import vapoursynth as vs
 from numpy.typing import NDArray
 
 from fpsboost.analysis.scene_cuts import CutDetector
+from fpsboost.colour import Coding, luma_weights
 from fpsboost.errors import FpsboostError, InputError, OptionError
 from fpsboost.frame import FrameImage, Image, as_array
 from fpsboost.frame_cache import FrameCache, Results, SourcePosition
@@ -41,7 +42,6 @@ from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.method_table import find_method
 from fpsboost.pair import Pair
 from fpsboost.timing.schedule import ByFactor, ByRate
-from fpsboost.ycbcr import Coding, luma_weights
 
 MAX_FRAMES = 2**31 - 1
 """Maximum number of frames of a clip; the host counts in 32 bits."""

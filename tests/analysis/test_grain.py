@@ -14,6 +14,7 @@ from truth import as_type, waves
 
 from fpsboost.analysis.grain import BLOCK_SIZE, match_grain, measure_grain
 from fpsboost.cli.options import MethodOptions, TuningOptions
+from fpsboost.colour import Coding
 from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import YCbCrImage
@@ -23,7 +24,6 @@ from fpsboost.motion.zero import ZeroMotion
 from fpsboost.streaming import OutputRange, run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.schedule import ByFactor
-from fpsboost.ycbcr import Coding
 
 SIZE = 128, 256
 SMOOTH = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)

@@ -11,10 +11,10 @@ import pytest
 from truth import as_type, noise, prepared, waves
 
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay, keep_overlay
+from fpsboost.colour import Coding
 from fpsboost.io.video.planes import in_planes
 from fpsboost.io.video.ycc import from_bgr
 from fpsboost.method_table import methods
-from fpsboost.ycbcr import Coding
 
 KEEPING = replace(methods["nlm"], cuts=None)
 MOVING = replace(KEEPING, overlays=False)

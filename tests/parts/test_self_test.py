@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from fpsboost.colour import Coding
 from fpsboost.frame import FrameImage
 from fpsboost.image import YCbCrImage
 from fpsboost.kernels.compiling import told_of_compiling
@@ -16,7 +17,6 @@ from fpsboost.layered import Layer, LayeredImage
 from fpsboost.method_table import configure, methods
 from fpsboost.parts.self_test import self_test
 from fpsboost.synthesis.blend import Blend
-from fpsboost.ycbcr import Coding
 
 every_method = pytest.mark.parametrize("method", methods)
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fpsboost.colour import Coding
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import YCbCrImage
 from fpsboost.motion.field import MotionField
@@ -14,7 +15,6 @@ from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.agreement import find_motion, measure_agreement
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
-from fpsboost.ycbcr import Coding
 
 SIZE = 64, 80
 

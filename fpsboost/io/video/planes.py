@@ -6,6 +6,7 @@ import av
 import numpy as np
 from av.video.reformatter import VideoReformatter
 
+from fpsboost.colour import Coding
 from fpsboost.frame import Frame, Image
 from fpsboost.image import YCbCrImage, view
 from fpsboost.io.video.traits import VideoTraits
@@ -19,7 +20,6 @@ from fpsboost.io.video.ycc import (
     to_bgr,
     with_chroma_location,
 )
-from fpsboost.ycbcr import Coding
 
 PLANAR_FORMATS = frozenset(
     [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]

@@ -17,8 +17,8 @@ import numpy as np
 from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
+from fpsboost.colour import bgr_to_ycc, luma_weights
 from fpsboost.frame import Image
-from fpsboost.ycbcr import bgr_to_ycc, luma_weights
 
 SMPTE170M, BT709, RGB, UNSPECIFIED = 6, 1, 0, 2  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
