@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from fpsboost.conversion import convert, convert_job, stream
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame, PairMotion
+    from fpsboost.image import YCbCrImage
     from fpsboost.interpolator import Interpolator
     from fpsboost.io import FrameSink, FrameSource
     from fpsboost.io.memory_limit import MemoryLimit
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from fpsboost.timing.rate import FrameIntervals, OutputRate
     from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
     from fpsboost.timing.trim import Trim
-from fpsboost.image import YCbCrImage
+
 from fpsboost.version import __version__
 
 __all__ = [

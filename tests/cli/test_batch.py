@@ -14,13 +14,8 @@ from command_line import SUMMARY, assert_refused, environment
 from video_truth import packets_of, pictures_of, write_clip
 
 from fpsboost.cli.batch import plan_outputs
-from fpsboost.cluster import options
-from fpsboost.cluster.options import ClusterOptions
 from fpsboost.errors import OptionError
 from fpsboost.io import staging
-from fpsboost.observer import Summary
-from fpsboost.preparation import ConversionJob
-from fpsboost.run_options import RunOptions
 
 CHEAP = ("--method", "nearest", "--no-cuts", "--preset", "ultrafast")
 
@@ -167,15 +162,6 @@ def test_quiet_says_only_what_fails(fpsboost_, tmp_path):
     assert len(result.lines) == 2
 
 
-def test_verbose_shows_tracebacks_and_goes_on(fpsboost_, tmp_path):
-    """Someone who looks for a fault sees all of it, and the rest is converted."""
-    write_clip(tmp_path / "b.mp4", times=range(3))
-    result = fpsboost_("none.mp4", "b.mp4", "out", "--verbose", *CHEAP)
-    assert result.code == 1
-    assert "Traceback" in result.err
-    assert (tmp_path / "out" / "b.mp4").exists()
-
-
 def test_nothing_is_left_where_all_fail(fpsboost_, tmp_path):
     """A folder that was made for the outputs goes again if there are none; one that was there stays."""
     (tmp_path / "old").mkdir()
@@ -214,24 +200,6 @@ def test_a_bar_says_which_of_how_many(fpsboost_, tmp_path, monkeypatch):
     result = fpsboost_("a.mp4", "b.mp4", "out", *CHEAP)
     plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", result.err)
     assert re.search(r"2/2 out/b\.mp4 .*[0-9]+/6", plain)
-
-
-def test_interruption_stops_all(fpsboost_, tmp_path, monkeypatch):
-    """Ctrl-C in the second of three: the first is there, nothing else, and that is said."""
-    convert = options.convert_where
-
-    def interrupted(where: ClusterOptions, job: ConversionJob, run: RunOptions) -> Summary:
-        if job.input == "b.mp4":
-            raise KeyboardInterrupt
-        return convert(where, job, run)
-
-    monkeypatch.setattr(options, "convert_where", interrupted)
-    for name in ("a.mp4", "b.mp4", "c.mp4"):
-        write_clip(tmp_path / name, times=range(3))
-    result = fpsboost_("a.mp4", "b.mp4", "c.mp4", "out", *CHEAP)
-    assert result.code == 130
-    assert result.lines[-1] == "Stopped; 1 of 3 inputs were converted."
-    assert os.listdir(tmp_path / "out") == ["a.mp4"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")

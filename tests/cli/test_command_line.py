@@ -9,7 +9,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import tomllib
 from dataclasses import is_dataclass
 from pathlib import Path
 
@@ -96,11 +95,6 @@ def test_quiet_prints_nothing(fpsboost_, tmp_path, option):
     spoil_packets(write_clip(tmp_path / "in.mp4", times=range(30)), [8, 9])
     assert fpsboost_("in.mp4", "out.mp4", option, *CHEAP) == Result(0, "", "")
     assert (tmp_path / "out.mp4").exists()
-
-
-def test_quiet_still_prints_errors(fpsboost_):
-    """A quiet run that fails says why."""
-    assert_refused(fpsboost_("none.mp4", "out.mp4", "--quiet"), 1, "none.mp4")
 
 
 def test_verbose_says_what_is_used(fpsboost_, clip):
@@ -237,12 +231,6 @@ def test_it_can_be_stopped_while_llvm_calls_back(clip, tmp_path):
     assert b"Traceback" not in result.stderr
 
 
-def test_both_ways_to_start_begin_where_they_can_be_stopped():
-    """The console script is the same function as ``python -m fpsboost``."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["scripts"]["fpsboost"] == "fpsboost.__main__:main"
-
-
 def test_without_arguments_there_is_the_help(fpsboost_):
     """On standard output, as with --help, and exit code 0."""
     alone = fpsboost_()
@@ -332,12 +320,10 @@ FAILURES: dict[str, tuple[str, str]] = {
     "one image by name": ("single/shot_0001.png out.mp4", "shot_0001.png"),
     "empty folder": ("empty out", "empty"),
     "different sizes": ("mixed out", "mixed/shot_0003.png"),
-    "different sizes to video": ("mixed out.mp4 --input-fps 24", "mixed/shot_0003.png"),
     "output exists": ("in.mp4 there.mp4", "there.mp4"),
     "output exists as a folder": ("in.mp4 single", "single"),
     "output exists as a pattern": ("in.mp4 single/shot_####.png", "shot_0001.png"),
     "output folder missing": ("in.mp4 none/out.mp4", "none/out.mp4"),
-    "output folder missing for images": ("in.mp4 none/out", "none"),
     "output is input": ("in.mp4 in.mp4", "in.mp4"),
     "output is input by another name": ("in.mp4 ./empty/../in.mp4 --overwrite", "in.mp4"),
     "output is input folder": ("single single/ --overwrite", "single"),
@@ -347,35 +333,25 @@ FAILURES: dict[str, tuple[str, str]] = {
 MISTAKES: dict[str, tuple[str, str]] = {
     "codec for images": ("in.mp4 frames --codec h264", "--codec"),
     "crf for images": ("in.mp4 frames --crf 20", "--crf"),
-    "preset for images": ("in.mp4 frames --preset slow", "--preset"),
-    "bitrate for images": ("in.mp4 frames --bitrate 8M", "--bitrate"),
-    "lossless for images": ("in.mp4 frames --lossless", "--lossless"),
-    "pixel format for images": ("in.mp4 frames --pix-fmt yuv444p", "--pix-fmt"),
     "encoder option for images": ("in.mp4 frames --encoder-option g=3", "--encoder-option"),
     "unknown ending": ("in.mp4 out.xyz", "out.xyz"),
     "a single image as output": ("in.mp4 out.png", "out.png"),
     "unknown method": ("in.mp4 out.mp4 --method magic", "magic"),
     "factor 0": ("in.mp4 out.mp4 --factor 0", "--factor"),
-    "factor -1": ("in.mp4 out.mp4 --factor -1", "--factor"),
     "factor=-1": ("in.mp4 out.mp4 --factor=-1", "--factor"),
     "factor abc": ("in.mp4 out.mp4 --factor abc", "--factor"),
-    "factor 1e9": ("in.mp4 out.mp4 --factor 1e9", "--factor"),
     "factor 1e5000": ("in.mp4 out.mp4 --factor 1e5000", "--factor"),
     "factor nan": ("in.mp4 out.mp4 --factor nan", "--factor"),
     "factor 1/0": ("in.mp4 out.mp4 --factor 1/0", "--factor"),
     "factor empty": ("in.mp4 out.mp4 --factor ''", "--factor"),
     "fps 0": ("in.mp4 out.mp4 --fps 0", "--fps"),
-    "fps -24": ("in.mp4 out.mp4 --fps -24", "--fps"),
     "fps too high": ("in.mp4 out.mp4 --fps 1e6", "--fps"),
     "fps fast": ("in.mp4 out.mp4 --fps fast", "--fps"),
     "factor and fps": ("in.mp4 out.mp4 --factor 2 --fps 50", "--fps"),
     "images without a rate": ("single out.mp4", "--input-fps"),
-    "images without a rate for --fps": ("single out --fps 60", "--input-fps"),
     "input-fps 0": ("single out.mp4 --input-fps 0", "--input-fps"),
-    "input-fps abc": ("single out.mp4 --input-fps abc", "--input-fps"),
     "input-fps of a video": ("in.mp4 out.mp4 --input-fps 24", "--input-fps"),
     "option of another method": ("in.mp4 out.mp4 --method dis --search-radius 8", "--search-radius"),
-    "option of another method 2": ("in.mp4 out.mp4 --implementation passes", "--implementation"),
     "search radius 0": ("in.mp4 out.mp4 --method nlm-exhaustive --search-radius 0", "--search-radius"),
     "bad crf": ("in.mp4 out.mp4 --crf 99", "--crf"),
     "bad preset": ("in.mp4 out.mp4 --preset turbo", "--preset"),
@@ -383,7 +359,6 @@ MISTAKES: dict[str, tuple[str, str]] = {
     "bad bitrate": ("in.mp4 out.mp4 --bitrate fast", "--bitrate"),
     "bitrate and crf": ("in.mp4 out.mp4 --bitrate 8M --crf 20", "--bitrate"),
     "lossless and crf": ("in.mp4 out.mp4 --lossless --crf 20", "--lossless"),
-    "lossless and bitrate": ("in.mp4 out.mp4 --lossless --bitrate 8M", "--lossless"),
     "bad pixel format": ("in.mp4 out.mp4 --pix-fmt magic", "--pix-fmt"),
     "unknown encoder option": ("in.mp4 out.mp4 --encoder-option magic=1", "magic"),
     "encoder option without a value": ("in.mp4 out.mp4 --encoder-option tune", "tune"),
@@ -437,21 +412,6 @@ def test_mistakes(fpsboost_, tmp_path, snapshot, case):
     arguments, word = MISTAKES[case]
     assert_refused(fpsboost_(*shlex.split(arguments)), 2, word)
     assert snapshot(tmp_path) == before
-
-
-@pytest.mark.usefixtures("material")
-def test_exit_codes_of_a_process(tmp_path):
-    """The same through a real process: 1 for what fails, 2 for what is wrong, and no traceback."""
-    for arguments, code in ((["none.mp4", "out.mp4"], 1), (["in.mp4", "out.mp4", "--factor", "0"], 2)):
-        done = start(tmp_path, *arguments)
-        assert (done.returncode, done.stdout) == (code, b"")
-        assert re.fullmatch(rb"fpsboost: [^\x00-\x1f]+\.\r?\n", done.stderr)
-
-
-def test_the_message_says_the_value_that_was_given(fpsboost_, clip):
-    """A tiny rate is not shown as 0, which nobody wrote."""
-    result = fpsboost_("in.mp4", "out.mp4", "--fps", "0.001", *CHEAP)
-    assert result.code == 0 or "0.001" in result.err or "1/1000" in result.err
 
 
 @pytest.mark.usefixtures("material")
@@ -668,11 +628,6 @@ def test_examples_parse(line):
             parse_rate(given[option])
 
 
-def test_there_are_examples():
-    """The help shows the common uses."""
-    assert len(examples()) >= 5
-
-
 def options() -> list[str]:
     names = [argument.name for argument in app.app.assemble_argument_collection() if argument.parse and argument.show]
     return [name for name in names if name.startswith("--")]
@@ -712,50 +667,17 @@ def test_help_fits_a_small_terminal(fpsboost_, monkeypatch):
     assert all(line in shown for line in app.EXAMPLES.splitlines()[2:])
 
 
-def test_help_is_shown_by_a_process(tmp_path):
-    """Piped help is plain text without control characters."""
-    done = start(tmp_path, "--help")
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert b"\x1b" not in done.stdout
-    assert "--factor" in done.stdout.decode()
-
-
 def test_version(fpsboost_):
     """Name and version, nothing else."""
     assert fpsboost_("--version") == Result(0, f"fpsboost {fpsboost.__version__}\n", "")
 
 
-def test_importing_is_light(tmp_path):
+@pytest.mark.parametrize("run", ["pass", "app.app(['--help'], result_action='return_value')", "print(app.__version__)"])
+def test_what_needs_no_work_is_light(tmp_path, run):
     """Neither the package nor its command line loads OpenCV, numba or FFmpeg before there is work."""
     heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
-    code = f"import sys, fpsboost, fpsboost.cli.app; print(*sorted({heavy} & set(sys.modules)))"
+    code = f"import sys; from fpsboost.cli import app; {run}\nprint({heavy} & set(sys.modules), file=sys.stderr)"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
     )
-    assert done.stdout.strip() == ""
-
-
-@pytest.mark.parametrize("option", ["--help", "--version"])
-def test_what_needs_no_work_is_light(tmp_path, option):
-    """Nor do they for the help, whose options know what the library makes of them, and for the version."""
-    heavy = "{'cv2', 'numba', 'av', 'skimage', 'numpy'}"
-    run = f"app.app(['{option}'], result_action='return_value')"
-    code = (
-        f"import sys; from fpsboost.cli import app; {run}; print(*sorted({heavy} & set(sys.modules)), file=sys.stderr)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
-    )
-    assert done.stderr.strip() == ""
-
-
-@pytest.mark.parametrize("name", fpsboost.__all__)
-def test_public_names_resolve(name):
-    """Everything that the package promises is there."""
-    assert getattr(fpsboost, name) is not None
-
-
-def test_unknown_names_do_not_resolve():
-    """A misspelled name is an AttributeError that says it."""
-    with pytest.raises(AttributeError, match="intrepolate"):
-        _ = fpsboost.intrepolate
+    assert done.stderr.strip() == "set()"

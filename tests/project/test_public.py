@@ -37,3 +37,9 @@ def test_what_a_public_name_takes_and_returns_is_public(name):
 def test_public_functions_have_few_parameters(name):
     """At most eight; options come in groups."""
     assert len(inspect.signature(getattr(fpsboost, name)).parameters) <= 8
+
+
+def test_unknown_names_do_not_resolve():
+    """A misspelled name is an AttributeError that says it."""
+    with pytest.raises(AttributeError, match="intrepolate"):
+        _ = fpsboost.intrepolate
