@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from distributed import Client
 
-    from fpsboost.observer import Summary
-    from fpsboost.preparation import ConversionJob
-    from fpsboost.run_options import RunOptions
+    from fpsboost import ConversionJob, RunOptions, Summary
 
 
 def convert(job: ConversionJob, client: Client, *, run: RunOptions | None = None) -> Summary:

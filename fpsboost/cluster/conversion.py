@@ -10,26 +10,17 @@ from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from fpsboost import ClipInfo, ConversionJob, FpsboostError, OptionError, OutputError, Part, RunOptions, Summary, join
 from fpsboost.cluster.scheduler import Executor, run_parts
 from fpsboost.cluster.worker import LOCK_INTERVAL, PartTask
-from fpsboost.errors import (
-    CompleteAlreadyError,
-    FpsboostError,
-    InUseError,
-    OptionError,
-    OutputError,
-    explained,
-)
-from fpsboost.frame import ClipInfo
-from fpsboost.io.part import Part, part_folder
+from fpsboost.errors import CompleteAlreadyError, InUseError, explained
+from fpsboost.io.part import part_folder
 from fpsboost.io.part_folder import remove_if_empty
 from fpsboost.io.staging import JobFingerprint
-from fpsboost.observer import SilentObserver, Summary
-from fpsboost.parts.join import join
+from fpsboost.observer import SilentObserver
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference
 from fpsboost.parts.plan import PlannedPart, plan_parts, share_index
-from fpsboost.preparation import ConversionJob, opened_clip, prepare
-from fpsboost.run_options import RunOptions
+from fpsboost.preparation import opened_clip, prepare
 
 PARTS_PER_WORKER = 8
 """Parts of a conversion for each worker; at the end, a worker idles for half of one on average."""

@@ -27,6 +27,7 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster
 from distributed.security import Security
 
+from fpsboost import ConversionJob, OptionError, OutputError, Part, RunOptions, Summary
 from fpsboost.cluster.conversion import JobInParts, convert_in_parts
 from fpsboost.cluster.scheduler import MAX_LOST_WORKERS, Done, Failed, Progress, Report
 from fpsboost.cluster.worker import (
@@ -38,13 +39,10 @@ from fpsboost.cluster.worker import (
     read_piece,
     remove_private,
 )
-from fpsboost.errors import ClusterError, OptionError, OutputError, explained
-from fpsboost.io.part import Part, part_folder
+from fpsboost.errors import ClusterError, explained
+from fpsboost.io.part import part_folder
 from fpsboost.io.part_folder import remove_if_empty
 from fpsboost.io.staging import sync
-from fpsboost.observer import Summary
-from fpsboost.preparation import ConversionJob
-from fpsboost.run_options import RunOptions
 
 GROWN_CLUSTER = 32
 """Number of workers for which parts are cut at least: nodes of a batch system come one by one."""

@@ -6,13 +6,11 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from fpsboost.errors import OptionError
+from fpsboost import OptionError
 from fpsboost.options import option
 
 if TYPE_CHECKING:
-    from fpsboost.observer import Summary
-    from fpsboost.preparation import ConversionJob
-    from fpsboost.run_options import RunOptions
+    from fpsboost import ConversionJob, RunOptions, Summary
 
 LOCAL = "local"
 
@@ -62,7 +60,7 @@ def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) ->
         See `fpsboost.convert` and `fpsboost.cluster.convert`.
     """
     # imported here because the command line reads the options for --help
-    from fpsboost.conversion import convert_job  # noqa: PLC0415
+    from fpsboost import convert_job  # noqa: PLC0415
 
     if where.cluster is None:
         return convert_job(job, run)
@@ -85,7 +83,7 @@ def convert_where(where: ClusterOptions, job: ConversionJob, run: RunOptions) ->
 
 def _affordable_workers(job: ConversionJob, run: RunOptions) -> int:
     """Return the number of workers with one thread that this machine has cores and memory for."""
-    from fpsboost.io.memory_limit import MemoryLimit  # noqa: PLC0415
+    from fpsboost import MemoryLimit  # noqa: PLC0415
     from fpsboost.preparation import opened_clip  # noqa: PLC0415
     from fpsboost.threads import available_cores  # noqa: PLC0415
 

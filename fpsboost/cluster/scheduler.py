@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from fpsboost.errors import ClusterError, FpsboostError, InputError, OptionError
-from fpsboost.io.part import Part
+from fpsboost import FpsboostError, InputError, OptionError, Part
+from fpsboost.errors import ClusterError
 from fpsboost.parts.plan import PlannedPart
 
 MAX_FAILURES = 3

@@ -22,14 +22,12 @@ from dask.typing import Key
 from distributed import Worker, get_worker
 from distributed.core import Status
 
-from fpsboost.conversion import convert_job
-from fpsboost.errors import ClusterError, CompleteAlreadyError, FpsboostError, InputError, InUseError
-from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.part import Part, part_folder
-from fpsboost.observer import SilentObserver, Summary
+from fpsboost import ConversionJob, FpsboostError, InputError, MemoryLimit, Part, RunOptions, Summary, convert_job
+from fpsboost.errors import ClusterError, CompleteAlreadyError, InUseError
+from fpsboost.io.part import part_folder
+from fpsboost.observer import SilentObserver
 from fpsboost.parts.manifest import facts_of, first_difference, program_facts
-from fpsboost.preparation import ConversionJob, opened_clip, prepare
-from fpsboost.run_options import RunOptions
+from fpsboost.preparation import opened_clip, prepare
 from fpsboost.streaming import one_opencv_thread
 
 REPORT_INTERVAL = 0.5

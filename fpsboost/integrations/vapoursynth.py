@@ -29,19 +29,26 @@ import numpy as np
 import vapoursynth as vs
 from numpy.typing import NDArray
 
-from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.colour import Coding, luma_weights
-from fpsboost.errors import FpsboostError, InputError, OptionError
+from fpsboost import (
+    ByFactor,
+    ByRate,
+    Coding,
+    CutDetector,
+    FpsboostError,
+    InputError,
+    Interpolator,
+    OptionError,
+    YCbCrImage,
+)
+from fpsboost.colour import luma_weights
 from fpsboost.frame import FrameImage, Image, as_array
 from fpsboost.frame_cache import FrameCache, Results, SourcePosition
-from fpsboost.image import YCbCrImage, view
-from fpsboost.interpolator import Interpolator
+from fpsboost.image import view
 from fpsboost.io.video.planes import PLANAR_FORMATS, bgr_of, in_planes
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.method_table import find_method
 from fpsboost.pair import Pair
-from fpsboost.timing.schedule import ByFactor, ByRate
 
 MAX_FRAMES = 2**31 - 1
 """Maximum number of frames of a clip; the host counts in 32 bits."""
