@@ -1,4 +1,4 @@
-"""Every second frame hidden, made again by each method, and scored: the report's section 5 for anybody's material.
+"""Every second frame hidden, interpolated by each method, and scored: the report's section 5 for anybody's material.
 
 The clip is read once for the areas and the cuts and once a method, so that memory does not grow with its length.
 """
@@ -37,20 +37,20 @@ from fpsboost.version import __version__
 
 
 class Observer(Protocol):
-    """Contract: is told how a comparison goes."""
+    """Contract: shows the progress of a comparison."""
 
     def begin(self, name: str, frames: int | None) -> None:
-        """Take note that a method begins, or reading; `frames` will be made, None if that is not known yet."""
+        """Begin a method, or reading; `frames` is None if their number is not known yet."""
         ...
 
     def advance(self) -> None:
-        """Handle that one more frame is done."""
+        """Count one more frame."""
         ...
 
 
 @dataclass(frozen=True)
 class _Overview:
-    """What the first reading of a clip found."""
+    """Findings of the first reading of a clip."""
 
     kind: str
     hidden: list[int]
@@ -66,19 +66,19 @@ class _Overview:
 
 
 class _Areas:
-    """The areas of all hidden frames, on disk: one bit a pixel, in order."""
+    """Areas of all hidden frames, on disk: one bit a pixel, in order."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
         self._shape: tuple[int, ...] = ()
 
     def add(self, regions: Regions) -> None:
-        """Keep those of one more frame."""
+        """Keep the areas of one more frame."""
         self._shape = (len(regions), *regions[0].shape)
         self._file.write(np.packbits(np.stack(regions)).tobytes())
 
     def of(self, index: int) -> NDArray[Any]:
-        """Return the areas of the frame with this place among the hidden ones, (areas, H, W) bool."""
+        """Return the areas of the hidden frame with this index, (areas, H, W) bool."""
         size = -(-int(np.prod(self._shape)) // 8)
         self._file.seek(index * size)
         packed = np.frombuffer(self._file.read(size), np.uint8)
@@ -108,28 +108,23 @@ def compare(
     path : str
         A video, a folder or a pattern of images.
     contestants : mapping of str to Contestant
-        The methods by name.
+        Methods by name.
     hiding : Hiding
-        Which frames are hidden.
     observer : Observer
     skipped : mapping of str to str, optional
-        Methods that were asked for and cannot be run, and why.
+        Methods that cannot be run, with the reason.
     input_fps : Fraction, optional
         Frames per second of images.
     rendered, others : tuple of str
         See `fpsboost.evaluation.results.Comparison`.
     vectors : VectorFolder, optional
-        A renderer's: the areas come from them, and repeats are not looked for.
+        A renderer's motion vectors, from which the areas come; repeats are then not looked for.
     cuts : CutPolicy or None
-        Finds the scene cuts between the true frames, or knows them; None takes everything for one scene.
+        Finds or knows the scene cuts between the true frames; None takes everything for one scene.
     cut_options : tuple of str
         See `fpsboost.evaluation.results.Comparison`.
     metrics : sequence of str
-        What to measure beside the scores: of `fpsboost.evaluation.further_metrics.choose_metrics`.
-
-    Returns
-    -------
-    Comparison
+        Names of further metrics; see `fpsboost.evaluation.further_metrics.choose_metrics`.
 
     Raises
     ------
@@ -138,7 +133,7 @@ def compare(
     InputError
         The clip cannot be read, is too short, or holds what cannot be compared, or no hidden frame counts.
     OutputError
-        There is no space for what is kept meanwhile.
+        There is no space for temporary files.
     """
     if not contestants:
         reasons = "".join(f"; {name} was skipped, {reason}" for name, reason in (skipped or {}).items())
@@ -183,7 +178,7 @@ def compare(
 
 
 def _made_with() -> dict[str, str]:
-    """Return the versions of what has a say in frames, scores or speed, and the machine."""
+    """Return the versions of what affects frames, scores or speed, and the machine."""
     outside = {
         name: version(package)
         for name, package in (("NumPy", "numpy"), ("Numba", "numba"), ("scikit-image", "scikit-image"))
@@ -205,13 +200,7 @@ def _look(
     vectors: VectorFolder | None,
     policy: CutPolicy | None,
 ) -> _Overview:
-    """Find the areas, and which hidden frames count.
-
-    Raises
-    ------
-    InputError
-        None does.
-    """
+    """Find the areas, and which hidden frames count; raise InputError if none does."""
     passed: list[_Passed] = []
     pairs = _true_pairs(_passing(intervals, areas, observer, vectors, passed), policy)
     across_cuts = {
@@ -246,7 +235,7 @@ def _look(
 
 
 class _Passed(NamedTuple):
-    """What is kept of an interval that has been looked at."""
+    """Facts about an interval that has been read."""
 
     kind: str
     first: int
@@ -266,7 +255,7 @@ def _passing(
     vectors: VectorFolder | None,
     passed: list[_Passed],
 ) -> Iterator[Interval]:
-    """Yield the intervals, note each in `passed`, and keep their areas."""
+    """Yield the intervals, append each to `passed`, and keep their areas."""
     for interval in intervals:
         shares = []
         for regions in find_regions(interval, vectors):

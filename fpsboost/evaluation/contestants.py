@@ -1,4 +1,4 @@
-"""Hidden frames made again: by an interpolator of this package, or by FFmpeg's `minterpolate`.
+"""Methods that interpolate hidden frames in a comparison: those of this package, and FFmpeg's `minterpolate`.
 
 Frames of other tools are in `fpsboost.evaluation.peers`.
 """
@@ -33,32 +33,32 @@ MINTERPOLATE = "minterpolate"
 
 
 def method_names() -> list[str]:
-    """Return the names of all methods that can be compared; those of other tools differ from them."""
+    """Return the names of all methods that can be compared, which no other tool may have."""
     return [*methods, *vector_methods, MINTERPOLATE]
 
 
 class InterpolatedFrame(NamedTuple):
-    """What a method made of a hidden frame, and at what price."""
+    """A hidden frame as a method interpolated it, and its cost."""
 
     number: int
-    """In the clip, counted from 0."""
+    """Number of the frame in the clip, counted from 0."""
     image: Image
     seconds: float
-    """That it took; no number where nobody knows."""
+    """Elapsed time, seconds; NaN if unknown."""
     cpu_seconds: float
     search_radius: int | None = None
-    """That its motion was searched in, pixels; None where a method has none."""
+    """Search radius of its motion, pixels; None if the method has none."""
 
 
 class Contestant(Protocol):
-    """Contract: makes the hidden frames of a clip, in order.
+    """Contract: a method that interpolates the hidden frames of a clip, in order.
 
     Attributes
     ----------
     looks_far : bool
-        Whether a frame hangs on more of the clip than its own interval, the one before and the one after.
+        Whether a frame depends on more of the clip than its own interval, the one before and the one after.
     any_time : bool
-        Whether frames are made at their own times, and not in equal steps only.
+        Whether frames are interpolated at their own times, and not in equal steps only.
     """
 
     looks_far: ClassVar[bool]
@@ -67,12 +67,12 @@ class Contestant(Protocol):
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """Yield one frame for each that is hidden, or for those whose numbers are wanted.
+        """Yield all hidden frames, or those whose numbers are wanted.
 
         Parameters
         ----------
         intervals : iterable of Interval
-            In order, without gaps.
+            Intervals of the clip, in order and without gaps.
         wanted : container of int, optional
         """
         ...
@@ -87,11 +87,7 @@ class InterpolatorContestant:
     """A method of this package.
 
     Time is counted from the moment a frame is asked for, kernels compiled beforehand; the first frame of an interval
-    bears the motion search.
-
-    Parameters
-    ----------
-    interpolator : Interpolator
+    includes the motion search.
     """
 
     interpolator: Interpolator
@@ -136,29 +132,24 @@ class InterpolatorContestant:
 
 @dataclass(frozen=True)
 class Minterpolate:
-    """FFmpeg's motion-compensated filter, run beside: 8 bits a colour, as that is all it knows.
+    """FFmpeg's motion-compensated filter in a process of its own, with 8 bits a colour, which is all it takes.
 
     Parameters
     ----------
     options : str
-        Of the filter.
+        Options of the filter.
     """
 
     options: str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:scd=none"
 
     @classmethod
     def with_options(cls, texts: Mapping[str, str]) -> Self:
-        """Return the filter with some of its options changed.
-
-        Parameters
-        ----------
-        texts : mapping of str to str
-            FFmpeg's names, ``mi_mode``, and values.
+        """Return the filter with some of its options changed, by FFmpeg's names.
 
         Raises
         ------
         OptionError
-            A name or a value is none that a filter takes, or the rate, which the comparison sets.
+            A name or a value is none that a filter takes, or is the rate, which the comparison sets.
 
         Examples
         --------
@@ -178,7 +169,7 @@ class Minterpolate:
 
     @staticmethod
     def missing() -> str | None:
-        """Why it cannot be used, or None."""
+        """Return why it cannot be used, or None."""
         return None if shutil.which("ffmpeg") else "there is no ffmpeg on the PATH"
 
     def describe(self) -> str:
@@ -188,12 +179,12 @@ class Minterpolate:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """See `Contestant.interpolate`; its time is that of the whole command, shared out evenly.
+        """See `Contestant.interpolate`; the time is that of the whole command, divided evenly.
 
         Raises
         ------
         InputError
-            ffmpeg fails, or makes fewer frames than are hidden.
+            ffmpeg fails, or returns fewer frames than are hidden.
         """
         arriving = iter(intervals)
         first = next(arriving, None)
@@ -243,7 +234,7 @@ def _feed(process: subprocess.Popen[bytes], image: Image) -> None:
 
 
 def _like(image: NDArray[Any], shown: Image) -> Image:
-    """Eight-bit colours as an image of the clip's own type; alpha, which the filter does not know, is opaque."""
+    """Return 8-bit colours as an image of the clip's own type; alpha, which the filter does not know, is opaque."""
     white = 1 if shown.dtype == np.float32 else np.iinfo(shown.dtype).max
     values = image.astype(np.float32) * (white / 255)
     made = np.full_like(shown, white)
@@ -253,6 +244,6 @@ def _like(image: NDArray[Any], shown: Image) -> Image:
 
 
 def seconds_of_children() -> float:
-    """CPU seconds of all programs that this one ran and waited for."""
+    """Return the CPU seconds of all finished child processes."""
     times = os.times()
     return times.children_user + times.children_system

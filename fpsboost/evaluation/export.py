@@ -1,6 +1,6 @@
 """A comparison as files for other programs: JSON with everything, CSV with a row for each method and frame.
 
-What stands in them is told in ``docs/comparison.md``.
+``docs/comparison.md`` describes both.
 """
 
 from __future__ import annotations
@@ -22,19 +22,11 @@ from fpsboost.evaluation.verdict import judge, means_as_json
 from fpsboost.io.new_output import write_whole
 
 DATA_VERSION = 1
-"""Of `Comparison.as_json`: higher where a name has gone or means something else, the same where names were added."""
+"""Version of the data, which rises where a name goes or changes its meaning, and stays where names are added."""
 
 
 def write_json(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Write all figures; the file appears whole or not at all.
-
-    Of one clip it holds what `as_json` returns; of several ``clips``, a list of that, and their ``mean``.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
-    """
+    """Write all figures: of one clip those of `as_json`; of several ``clips``, a list of these, and their ``mean``."""
     data = [as_json(comparison) for comparison in comparisons]
     several = {"version": DATA_VERSION, "clips": data, "mean": means_as_json(comparisons)}
     write_whole(path, f"{json.dumps(data[0] if len(data) == 1 else several, indent=1)}\n".encode())
@@ -64,15 +56,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
 
 
 def write_csv(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Write a row for each method and frame, under plain headings; the file appears whole or not at all.
-
-    Of several clips the first column is the clip.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
-    """
+    """Write a row for each method and frame, under plain headings; of several clips the first column is the clip."""
     rows = [row for each in comparisons for row in rows_of(each)]
     if len(comparisons) > 1:
         rows = [{"clip": each.clip, **row} for each in comparisons for row in rows_of(each)]

@@ -1,8 +1,8 @@
 """Metrics that FFmpeg has as filters of two videos, in the FFmpeg that PyAV brings: XPSNR and VMAF.
 
-Both look at frames before and after, so that they are given the whole output beside the whole original, the shown
-frames in their places; what they say of those, which are equal, is left out. Pictures are YCbCr of 4:4:4, limited range
-and 8 bits, by the matrix that is usual for their size.
+Both look at frames before and after, so they are given the whole output beside the whole original, shown frames in
+their places; values of those, which are equal, are left out. Pictures are YCbCr of 4:4:4, limited range and 8 bits, by
+the matrix that is usual for their size.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""True frames hidden between those that are shown, read as a stream.
+"""True frames hidden between those that are shown, read as a stream, and samples of them.
 
-A clip is read as a conversion reads it. Frames that show again what was there before are no truth: where a picture is
-held between moves, they are put together with the first of their kind, and where nothing moves on, they do not count.
+A clip is read as a conversion reads it. Frames that repeat another are no truth: where a picture is held between
+moves, they are grouped with the first of their kind, and where nothing moves on, they do not count.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 Duplicates = Literal["interpolate", "keep"]
 
 WHOLE = "0:"
-"""The range that leaves nothing out."""
+"""Range of the whole clip."""
 
 
 class Hidden(NamedTuple):
-    """A frame that a method does not get to see."""
+    """A frame that methods do not see."""
 
     number: int
-    """In the clip, counted from 0."""
+    """Number in the clip, counted from 0."""
     t: Fraction
-    """Its place in time between the shown frames."""
+    """Place in time between the shown frames, 0 to 1."""
     truth: Image
     source_position: SourcePosition
-    """When the clip shows it."""
+    """Position in the clip."""
 
 
 class Interval(NamedTuple):
@@ -52,18 +52,18 @@ class Interval(NamedTuple):
 
     begin: SourcePosition
     end: SourcePosition
-    """When the clip shows the two."""
+    """Positions of the two in the clip."""
     shown0: Frame
     shown1: Frame
     hidden: tuple[Hidden, ...]
     repeats: tuple[int, ...]
-    """Numbers of frames, from the first shown one to the second, that show what the one before shows."""
+    """Numbers of frames, from the first shown one to the second, that repeat the one before."""
     is_known: bool
-    """Whether it is known what should be seen at the times of the hidden frames; see `Hiding`."""
+    """Whether the pictures at the times of the hidden frames are known; see `Hiding`."""
 
     @property
     def number(self) -> int:
-        """Of the first shown frame in the clip."""
+        """Number of the first shown frame in the clip."""
         return self.begin.number
 
     @property
@@ -76,7 +76,7 @@ class Interval(NamedTuple):
         return _prepared(self.shown0.array, self.begin), _prepared(self.shown1.array, self.end)
 
     def prepared_for(self, interpolator: Interpolator) -> tuple[FrameCache, FrameCache]:
-        """Return the shown frames in the same way, as a conversion gives them to a method."""
+        """Return the shown frames in the same way, with the layers that a method takes."""
         if not interpolator.takes_layers:
             return self.prepared()
         return _prepared(self.shown0.image, self.begin), _prepared(self.shown1.image, self.end)
@@ -91,14 +91,14 @@ def _prepared(image: FrameImage, position: SourcePosition) -> FrameCache:
 
 
 class _Truth(NamedTuple):
-    """A frame, and what repeats what."""
+    """A frame, and which frames repeat it or which one it repeats."""
 
     frame: Frame
     source_position: SourcePosition
     repeats: tuple[int, ...]
-    """Numbers of the frames after it that show the same and were put together with it."""
+    """Numbers of the frames after it that show the same and are grouped with it."""
     is_repeat: bool
-    """Of the one before, in a still."""
+    """Whether it repeats the one before, in a still."""
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,9 @@ class Hiding:
     """Which frames of a clip are hidden, and how the clip is read.
 
     Where a picture is held for several frames between moves (see `fpsboost.analysis.duplicates`), its first frame
-    stands for it. Some intervals do not count, because nobody knows what should be seen at the times of their hidden
-    frames: where pictures are held unevenly long (where every 25th frame is a repeat, was a picture missed, or were all
-    of them slowed down?), where two frames show the same because a still begins, lasts or ends, and across a pause that
+    stands for it. Some intervals do not count, because nobody knows the pictures at the times of their hidden frames:
+    where pictures are held unevenly long (where every 25th frame is a repeat, was a picture missed, or were all of them
+    slowed down?), where two frames show the same because a still begins, lasts or ends, and across a pause that
     conversions leave alone.
 
     A hidden frame lies between the shown ones where the times of the clip say, and divides them evenly where it misses
@@ -117,15 +117,15 @@ class Hiding:
     Parameters
     ----------
     skip : int
-        Frames hidden between every two that are shown.
+        Number of frames hidden between every two that are shown.
     first, last : int or None
-        The frames from `first` up to, but not including, `last`; to the end where that is None.
+        Range of frames, `last` not included; to the end if it is None.
     decoding : DecodeOptions
         How a video file is read.
     duplicates : {'interpolate', 'keep'}
-        Style for frames that repeat another, or take each frame for a picture of its own.
+        Look for frames that repeat another, or take each frame for a picture of its own.
     counts_frames : bool
-        Count the frames before the excerpt one by one, for what goes by their numbers, rather than leave them unread.
+        Read the frames before the excerpt one by one, for what goes by their numbers, instead of skipping them.
 
     Raises
     ------
@@ -165,7 +165,7 @@ class Hiding:
         return [*words, "--deinterlace"] if self.decoding.deinterlace else words
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data, by the names of the options; a range as its two ends."""
+        """Return plain data by the names of the options; a range as its two ends."""
         start, end = (
             None if each is None else each.as_option() for each in (self.decoding.trim.start, self.decoding.trim.end)
         )
@@ -313,26 +313,13 @@ class Sample(NamedTuple):
     """Its interval, the one before and the one after."""
 
     def interpolate(self, contestant: Contestant) -> Image:
-        """Make it once more, exactly as in a comparison unless the method looks farther than the window."""
+        """Interpolate it exactly as in a comparison, unless the method looks farther than the window."""
         (made,) = contestant.interpolate(self.window, {self.hidden.number})
         return made.image
 
 
 def read_samples(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction | None = None) -> list[Sample]:
-    """Read some of the hidden frames with their surroundings.
-
-    Parameters
-    ----------
-    path, hiding, input_fps
-        As for `compare`.
-    numbers : sequence of int
-        Of the frames, in any order.
-
-    Returns
-    -------
-    list of Sample
-        In the order of `numbers`.
-    """
+    """Return some of the hidden frames with their surroundings, in the order of `numbers`."""
     found: dict[int, Sample] = {}
     before: Interval | None = None
     unfinished: list[Sample] = []
@@ -349,31 +336,15 @@ def read_samples(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: F
 def interpolate_some(
     path: str, hiding: Hiding, numbers: Sequence[int], contestant: Contestant, input_fps: Fraction | None = None
 ) -> dict[int, Image]:
-    """Make some of the hidden frames once more, exactly as in a comparison, by running a method over the whole clip.
+    """Return some of the hidden frames by number, interpolated by running a method over the whole clip.
 
     `Sample.interpolate` is quicker, and enough for a method that does not look far.
-
-    Parameters
-    ----------
-    path, hiding, numbers, input_fps
-        As for `read_samples`.
-    contestant : Contestant
-
-    Returns
-    -------
-    dict of int to image
-        By number.
     """
     return {made.number: made.image for made in contestant.interpolate(hiding.intervals(path, input_fps), numbers)}
 
 
 def parse_range(text: str) -> tuple[int, int | None]:
-    """Read ``A:B``, either of which may be left out.
-
-    Raises
-    ------
-    OptionError
-        It is written in another way.
+    """Read ``A:B``, either of which may be left out; raise OptionError if it is written in another way.
 
     Examples
     --------

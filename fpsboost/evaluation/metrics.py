@@ -1,7 +1,7 @@
-"""How far a made frame is from the true one, in the field's usual figures.
+"""Distance of an interpolated frame from the true one, in the field's usual figures.
 
 All kinds of images are compared with 1.0 for white, so that a clip scores alike with 8 bits, 16 bits or as float. MSE
-and MAE are given in levels of 255, as tables of 8-bit images have them; colours count as much as can be seen of them.
+and MAE are given in levels of 255, as tables of 8-bit images have them; colours count as far as they are opaque.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from fpsboost.frame import Image
 
 LEVELS = 255
 MIN_MSE = 1e-12
-"""Equal images have a PSNR of 120 dB and not of infinity, which has no mean."""
+"""Smallest MSE: equal images have a PSNR of 120 dB and not of infinity, which has no mean."""
 
 SSIM_WINDOW = 7
 
 LOW_PERCENT = 5
-"""Of the frames: how bad the worst of them are says more about a clip than their mean."""
+"""Percentile of PSNR over frames that is reported: the worst frames say more about a clip than the mean."""
 
 
 @dataclass(frozen=True)
 class Scores:
-    """One made frame against the true one.
+    """Scores of an interpolated frame against the true one.
 
     Attributes
     ----------
@@ -50,13 +50,13 @@ class Scores:
     mae: float
 
 
-def score(truth: Image, made: Image) -> Scores:
-    """Compare a made frame with the true one.
+def score(truth: Image, image: Image) -> Scores:
+    """Compare an interpolated frame with the true one.
 
     Parameters
     ----------
-    truth, made : (H, W, C) uint8, uint16 or float32
-        Of one size and type. Colours with alpha count as far as they are opaque.
+    truth, image : (H, W, C) uint8, uint16 or float32
+        Images of one size and type.
 
     Raises
     ------
@@ -75,30 +75,27 @@ def score(truth: Image, made: Image) -> Scores:
             f"Frames of {truth.shape[1]}x{truth.shape[0]} are too small to be compared; take at least "
             f"{SSIM_WINDOW} pixels each way."
         )
-    reference, guess = (composite_on_black(image).astype(np.float64) for image in (truth, made))
-    error = max(float(mean_squared_error(reference, guess)), MIN_MSE)
+    reference, values = (composite_on_black(each).astype(np.float64) for each in (truth, image))
+    error = max(float(mean_squared_error(reference, values)), MIN_MSE)
     ssim: Any = structural_similarity
     return Scores(
         mse=error * LEVELS**2,
         psnr=float(-10 * np.log10(error)),
-        ssim=float(ssim(reference, guess, win_size=SSIM_WINDOW, channel_axis=2, data_range=1)),
-        mae=float(np.abs(reference - guess).mean() * LEVELS),
+        ssim=float(ssim(reference, values, win_size=SSIM_WINDOW, channel_axis=2, data_range=1)),
+        mae=float(np.abs(reference - values).mean() * LEVELS),
     )
 
 
-def absolute_error(truth: Image, made: Image) -> NDArray[Any]:
-    """Mean over the channels of the absolute difference, levels of 255.
-
-    Returns
-    -------
-    (H, W) float32
-    """
-    error: NDArray[Any] = np.abs(composite_on_black(truth) - composite_on_black(made)).mean(axis=2) * np.float32(LEVELS)
+def absolute_error(truth: Image, image: Image) -> NDArray[Any]:
+    """Return the mean over the channels of the absolute difference, levels of 255, (H, W) float32."""
+    error: NDArray[Any] = np.abs(composite_on_black(truth) - composite_on_black(image)).mean(axis=2) * np.float32(
+        LEVELS
+    )
     return error
 
 
 def composite_on_black(image: Image) -> NDArray[Any]:
-    """Return the image as float32 with 1.0 for white, colours multiplied by alpha; what is no number becomes black."""
+    """Return float32 with 1.0 for white, colours multiplied by alpha; what is no number becomes black."""
     values = normalised(image)
     if has_alpha(image) and image.dtype != np.float32:  # float images have that done already
         values[..., :-1] *= values[..., -1:]
@@ -106,15 +103,10 @@ def composite_on_black(image: Image) -> NDArray[Any]:
 
 
 def as_shown(image: Image) -> NDArray[Any]:
-    """Return an image as a screen shows it: 8-bit colours, clipped; transparency over mid gray; float as linear light.
-
-    Returns
-    -------
-    (H, W, 3) uint8
+    """Return an image as a screen shows it, (H, W, 3) uint8: clipped; over mid gray; float as linear light.
 
     Examples
     --------
-    >>> import numpy as np
     >>> as_shown(np.full((1, 1, 1), 2.0, np.float32)).tolist()
     [[[255, 255, 255]]]
     """
@@ -137,18 +129,13 @@ def mean_scores(scores: Sequence[Scores]) -> Scores:
 
 
 def mean(values: Sequence[float]) -> float:
-    """Return the mean of those that are numbers; NaN where none is."""
+    """Return the mean of the finite values; NaN if there are none."""
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
 
 
 def low_percentile(values: Sequence[float]) -> float:
-    """Return the 5th percentile, interpolated linearly between the two values around it (NumPy's default).
-
-    Parameters
-    ----------
-    values : sequence of float
-        Of frames, where more is better: PSNR, dB. With fewer than 20 of them it lies between the two lowest.
+    """Return the 5th percentile, interpolated linearly; of fewer than 20 values it lies between the two lowest.
 
     Examples
     --------

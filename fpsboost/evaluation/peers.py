@@ -1,4 +1,4 @@
-"""Frames that other tools made: a folder of them, or a command that makes one.
+"""Frames of other tools: a folder of them, or a command that writes one.
 
 Such a folder holds one of three things, which are told from each other in this order:
 
@@ -39,21 +39,21 @@ from fpsboost.io.images.sequence import list_files
 UNKNOWN = float("nan")
 
 READ_AT_MOST = 4096
-"""Of what a command printed, bytes from the end: its last line is shown where it fails."""
+"""Number of bytes at the end of a command's output in which its last line is looked for."""
 
 
 @dataclass(frozen=True)
 class PeerFrames:
-    """Frames that another tool made, one image for each that is hidden.
+    """Frames of another tool, one image for each hidden frame.
 
     Parameters
     ----------
     files : mapping of int to Path
-        By the number of the frame in the clip, counted from 0.
+        Images by the number of the frame in the clip, counted from 0.
     description : str
         Where they come from.
     seconds, cpu_seconds : float
-        That a frame took; no number where nobody knows.
+        Time per frame; NaN if unknown.
     """
 
     files: Mapping[int, Path]
@@ -66,13 +66,7 @@ class PeerFrames:
     def interpolate(
         self, intervals: Iterable[Interval], wanted: Container[int] | None = None
     ) -> Iterator[InterpolatedFrame]:
-        """See `Contestant.interpolate`.
-
-        Raises
-        ------
-        InputError
-            An image cannot be read, or is of another size than the clip.
-        """
+        """See `Contestant.interpolate`; raise InputError if an image cannot be read, or is of another size."""
         for interval in intervals:
             for hidden in interval.hidden:
                 if wanted is None or hidden.number in wanted:
@@ -85,15 +79,15 @@ class PeerFrames:
 
 
 def find_frames(name: str, folder: Path, intervals: Iterable[Interval]) -> PeerFrames:
-    """Match the images of a folder to the hidden frames, as this module's text says.
+    """Match the images of a folder to the hidden frames, as the docstring of this module says.
 
     Parameters
     ----------
     name : str
-        Of the tool, for messages.
+        Name of the tool, for messages.
     folder : Path
     intervals : iterable of Interval
-        Of the clip, all of them.
+        All intervals of the clip.
 
     Raises
     ------
@@ -137,20 +131,20 @@ def _steps(numbers: Sequence[int | None]) -> list[int]:
 
 
 def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Path) -> PeerFrames:
-    """Let another program make the hidden frames.
+    """Let another program interpolate the hidden frames.
 
     The shown frames are written without loss into a folder, 0000.png and so on (OpenEXR where they are float), and the
-    command, run without a shell, makes a folder of all frames from them, matched by position.
+    command, run without a shell, writes a folder of all frames, matched by position.
 
     Parameters
     ----------
     name : str
-        Of the tool, for messages.
+        Name of the tool, for messages.
     command : str
         Words as in a shell, with ``{in}`` and ``{out}`` for the two folders; ``{out}`` is there and empty. Also
         ``{factor}``, how many times as many frames are wanted, and ``{fps}``, the rate of the shown ones.
     intervals : iterable of Interval
-        Of the clip, all of them.
+        All intervals of the clip.
     scratch : Path
         An empty folder, which must stay as long as the frames are needed.
 
@@ -159,7 +153,7 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
     OptionError
         The command is none, or lacks a folder.
     InputError
-        It fails, or makes another number of images.
+        It fails, or writes another number of images.
     """
     words = split_command(name, command)
     folders = scratch / "in", scratch / "out"
@@ -182,12 +176,7 @@ def run_peer(name: str, command: str, intervals: Iterable[Interval], scratch: Pa
 
 
 def split_command(name: str, command: str) -> list[str]:
-    """Split a peer's command into words.
-
-    Raises
-    ------
-    OptionError
-        They cannot be told, or name no folder to read or none to write.
+    """Split a peer's command into words; raise OptionError if that fails, or it lacks ``{in}`` or ``{out}``.
 
     Examples
     --------
@@ -216,9 +205,9 @@ def _write_shown(intervals: Iterable[Interval], folder: Path) -> tuple[list[tupl
     Returns
     -------
     places : list of (int, int)
-        Numbers of the hidden frames in the clip, and where they are in what is made.
+        Numbers of the hidden frames in the clip, and their places among the frames that are expected.
     count, factor : int
-        Of shown frames; of made ones for each of them.
+        Number of shown frames, and of expected ones for each of them.
     rate : float
         Shown frames per second.
     """
@@ -244,7 +233,7 @@ def _write(folder: Path, number: int, image: Image) -> None:
 
 
 def _run(name: str, words: Sequence[str], folder: Path) -> str:
-    """Run a command to its end; return the last line that it printed."""
+    """Run a command to its end, and return the last line that it printed."""
     with tempfile.TemporaryFile(dir=folder) as said:
         try:
             done = subprocess.run(words, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, check=False)
@@ -264,20 +253,14 @@ def _last_line(file: IO[bytes]) -> str:
 
 
 class NumberedImage(NamedTuple):
-    """A file, and the number in its name; None where it has none."""
+    """A file, and the number in its name; None if there is none."""
 
     number: int | None
     path: Path
 
 
 def list_images(folder: Path) -> list[NumberedImage]:
-    """List the images of a folder in the order of their names, numbers in them by their value.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be read.
-    """
+    """List the images of a folder in the order of their names, numbers in them by their value."""
     with explained(InputError, "read", folder, "name a folder of images"):
         names = [each for each in list_files(folder) if extension_of(each) in IMAGE_SUFFIXES and each[0] != "."]
     parts = {name: re.split(r"(\d+)", Path(name).stem) for name in names}

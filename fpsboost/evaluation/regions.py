@@ -25,7 +25,7 @@ MOVES = 1.0
 """Shortest motion from one shown frame to the next that counts as moving, pixels."""
 
 CONSISTENT = 1.5
-"""The way there and back ends this near to where it began, or a pixel is hidden, pixels."""
+"""Largest distance between a pixel and where the motion there and back leads, pixels; beyond it the pixel is hidden."""
 
 BLOCK = 7
 """Side of the blocks that are looked for, pixels: large enough to average noise, and small against what moves."""
@@ -34,37 +34,32 @@ FOUND = DuplicateDetector().noise
 """Largest mean difference of a block from the same one in another frame, levels of 8 bits: as in a repeated frame."""
 
 NOISY = 3.0
-"""In noisy clips it is so many times the median over the frame, most of which is found again."""
+"""Multiple of the median difference over the frame that replaces it in noisy clips, as most pixels are found again."""
 
 AREAS, COMPLEMENTS = ("moving", "occluded", "uncertain"), ("still", "visible", "certain")
-"""Names of the areas, and of what lies outside of each."""
+"""Names of the areas, and of their complements."""
 
 
 class Regions(NamedTuple):
     """Areas of one hidden frame, each (H, W) bool."""
 
     moving: NDArray[Any]
-    """From one shown frame to the other, by more than `MOVES`."""
+    """Pixels that move by more than `MOVES` from one shown frame to the other."""
     occluded: NDArray[Any]
-    """One shown frame has it and the other has not."""
+    """Pixels that only one of the shown frames has."""
     uncertain: NDArray[Any]
-    """Neither has it as it is: blur, glare, reflections, other light."""
+    """Pixels that neither has as they are: blur, glare, reflections, other light."""
 
 
 def find_regions(interval: Interval, vectors: VectorFolder | None = None) -> Iterator[Regions]:
-    """Return the areas of every hidden frame of an interval, the same for every method.
+    """Yield the areas of every hidden frame of an interval, the same for every method.
 
-    Without vectors, motion is that of DIS between the hidden frame and each of the shown ones, which methods that use
-    DIS cannot ask for. It is believed as far as the pixels bear it out: a block is found where it is the same at the
-    other end of its motion, or in its own place, and visible where its motion leads back as well. Where DIS is wrong,
-    more counts as hidden or not found, for all methods alike. On two frames of `samples/scenes/texture`, whose
-    occlusions are known, more than 90 % of them were marked within three pixels, and half of what was marked was one.
-
-    Parameters
-    ----------
-    interval : Interval
-    vectors : VectorFolder, optional
-        A renderer's, for every frame of the clip.
+    Without a renderer's vectors, motion is that of DIS between the hidden frame and each of the shown ones, which
+    methods that use DIS cannot ask for. It is believed as far as the pixels bear it out: a block is found where it is
+    the same at the other end of its motion, or in its own place, and visible where its motion leads back as well. Where
+    DIS is wrong, more counts as hidden or not found, for all methods alike. On two frames of `samples/scenes/texture`,
+    whose occlusions are known, more than 90 % of them were marked within three pixels, and half of what was marked was
+    one.
 
     Raises
     ------

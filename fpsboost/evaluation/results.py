@@ -13,31 +13,31 @@ from fpsboost.evaluation.metrics import Scores, low_percentile, mean, mean_score
 from fpsboost.evaluation.regions import AREAS, COMPLEMENTS
 
 MIN_SHARE = 0.02
-"""An area that takes less of the picture is not shown: its few pixels say more about chance than about a method."""
+"""Smallest share of the picture of an area that is shown: a few pixels say more about chance than about a method."""
 
 
 MAX_NAMED = 8
-"""Frames that a note names; the data have all of them."""
+"""Maximum number of frames that a note names; the data have all of them."""
 
 
 @dataclass(frozen=True)
 class FrameResult:
-    """One frame that a method made.
+    """Scores of one frame of a method.
 
     Attributes
     ----------
     number : int
-        In the clip, counted from 0.
+        Number of the frame in the clip, counted from 0.
     scores : Scores
     seconds, cpu_seconds : float
-        That it took.
+        Elapsed and CPU time, seconds.
     inside, outside : dict of str to float
-        Mean absolute error in and out of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; no number
-        where an area is empty.
+        Mean absolute error in and out of each area of `fpsboost.evaluation.regions.AREAS`, levels of 255; NaN where an
+        area is empty.
     search_radius : int or None
-        That the motion was searched in, pixels; None where the method has none.
+        Search radius of the motion, pixels; None if the method has none.
     metrics : dict of str to float
-        What was measured beside, by name; see `fpsboost.evaluation.further_metrics`.
+        Further metrics by name; see `fpsboost.evaluation.further_metrics`.
     """
 
     number: int
@@ -52,14 +52,7 @@ class FrameResult:
 
 @dataclass(frozen=True)
 class MethodResult:
-    """What one method made of all hidden frames.
-
-    Attributes
-    ----------
-    name, options : str
-    frames : list of FrameResult
-        In order, those that do not count among them.
-    """
+    """Scores of one method on all hidden frames, in order, those that do not count among them."""
 
     name: str
     options: str
@@ -73,14 +66,14 @@ class Comparison:
     Attributes
     ----------
     clip : str
-        The path as the user gave it.
+        Path as the user gave it.
     kind : str
-        What its frames are: ``640x360, 3 channels, 8-bit``.
+        Size and type of the frames: ``640x360, 3 channels, 8-bit``.
     hiding : Hiding
     hidden : list of int
         Numbers of the hidden frames.
     cuts : list of int
-        Those of them that lie across a scene cut, which no method can know: no mean counts them.
+        Hidden frames across a scene cut, which no method can know: no mean counts them.
     shares : dict of str to float
         Mean share of the frame that each area takes.
     methods : list of MethodResult
@@ -88,23 +81,19 @@ class Comparison:
         Methods that could not be run, and why.
     made_with : dict of str to str
         Versions and machine.
-    rendered : tuple of str
-        The options that named a renderer's vectors, as words of the command line.
-    others : tuple of str
-        Those that named other tools' frames.
-    cut_options : tuple of str
-        Those that said where scenes end.
+    rendered, others, cut_options : tuple of str
+        Options for a renderer's vectors, other tools' frames and scene cuts, as words of the command line.
     times : list of float
-        Where between the two shown frames each of `hidden` lies, 0 to 1.
+        Place in time of each hidden frame between the two shown ones, 0 to 1.
     repeats : list of int
-        Numbers of frames that show what the one before shows: neither shown nor a truth, unless in a still.
+        Numbers of frames that repeat the one before: neither shown nor a truth, unless in a still.
     doubtful : list of int
-        Those of `hidden` at whose times nobody knows what should be seen, most often beside repeats; see
+        Hidden frames whose true pictures nobody knows, most often beside repeats; see
         `fpsboost.evaluation.hidden_frames.Hiding`. No mean counts them.
     clip_frames : int
-        Frames from the first shown one to the last, all counted.
+        Number of frames from the first shown one to the last.
     metrics : tuple of str
-        What was measured beside the scores: names of `fpsboost.evaluation.further_metrics.metrics`.
+        Names of further metrics, of `fpsboost.evaluation.further_metrics.metrics`.
     """
 
     clip: str
@@ -127,7 +116,7 @@ class Comparison:
 
     @property
     def areas(self) -> list[tuple[str, str]]:
-        """The areas that are worth showing, each with what lies outside: both take a share that matters."""
+        """Areas that are worth showing, each with its complement: both take a share that matters."""
         known = zip(AREAS, COMPLEMENTS, strict=True)
         return [pair for pair in known if MIN_SHARE <= self.shares[pair[0]] <= 1 - MIN_SHARE]
 
@@ -139,13 +128,7 @@ class Comparison:
         return [number for number, t, usual in zip(self.hidden, self.times, even, strict=False) if t != usual]
 
     def notes(self, contestants: Mapping[str, Contestant]) -> list[str]:
-        """Return what must be known of duplicates and times to understand the figures, as sentences.
-
-        Parameters
-        ----------
-        contestants : mapping of str to Contestant
-            The methods.
-        """
+        """Return what must be known of duplicates and times to understand the figures, as sentences."""
         notes = []
         if self.repeats:
             notes.append(f"These frames show what the one before shows, and are no truths: {_some(self.repeats)}.")
@@ -170,7 +153,7 @@ class Comparison:
         return [frame for frame in method.frames if frame.number not in left_out]
 
     def means(self, method: MethodResult) -> Scores:
-        """Mean scores of a method."""
+        """Return the mean scores of a method."""
         return mean_scores([frame.scores for frame in self.counted(method)])
 
     def low_psnr(self, method: MethodResult) -> float:
@@ -178,22 +161,22 @@ class Comparison:
         return low_percentile([frame.scores.psnr for frame in self.counted(method)])
 
     def further(self, method: MethodResult) -> dict[str, float]:
-        """Return the figures of a method in the further metrics, by name, over the frames that count."""
+        """Return the further metrics of a method by name, means over the frames that count."""
         return summarise(self.metrics, [frame.metrics for frame in self.counted(method)])
 
     def mean_seconds(self, method: MethodResult) -> tuple[float, float]:
-        """Return the seconds and CPU seconds that a method took per frame."""
+        """Return the mean seconds and CPU seconds of a method per frame."""
         frames = self.counted(method)
         return mean([frame.seconds for frame in frames]), mean([frame.cpu_seconds for frame in frames])
 
     def mean_error(self, method: MethodResult, area: str, inside: bool = True) -> float:
-        """Mean absolute error of a method in an area or outside of it, levels of 255."""
+        """Return the mean absolute error of a method in an area or outside of it, levels of 255."""
         frames = self.counted(method)
         return mean([(frame.inside if inside else frame.outside)[area] for frame in frames])
 
 
 class ComparedClip(NamedTuple):
-    """A comparison, and its methods by name, to make some frames again."""
+    """A comparison, and its methods by name, which can interpolate some frames again."""
 
     comparison: Comparison
     contestants: Mapping[str, Contestant]

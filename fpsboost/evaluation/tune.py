@@ -30,19 +30,19 @@ from fpsboost.method_table import configure, find_method, methods
 from fpsboost.motion.search_radius import choose_search_radius, expected_motion
 
 DEFAULT = "nlm"
-"""The method that every other one is measured by."""
+"""Method that every other one is measured by."""
 
 RADII = (1, 2, 3, 5, 7, 10, 14)
 WINDOWS = ("box", "gaussian")
 WIDTHS = (0.05, 0.09, 0.15, 0.25, 0.4)
 STEP = math.sqrt(2)
-"""From one search radius to the next: its cost doubles."""
+"""Factor from one search radius to the next, which doubles the cost."""
 
 IN_VAIN = 2
-"""So many search radii in a row, each no better than those before, and none farther in their direction is tried."""
+"""Number of search radii in a row, none better than those before, after which no farther one is tried."""
 
 AS_GOOD = 1.005
-"""An error at most so many times the least is as good, and then the smaller value, which costs less, is taken."""
+"""Ratio of an error to the least up to which it is as good; the smaller value, which costs less, is then taken."""
 
 
 CURVE_COLOURS = {"box": "#0072b2", "gaussian": "#e69f00", "": "#0072b2"}
@@ -52,15 +52,15 @@ FORMATS = (".svg", ".png", ".pdf")
 
 @dataclass(frozen=True)
 class Trial:
-    """What one setting gives.
+    """Result of one setting.
 
     Attributes
     ----------
     options : dict of str to value
     mse : float
-        Mean over the frames, levels of 255 squared.
+        Mean squared error over the frames, levels of 255 squared.
     cpu_seconds : float
-        A frame.
+        CPU time per frame, seconds.
     """
 
     options: dict[str, Any]
@@ -70,20 +70,20 @@ class Trial:
 
 @dataclass(frozen=True)
 class Tuning:
-    """The trials of a clip.
+    """Trials on a clip.
 
     Attributes
     ----------
     clip, method : str
     frames : list of int
-        Numbers of the frames that were made, counted from 0.
+        Numbers of the frames that were interpolated, counted from 0.
     sweeps : dict of str to list of Trial
-        By what was swept: ``search_radius``, where the method has one; ``patch_radius``, with each window where it has
-        several; ``v``.
+        Trials by the option that was swept: ``search_radius``, where the method has one; ``patch_radius``, with each
+        window where it has several; ``v``.
     best : Trial
-        The options to use, and what they give.
+        Recommended options, and their result.
     default : Trial
-        What the default method, untuned, gives on the same frames.
+        Result of the default method, untuned, on the same frames.
     """
 
     clip: str
@@ -109,18 +109,13 @@ def tune(
     path : str
         A video, a folder or a pattern of images.
     method : str
-        Whose estimator has a patch radius.
+        Name of a method whose estimator has a patch radius.
     hiding : Hiding
-        Which frames may be hidden.
     count : int
-        How many frames to try on.
+        Number of frames to try on.
     observer : Observer
     input_fps : Fraction, optional
         Frames per second of images.
-
-    Returns
-    -------
-    Tuning
 
     Raises
     ------
@@ -159,7 +154,7 @@ def tune(
 def choose_frames(
     path: str, hiding: Hiding, count: int, observer: Observer, input_fps: Fraction | None = None
 ) -> list[Sample]:
-    """Hidden frames whose motion is spread evenly from the middle of the clip's to its largest.
+    """Return hidden frames whose motion is spread evenly from the middle of the clip's to its largest.
 
     Frames across a scene cut are left out, as long as there are others, and so are those that are no truth (see
     `fpsboost.evaluation.hidden_frames.Hiding`).
@@ -189,25 +184,20 @@ def choose_frames(
 
 
 def patches(known: Container[str]) -> list[dict[str, Any]]:
-    """Yield every patch radius, with every window where the method with these options has one, the cheap ones first."""
+    """Return every patch radius, with every window if the method has one, the cheap ones first."""
     windows: Sequence[Mapping[str, Any]] = [{"window": name} for name in WINDOWS] if "window" in known else [{}]
     return [{"patch_radius": radius, **window} for window in windows for radius in RADII]
 
 
 def sweep_around(usual: int, attempt: Callable[[int], Trial | None]) -> list[Trial]:
-    """Try search radii below and above one, in either direction as far as it pays.
+    """Try search radii below and above one, in either direction as far as it pays, and return the trials in order.
 
     Parameters
     ----------
     usual : int
-        Where to begin, pixels.
+        Radius to begin with, pixels.
     attempt : callable
-        Tries a radius; None where the method refuses it.
-
-    Returns
-    -------
-    list of Trial
-        In the order of the radii.
+        Function that tries a radius, and returns None if the method refuses it.
     """
     trials: dict[int, Trial] = {}
 
@@ -249,11 +239,11 @@ class _Tuner:
     observer: Observer
 
     def accepted(self, settings: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
-        """Yield those that the method does not refuse: its own checks know its bounds."""
+        """Return the settings that the method does not refuse: its own checks know its bounds."""
         return [each for each in settings if self._configured(each) is not None]
 
     def attempt(self, options: dict[str, Any]) -> Trial | None:
-        """Make all frames with some options; None where the method refuses them."""
+        """Interpolate all frames with some options; return None if the method refuses them."""
         interpolator = self._configured(options)
         if interpolator is None:
             return None
@@ -274,19 +264,13 @@ class _Tuner:
 
 
 def _best(trials: Sequence[Trial]) -> Trial:
-    """Return the first of those that are about as good as the best: sweeps go from what is cheap to what is dear."""
+    """Return the first trial that is about as good as the best: sweeps go from cheap to dear."""
     least = min(trial.mse for trial in trials)
     return next(trial for trial in trials if trial.mse <= least * AS_GOOD)
 
 
 def draw_tuning(tuning: Tuning, path: Path) -> None:
-    """Draw all sweeps side by side into a new file.
-
-    Parameters
-    ----------
-    tuning : Tuning
-    path : Path
-        Ends in .svg, .png or .pdf.
+    """Draw all sweeps side by side into a new file, which ends in .svg, .png or .pdf; the report's Figure 7.
 
     Raises
     ------
@@ -321,13 +305,13 @@ def draw_tuning(tuning: Tuning, path: Path) -> None:
 
 
 def check_drawable(path: Path) -> None:
-    """Raise `OutputError` if the file's ending is none that can be drawn."""
+    """Raise OutputError if the file's ending is none that can be drawn."""
     if path.suffix.lower() not in FORMATS:
         raise OutputError(f"{path} cannot be drawn; choose a name that ends in {', '.join(FORMATS)}.")
 
 
 def _curves(name: str, trials: list[Trial]) -> dict[str, list[tuple[float, float]]]:
-    """Error against the swept value; where the windows are swept too, one curve each."""
+    """Return error against the swept value; where the windows are swept too, one curve each."""
     curves: dict[str, list[tuple[float, float]]] = {}
     for trial in trials:
         window = trial.options.get("window", "") if name == "patch_radius" else ""

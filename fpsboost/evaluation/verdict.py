@@ -1,7 +1,7 @@
 """Who comes nearest to the truth, whether that is more than chance, at what price, and what to take.
 
 Methods are compared frame by frame: frames differ far more in how hard they are than methods do on one frame, so the
-mean of the paired differences is known much better than either mean.
+mean of the paired differences is known much better than either mean. Of several clips, all count alike, however long.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ import numpy as np
 from fpsboost.evaluation.results import Comparison
 
 MAX_STANDARD_ERRORS = 2.0
-"""Two methods are level where their mean difference is within so many of its standard errors: about 95 %."""
+"""Mean difference in standard errors up to which two methods are level: about 95 %."""
 
 NEGLIGIBLE_DIFFERENCE = 0.3
-"""What so few dB less are worth is hardly seen; the cheapest method within them is recommended too, dB."""
+"""Difference that is hardly seen, dB; the cheapest method within it is recommended too."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How far the best method is ahead of another, over the frames that count.
+    """Lead of the best method over another, over the frames that count.
 
     Attributes
     ----------
     method : str
-        The other.
+        Name of the other method.
     mean : float
         Mean of the differences of PSNR, dB.
     standard_error : float or None
-        Of that mean, dB; None where there is one frame.
+        Standard error of that mean, dB; None for one frame.
     """
 
     method: str
@@ -48,28 +48,28 @@ class Difference:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a comparison comes to.
+    """Outcome of a comparison.
 
     Attributes
     ----------
     best : str
-        The method with the highest mean PSNR.
+        Method with the highest mean PSNR.
     psnr : float
-        That, dB.
+        Its mean PSNR, dB.
     frames : int
-        Frames that count.
+        Number of frames that count.
     ahead : list of Difference
-        Of the best from each of the others, the nearest first.
+        Leads of the best over each of the others, the nearest first.
     level : list of str
-        Those of them that are level with the best.
+        Methods that are level with the best.
     cheapest : str
-        The method that takes the least CPU time of those within `NEGLIGIBLE_DIFFERENCE` of the best, itself included.
+        Method with the least CPU time of those within `NEGLIGIBLE_DIFFERENCE` of the best, itself included.
     cpu_seconds : dict of str to float
-        What multiplying the frames of the whole range by `factor` takes, by method; no number where nobody knows.
+        Time to multiply the frames of the whole range by `factor`, by method; NaN if unknown.
     clip_frames, factor : int
-        Frames of the range, and how many are made of each: one more than were hidden at once.
+        Number of frames in the range, and of output frames for each: one more than were hidden at once.
     sentences : list of str
-        All that in words: who is ahead, and at what price, and what to take.
+        All that in words: who is ahead, at what price, and what to take.
     """
 
     best: str
@@ -90,13 +90,7 @@ class Verdict:
 
 
 def judge(comparison: Comparison) -> Verdict:
-    """Judge a comparison; the terminal, the data and the page all say this.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Of at least one method and one frame that counts.
-    """
+    """Judge a comparison of one method at least; the terminal, the data and the page all say this."""
     psnr = {each.name: [frame.scores.psnr for frame in comparison.counted(each)] for each in comparison.methods}
     means = {name: float(np.mean(values)) for name, values in psnr.items()}
     made = (comparison.clip_frames - 1) * comparison.hiding.skip
@@ -132,7 +126,7 @@ def difference(method: str, best: Sequence[float], other: Sequence[float]) -> Di
     Parameters
     ----------
     method : str
-        Name of the other.
+        Name of the other method.
     best, other : sequence of float
         PSNR of the same frames in order, dB.
 
@@ -230,7 +224,7 @@ def say_seconds(seconds: float) -> str:
 
 
 class MeanOverClips(NamedTuple):
-    """PSNR of a method: its mean over the clips, and that of each clip, dB."""
+    """Mean PSNR of a method over the clips, and its PSNR on each, dB."""
 
     method: str
     mean: float
@@ -247,13 +241,7 @@ def means_over_clips(comparisons: Sequence[Comparison]) -> list[MeanOverClips]:
 
 
 def judge_all(comparisons: Sequence[Comparison]) -> str:
-    """Say in a sentence which method does best on several clips, by more than chance or not.
-
-    Returns
-    -------
-    str
-        ``nlm does best in the mean of 3 clips: 33.10 dB, 0.64 ± 0.12 dB more than dis; it is best on all of them.``
-    """
+    """Return in a sentence which method does best on several clips, by more than chance or not."""
     best, *others = sorted(means_over_clips(comparisons), key=lambda each: -each.mean)
     of_all = f"in the mean of {len(comparisons)} clips"
     if not others:

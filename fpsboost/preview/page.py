@@ -34,29 +34,20 @@ class LeastCertain(NamedTuple):
     time: str
     passage: int
     place: int
-    """Of the frame in the player."""
+    """Place of the frame in the player."""
     picture: str
     doubt: str | None
-    """Picture of where it is uncertain; None if the method does not say."""
+    """Picture of the uncertain places; None if the method has no confidence."""
     confidence: float | None
 
 
 def write_page(path: Path, shown: Preview, command: str, *, overwrite: bool = False) -> None:
-    """Write a page, which appears whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    shown : Preview
-    command : str
-        Command line of the whole conversion.
-    overwrite : bool
-        Replace an existing file.
+    """Write a page, which appears whole or not at all; `command` is the command line of the whole conversion.
 
     Raises
     ------
     OutputError
-        It exists, or cannot be written.
+        It exists and `overwrite` is not set, or it cannot be written.
     """
     check_page(path, overwrite=overwrite)
     text = make_page(shown, command)
@@ -176,20 +167,12 @@ def write_video(path: str, shown: Preview, *, overwrite: bool = False) -> None:
 
     Frames of the source are repeated until the next one is due.
 
-    Parameters
-    ----------
-    path : str
-        A video file.
-    shown : Preview
-    overwrite : bool
-        Replace an existing file.
-
     Raises
     ------
     OptionError
         The path names no video.
     OutputError
-        It exists, or cannot be written.
+        It exists and `overwrite` is not set, or it cannot be written.
     """
     target = Target.parse(path)
     check_video(target, overwrite=overwrite)

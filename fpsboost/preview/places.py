@@ -31,7 +31,7 @@ ENOUGH_PLACES = 4
 """Number of different places below which the clip is read from its beginning instead."""
 
 MAX_READ = 480
-"""Maximum number of frames that are read then."""
+"""Maximum number of frames that are read from the beginning instead."""
 
 MIN_FRAMES, MAX_FRAMES = 8, 30
 """Number of source frames in a passage, which lasts a second if that is not too much."""
@@ -110,14 +110,7 @@ class Found(NamedTuple):
 
 
 def find_passages(job: ConversionJob, run: RunOptions, at: Iterable[Position] = ()) -> Found:
-    """Choose the passages with the most motion that no cut divides, or those at given positions.
-
-    Parameters
-    ----------
-    job : ConversionJob
-    run : RunOptions
-    at : iterable of Position
-        Beginnings of the passages that are shown, whatever is there; by default they are chosen.
+    """Choose the passages with the most motion that no cut divides, or those at given positions, whatever is there.
 
     Raises
     ------
@@ -157,7 +150,7 @@ class _Span:
     ----------
     info : ClipInfo
     begin, end : Fraction
-        Seconds after the clip's first frame; `end` is None if nothing says it.
+        Seconds after the clip's first frame; `end` is None if unknown.
     count : int
         Number of frames in a passage.
     lasts : Fraction

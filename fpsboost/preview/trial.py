@@ -1,4 +1,4 @@
-"""Passages of a clip converted by every method, and what that took."""
+"""Passages of a clip converted by every method, and the time that took."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Trial(NamedTuple):
     frames : int
         Number of frames written.
     seconds, cpu_seconds : float
-        What they took, the pictures for the page not counted.
+        Elapsed and CPU time, the pictures for the page not counted.
     """
 
     after: View
@@ -58,16 +58,16 @@ class Trial(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What the whole conversion would take on this machine.
+    """Expected cost of the whole conversion on this machine.
 
     Attributes
     ----------
     frames : int or None
         Number of frames to be written; None if the header of the source does not say.
     least, most : float
-        Seconds a frame: if all cores were busy all the time, and as measured.
+        Seconds per frame: if all cores were always busy, and as measured.
     cpu : float
-        CPU seconds a frame.
+        CPU seconds per frame.
     """
 
     frames: int | None
@@ -83,19 +83,19 @@ class Preview:
     Attributes
     ----------
     info : ClipInfo
-        The whole clip.
+        Information on the whole clip.
     rate : Fraction
         Nominal frames per second of the output.
     stretch : Fraction
         Duration of the output as a multiple of the source's.
     found : Found
     trials : dict of str to list of Trial
-        For each method one for each passage.
+        One trial for each passage, by method.
     estimates : dict of str to Estimate
     is_video : bool
         Whether the conversion, and so the estimate, encodes video.
     details : str
-        How it was encoded.
+        Encoder and its options.
     remarks : list of str
     """
 
@@ -137,7 +137,7 @@ def preview(
     at : iterable of Position
         Beginnings of the passages; by default those with the most motion.
     told : callable
-        Called with what is done next.
+        Function that is called with the name of each task.
 
     Raises
     ------

@@ -21,7 +21,7 @@ LONGEST_SIDE = 960
 """Longer side of a picture on the page, pixels."""
 
 QUALITY = 85
-"""Of JPEG."""
+"""JPEG quality, of 100."""
 
 
 @dataclass
@@ -35,7 +35,7 @@ class View:
     times : list of Fraction
         Seconds after the passage's first frame, on the source's clock.
     pictures : list of bytes
-        JPEG.
+        Pictures as JPEG.
     end : Fraction
         End of the last frame, seconds.
     """

@@ -1,10 +1,10 @@
-"""Which frames to render at all, so that those between can be made well enough.
+"""Which frames to render at all, so that those between can be interpolated well enough.
 
-A preview is taken for the truth. Two of its images some way apart make those between; where one of these misses the
+A preview is taken for the truth. Two of its images some way apart give those between; where one of these misses the
 bound, the interval is divided in the middle, and its halves are tried. Where a preview shows only every so many frames,
-what lies between two of its images is not known: the error there is that of the images themselves when they are made of
-their neighbours, at twice the distance, carried on to smaller distances by the power of the distance that the errors of
-this clip follow.
+what lies between two of its images is not known: the error there is that of the images themselves when they are
+interpolated from their neighbours, at twice the distance, carried on to smaller distances by the power of the distance
+that the errors of this clip follow.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from fpsboost.rerender.score import comparable, squared_error
 from fpsboost.threads import available_cores, run_in_parallel
 
 LONGEST = 16
-"""Largest difference of two numbers between which frames are made."""
+"""Largest difference of two numbers between which frames are interpolated."""
 
 MIN_IMAGES = 3
 VERSION = 1
@@ -53,11 +53,11 @@ class FrameChoice:
     Attributes
     ----------
     numbers : tuple of int
-        Of the frames to render, rising; the first and the last of the range are among them.
+        Numbers of the frames to render, rising, with the first and the last of the range.
     quality : float
-        The bound: PSNR of every frame between, dB.
+        PSNR that every frame between must reach, dB.
     lowest : float or None
-        Lowest PSNR that a frame between had on the preview, dB; None if none was made.
+        Lowest PSNR of a frame between on the preview, dB; None if none was interpolated.
     extrapolated : bool
         Whether the preview leaves out frames, so that some errors are carried on from larger distances.
     """
@@ -85,24 +85,13 @@ class FrameChoice:
         }
 
     def write(self, folder: Path) -> None:
-        """Write ``frames.json``, and ``frames.txt`` as Blender's ``--render-frame`` takes it: ``1,3,5..9``.
-
-        Raises
-        ------
-        OSError
-        """
+        """Write ``frames.json``, and ``frames.txt`` as Blender's ``--render-frame`` takes it: ``1,3,5..9``."""
         write_safely(folder / LIST_FILE, f"{as_ranges(self.numbers, '..')}\n".encode())
         write_safely(folder / FRAMES_FILE, json.dumps(self.as_json(), indent=1).encode())
 
 
 def as_ranges(numbers: Sequence[int], to: str) -> str:
-    """Return rising numbers as text, three and more in a row as a range.
-
-    Parameters
-    ----------
-    numbers : sequence of int
-    to : str
-        What stands between the ends of a range.
+    """Return rising numbers as text, three and more in a row as a range with `to` between its ends.
 
     Examples
     --------
@@ -119,7 +108,7 @@ def as_ranges(numbers: Sequence[int], to: str) -> str:
 
 
 def choose_frames(preview: str, folder: str, quality: float, *, method: str | Interpolator = "nlm") -> FrameChoice:
-    """Say which frames to render so that the frames between can be made, and write the list to a folder.
+    """Say which frames to render so that the frames between can be interpolated, and write the list to a folder.
 
     Parameters
     ----------
@@ -130,7 +119,7 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
     quality : float
         PSNR that every frame between must reach, dB. Noise of the preview counts as error.
     method : str or Interpolator
-        The method that is to make them.
+        Method that is to interpolate them.
 
     Returns
     -------
@@ -184,7 +173,7 @@ def choose_frames(preview: str, folder: str, quality: float, *, method: str | In
 
 @dataclass(frozen=True)
 class _Trials:
-    """Images of a preview, made of others of them."""
+    """Images of a preview, interpolated from others of them."""
 
     images: NumberedImages
     interpolator: Interpolator
@@ -192,7 +181,7 @@ class _Trials:
     """Largest mean squared error, for white = 1."""
 
     def error_between(self, first: int, last: int) -> float:
-        """Return the largest error of the images between two, or the first that is found above the bound."""
+        """Return the largest error of the images between two, or the first one above the bound."""
         image0, image1 = (FrameCache(self._read(index)) for index in (first, last))
         middle = (first + last) / 2
         inner = sorted(range(first + 1, last), key=lambda index: abs(index - middle))
@@ -206,7 +195,7 @@ class _Trials:
         return largest
 
     def error_of(self, index: int, distance: int) -> float:
-        """Return the error of an image made of those at a distance on either side; NaN where a scene ends."""
+        """Return the error of an image interpolated from those at a distance on either side; NaN where a scene ends."""
         image0, image1 = (FrameCache(self._read(each)) for each in (index - distance, index + distance))
         images, scene_cut = self.interpolator.between(self.interpolator.pair(image0, image1), [0.5])
         if scene_cut:
@@ -276,14 +265,7 @@ def _between_images(trials: _Trials, chosen: Sequence[int], in_order: InOrder) -
 def _largest_distance(error: float, power: float, step: int, bound: float) -> int:
     """Return the largest distance of two images, up to `step`, at which an error is expected to keep a bound.
 
-    Parameters
-    ----------
-    error : float
-        The one at a distance of 2 * `step`; not a number where a scene ends.
-    power : float
-        Errors grow like the distance to this power.
-    step : int
-    bound : float
+    The error is that at a distance of 2 * `step`, NaN where a scene ends, and grows like the distance to a power.
     """
     if math.isnan(error):
         return 1

@@ -1,6 +1,6 @@
-"""Rendered regions put back into the frames that were made.
+"""Rendered regions put back into interpolated frames.
 
-A region fades into the made frame along its own edges, so that nothing outside of it changes; edges of the frame, and
+A region fades into the frame along its own edges, so that nothing outside of it changes; edges of the frame, and
 those where two regions meet, have no seam.
 """
 
@@ -38,16 +38,16 @@ LOSSY = (".jpg", ".jpeg")
 
 @dataclass
 class MergeSummary:
-    """What was merged.
+    """Result of a merge.
 
     Attributes
     ----------
     frames : int
-        Frames written.
+        Number of frames written.
     merged_frames : int
-        Frames with rendered regions; all others are copies.
+        Number of frames with rendered regions; all others are copies.
     regions : int
-        Regions put back.
+        Number of regions put back.
     remarks : list of str
         Sentences about what was left out or could not be kept.
     """
@@ -59,16 +59,16 @@ class MergeSummary:
 
 
 class _Rendered(NamedTuple):
-    """Where the rendered regions of one frame are."""
+    """Files with the rendered regions of one frame."""
 
     whole: Path | None
-    """A file with the full frame, or the only region of it."""
+    """File with the full frame, or the only region of it."""
     regions: Mapping[int, Path]
     """Files of single regions, counted from 1."""
 
 
 def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) -> MergeSummary:
-    """Put rendered regions back into the frames that were made.
+    """Put rendered regions back into interpolated frames.
 
     Parameters
     ----------
@@ -144,7 +144,6 @@ def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
 
     Examples
     --------
-    >>> import numpy as np
     >>> (3 * seam_weights(np.array([[0, 0, 1, 1, 1, 1]], bool), 2)).round().astype(int).tolist()
     [[0, 0, 1, 2, 3, 3]]
     """
@@ -156,30 +155,26 @@ def seam_weights(mask: NDArray[Any], feather: int) -> NDArray[Any]:
     return np.asarray(np.minimum(distance / np.float32(feather + 1), 1), np.float32)
 
 
-def mix(made: Image, rendered: Image, weights: NDArray[Any]) -> Image:
+def mix(image: Image, rendered: Image, weights: NDArray[Any]) -> Image:
     """Return the weighted mean of two images; pixels of weight 0 are those of the first, of weight 1 of the second.
 
     Parameters
     ----------
-    made, rendered : (H, W, C) uint8, uint16, float16 or float32
-        Of one size and type; colours of integers are not multiplied by their alpha, those of floats are.
+    image, rendered : (H, W, C) uint8, uint16, float16 or float32
+        Images of one size and type; colours of integers are not multiplied by their alpha, those of floats are.
     weights : (H, W) float32
         Share of `rendered`.
-
-    Returns
-    -------
-    (H, W, C)
     """
     share = weights[..., np.newaxis].astype(np.float64)
     with np.errstate(invalid="ignore"):  # of infinity times 0, where the result is not taken
-        mixed = made * (1 - share) + rendered * share
-    if has_alpha(made) and not np.issubdtype(made.dtype, np.floating):
-        alphas = made[..., -1:] * (1 - share), rendered[..., -1:] * share
-        colours = made[..., :-1] * alphas[0] + rendered[..., :-1] * alphas[1]
+        mixed = image * (1 - share) + rendered * share
+    if has_alpha(image) and not np.issubdtype(image.dtype, np.floating):
+        alphas = image[..., -1:] * (1 - share), rendered[..., -1:] * share
+        colours = image[..., :-1] * alphas[0] + rendered[..., :-1] * alphas[1]
         total = alphas[0] + alphas[1]
         mixed[..., :-1] = np.where(total > 0, colours / np.where(total > 0, total, 1), mixed[..., :-1])
-    rounded = mixed if np.issubdtype(made.dtype, np.floating) else np.rint(mixed)
-    result = np.where(share > 0, rounded.astype(made.dtype), made)
+    rounded = mixed if np.issubdtype(image.dtype, np.floating) else np.rint(mixed)
+    result = np.where(share > 0, rounded.astype(image.dtype), image)
     return np.ascontiguousarray(np.where(share < 1, result, rendered))
 
 
@@ -192,7 +187,7 @@ class _Merger:
     limit: MemoryLimit
 
     def merged(self, path: Path, content: bytes, frame: PlannedFrame, rendered: _Rendered) -> bytes:
-        """Return the content of a made file with its regions put back."""
+        """Return the content of a file of a conversion with its regions put back."""
         passes = Passes.chosen(path, content, ALL) if extension_of(path.name) == ".exr" else None
         made = self._decoded(path, content, passes)
         if made.shape[:2] != (self.plan.height, self.plan.width):
@@ -230,14 +225,14 @@ class _Merger:
         return picture
 
     def _decoded(self, path: Path, content: bytes, passes: Passes | None) -> FrameImage:
-        """Return an image, with the layers of the made files if these have any."""
+        """Return an image, with the layers of the conversion's files if these have any."""
         if passes is None or extension_of(path.name) != ".exr":
             return decode_image(path, content, self.limit)
         return passes.decode(path, content, self.limit)
 
 
 def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArray[Any]) -> Layer:
-    """Return a layer of the made frame with that of the rendered one in it; what must not be mixed has no seam."""
+    """Return a layer with that of the rendered frame in it; what must not be mixed has no seam."""
     planes = {}
     for name, plane in made.planes.items():
         other = rendered.planes[name]
@@ -286,13 +281,7 @@ def _check_numbers(made: str, plan: RerenderPlan, files: Mapping[int, Path]) -> 
 
 
 def _find_rendered(folder: Path, planned: Mapping[int, PlannedFrame]) -> tuple[dict[int, _Rendered], list[str]]:
-    """Find the images of every planned frame, by the numbers at the ends of their names.
-
-    Raises
-    ------
-    InputError
-        There are none for a frame or region, or several.
-    """
+    """Find the images of every planned frame, by the numbers at the ends of their names."""
     with explained(InputError, "read", folder, "check that it exists and that you may read it"):
         names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and name[0] != "."]
     whole: dict[int, list[str]] = {number: [] for number in planned}

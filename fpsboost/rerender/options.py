@@ -36,18 +36,7 @@ class RenderBudget:
 
 
 def parse_budget(text: str, name: str) -> RenderBudget:
-    """Read a budget, ``10%`` of the pixels or ``300s``.
-
-    Parameters
-    ----------
-    text : str
-    name : str
-        What to call it in messages.
-
-    Raises
-    ------
-    OptionError
-        It is neither.
+    """Read a budget, ``10%`` of the pixels or ``300s``; raise OptionError, with `name`, if it is neither.
 
     Examples
     --------
@@ -106,18 +95,7 @@ class PlanOptions:
 
 
 def parse_quality(text: str, name: str) -> float:
-    """Read a quality, ``35`` or ``35dB``.
-
-    Parameters
-    ----------
-    text : str
-    name : str
-        What to call it in messages.
-
-    Raises
-    ------
-    OptionError
-        It is no number of decibels.
+    """Read a quality, ``35`` or ``35dB``; raise OptionError, with `name`, if it is no number of decibels.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Plans as folders: ``plan.json`` with rectangles, and a mask for every frame that is made.
+"""Plans as folders: ``plan.json`` with rectangles, and a mask for every interpolated frame.
 
 Rectangles are ``[x, y, width, height]`` in pixels from the upper left corner, y down. Blender's render border is in
 fractions of the frame with y up, and fractions of a pixel are cut off. In a frame of W x H pixels it is
@@ -33,12 +33,12 @@ MASK_DIGITS = 4
 
 @dataclass(frozen=True)
 class PlannedFrame:
-    """What is to be rendered of one frame.
+    """Regions of one frame that are to be rendered.
 
     Attributes
     ----------
     number : int
-        Of the frame.
+        Number of the frame.
     regions : tuple of Rectangle
         Rectangles that do not overlap, in pixels; none where nothing is to be rendered.
     whole : bool
@@ -54,17 +54,7 @@ class PlannedFrame:
     remaining_error: float
 
     def mask(self, height: int, width: int) -> NDArray[Any]:
-        """Return the pixels to render.
-
-        Parameters
-        ----------
-        height, width : int
-            Of the frame.
-
-        Returns
-        -------
-        (height, width) bool
-        """
+        """Return the pixels to render, (height, width) bool."""
         mask = np.zeros((height, width), bool)
         for region in self.regions:
             mask[region.part] = True
@@ -73,18 +63,18 @@ class PlannedFrame:
 
 @dataclass(frozen=True)
 class RerenderPlan:
-    """Regions of the frames between that are worth rendering.
+    """Regions of interpolated frames that are worth rendering.
 
     Attributes
     ----------
     width, height : int
-        Of the frames, pixels.
+        Size of a frame, pixels.
     tile : int
         Side of the tiles that regions consist of, pixels.
     frames : tuple of PlannedFrame
-        All frames that are made, in order.
+        All interpolated frames, in order.
     seconds : float or None
-        That rendering is expected to take; None if it is not known.
+        Expected time of rendering; None if unknown.
     """
 
     width: int
@@ -101,12 +91,12 @@ class RerenderPlan:
 
     @property
     def expected_error(self) -> float:
-        """Expected mean squared error of all frames as they are made, in levels of 255 squared."""
+        """Expected mean squared error of all frames before rendering, in levels of 255 squared."""
         return float(np.mean([frame.expected_error for frame in self.frames]))
 
     @property
     def remaining_error(self) -> float:
-        """The same after rendering."""
+        """Expected mean squared error of all frames after rendering, in levels of 255 squared."""
         return float(np.mean([frame.remaining_error for frame in self.frames]))
 
     def as_json(self) -> dict[str, Any]:
@@ -139,12 +129,7 @@ class RerenderPlan:
         }
 
     def write(self, folder: Path) -> None:
-        """Write ``plan.json`` and the masks into a folder.
-
-        Raises
-        ------
-        OSError
-        """
+        """Write ``plan.json`` and the masks into a folder."""
         masks = mask_numbering(folder, [frame.number for frame in self.frames])
         for frame in self.frames:
             path = masks.path(frame.number)
@@ -154,7 +139,7 @@ class RerenderPlan:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read a plan from its folder, and check that its masks are there and agree with it.
+        """Read a plan from its folder.
 
         Raises
         ------

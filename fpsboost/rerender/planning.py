@@ -24,7 +24,7 @@ from fpsboost.threads import available_cores, run_in_parallel
 
 DEFAULT_BUDGET = RenderBudget(0.1)
 MIN_IMAGES = 3
-"""An image is hidden between two others to learn how large errors are."""
+"""Smallest number of images: one is hidden between two others to learn how large errors are."""
 
 LEVELS = 255**2
 
@@ -39,11 +39,11 @@ def plan_rerender(
     input : str
         A folder or a pattern of images.
     folder : str
-        A new folder for ``plan.json`` and a mask for every frame that is made.
+        A new folder for ``plan.json`` and a mask for every interpolated frame.
     options : PlanOptions, optional
         Budget, costs and tiles.
     method : str or Interpolator
-        The method that makes the frames.
+        Method that interpolates the frames.
 
     Returns
     -------
@@ -105,13 +105,7 @@ def _match(numbers: Sequence[int], vectors: VectorFolder, *, must_match: bool) -
 
 
 def check_input(path: str) -> None:
-    """Raise an error unless a path stands for images, whose numbers a plan goes by.
-
-    Raises
-    ------
-    InputError
-        It does not exist, or is something else.
-    """
+    """Raise InputError unless a path stands for images, whose numbers a plan goes by."""
     if stands_for_images(path):
         return
     if not Path(path).exists():

@@ -1,4 +1,4 @@
-"""Tiles of a frame, and which tiles of the frames between are to be rendered within a budget.
+"""Tiles of a frame, and which tiles of interpolated frames are to be rendered within a budget.
 
 Tiles are taken by the squared error that they are expected to have, the largest first: a tile costs its pixels. What is
 taken is then made clean: holes in time and in space are filled, single tiles dropped, and tiles joined to few
@@ -44,7 +44,7 @@ class Rectangle(NamedTuple):
 
     @property
     def part(self) -> tuple[slice, slice]:
-        """Its rows and columns, to index an array."""
+        """Rows and columns, to index an array."""
         return slice(self.y, self.y + self.height), slice(self.x, self.x + self.width)
 
     def around(self, other: Rectangle) -> Rectangle:
@@ -64,7 +64,7 @@ class TileGrid:
     Attributes
     ----------
     height, width : int
-        Of a frame, pixels.
+        Size of a frame, pixels.
     tile : int
         Side of a tile, pixels.
     """
@@ -111,11 +111,10 @@ def partition(mask: NDArray[Any]) -> list[Rectangle]:
     Returns
     -------
     list of Rectangle
-        From top to bottom, then from left to right.
+        Rectangles from top to bottom, then from left to right.
 
     Examples
     --------
-    >>> import numpy as np
     >>> partition(np.array([[1, 1, 0], [1, 1, 1]], bool))
     [Rectangle(x=0, y=0, width=2, height=1), Rectangle(x=0, y=1, width=3, height=1)]
     """
@@ -139,17 +138,9 @@ def _runs_joined(mask: NDArray[Any]) -> Iterator[Rectangle]:
 
 
 def simplified(mask: NDArray[Any]) -> NDArray[Any]:
-    """Return a mask that holds another one and consists of few rectangles.
+    """Return a mask, (rows, columns) bool, that holds another one and consists of few rectangles.
 
     Rectangles of tiles that are near each other are joined while that adds no more than `MAX_ADDED_SHARE`.
-
-    Parameters
-    ----------
-    mask : (rows, columns) bool
-
-    Returns
-    -------
-    (rows, columns) bool
     """
     found = mask.copy()
     near = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
@@ -182,14 +173,14 @@ def _joined(rectangles: Iterable[Rectangle]) -> list[Rectangle]:
 
 @dataclass(frozen=True)
 class RenderCost:
-    """What rendering costs, in any unit.
+    """Cost of rendering, in any unit.
 
     Attributes
     ----------
     pixel : float
-        Of one pixel.
+        Cost of one pixel.
     frame : float
-        Of every frame of which anything is rendered, beside its pixels.
+        Cost of every frame of which anything is rendered, beside its pixels.
     budget : float
         Maximum of all.
     """
@@ -204,14 +195,13 @@ class RenderCost:
 
 
 class _Choice(NamedTuple):
-    """Masks of all frames, and what follows from them."""
+    """Masks of all frames, their costs and their gains."""
 
     masks: NDArray[Any]
-    """(F, rows, columns) bool."""
+    """Tiles to render, (F, rows, columns) bool."""
     costs: NDArray[Any]
-    """(F,)"""
     gains: NDArray[Any]
-    """(F,), squared error that is taken away."""
+    """Squared error that is taken away from each frame, (F,)."""
 
 
 def choose_regions(
@@ -225,7 +215,7 @@ def choose_regions(
         Expected mean squared error of every tile of every frame, in the order of time.
     grid : TileGrid
     cost : RenderCost
-        Its budget is never exceeded.
+        Costs, whose budget is never exceeded.
     scenes : sequence of int, optional
         Number of the scene of every frame, between which nothing is smoothed; one scene without it.
 
@@ -235,7 +225,6 @@ def choose_regions(
 
     Examples
     --------
-    >>> import numpy as np
     >>> errors = np.zeros((1, 8, 8))
     >>> errors[0, 2:4, 2:5] = 1
     >>> chosen = choose_regions(errors, TileGrid(64, 64, 8), RenderCost(1, 0, 0.1 * 64 * 64))
@@ -286,17 +275,7 @@ def _filled_up(base: _Choice, options: Sequence[_Choice], budget: float) -> _Cho
 
 
 def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
-    """Return the errors with the weights 1, 2, 1 over each frame and its neighbours in the same scene.
-
-    Parameters
-    ----------
-    errors : (F, rows, columns)
-    scenes : (F,) int
-
-    Returns
-    -------
-    (F, rows, columns) float64
-    """
+    """Return errors of (F, rows, columns), with the weights 1, 2, 1 over each frame and its neighbours in a scene."""
     after = np.concatenate([errors[1:], errors[-1:]])
     before = np.concatenate([errors[:1], errors[:-1]])
     same = scenes[1:] == scenes[:-1]
@@ -307,17 +286,7 @@ def smooth_over_time(errors: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]
 
 
 def clean(masks: NDArray[Any], scenes: NDArray[Any]) -> NDArray[Any]:
-    """Return masks with fewer and simpler regions that do not flicker.
-
-    Parameters
-    ----------
-    masks : (F, rows, columns) bool
-    scenes : (F,) int
-
-    Returns
-    -------
-    (F, rows, columns) bool
-    """
+    """Return masks, (F, rows, columns) bool, with fewer and simpler regions that do not flicker."""
     if len(masks) > 2:
         same = (scenes[:-2] == scenes[2:])[:, np.newaxis, np.newaxis]
         masks = masks.copy()

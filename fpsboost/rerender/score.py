@@ -1,9 +1,9 @@
-"""How wrong the frames between are expected to be, tile by tile, without their truth.
+"""Expected errors of interpolated frames, tile by tile, without their truth.
 
-Each image that was rendered is hidden and made again of the images before and after it, at twice the distance: there
-the error is known. This shows two things without any training: which squared error comes with which confidence in this
-clip, and where the clip is hard to predict. Images hidden at four times the distance show how far the first of them,
-learned at one distance, is off at half of it.
+Each image that was rendered is hidden and interpolated from the images before and after it, at twice the distance:
+there the error is known. This shows two things without any training: which squared error comes with which confidence in
+this clip, and where the clip is hard to predict. Images hidden at four times the distance show how far the first of
+them, learned at one distance, is off at half of it.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from fpsboost.pair import Pair
 from fpsboost.rerender.regions import TileGrid
 
 MIN_ERROR = 1e-7
-"""Added to squared errors that are multiplied, for white = 1: a tenth of the error of rounding to 8 bits."""
+"""Value added to squared errors that are multiplied, for white = 1: a tenth of the error of rounding to 8 bits."""
 
 BINS = 256
 """Number of bins of equally many tiles that a curve is fitted to."""
 
 Tiles = NDArray[Any]
-"""One number for every tile of a frame, (rows, columns) float64."""
+"""A number for every tile of a frame, (rows, columns) float64."""
 
 InOrder = Callable[[Iterable[Callable[[], "Trial"]]], Iterator["Trial"]]
 
 
 class Trial(NamedTuple):
-    """What is known of the frames made between two images."""
+    """Doubts and errors of the frames between two images."""
 
     scene_cut: bool
     doubts: list[Tiles]
@@ -54,7 +54,7 @@ class ExpectedErrors(NamedTuple):
     errors: NDArray[Any]
     """Mean squared error of each tile, (F, rows, columns) float64, for white = 1."""
     scenes: list[int]
-    """Number of the scene of each frame; one that is made across a cut is a scene of its own."""
+    """Number of the scene of each frame; one that is interpolated across a cut is a scene of its own."""
 
 
 class _Shown(NamedTuple):
@@ -79,12 +79,7 @@ class ErrorCurve:
 
     @classmethod
     def fitted(cls, trials: Sequence[Trial]) -> Self:
-        """Fit a curve to the tiles of frames whose error is known; there must be one.
-
-        Parameters
-        ----------
-        trials : sequence of Trial
-        """
+        """Fit a curve to the tiles of frames whose error is known; there must be one."""
         doubts, errors = _tiles_of(trials)
         order = np.argsort(doubts, kind="stable")
         bins = np.array_split(order, min(BINS, len(order)))
@@ -108,22 +103,18 @@ class ErrorCurve:
 def expect_errors(
     frames: Iterable[Frame], interpolator: Interpolator, factor: int, grid: TileGrid, in_order: InOrder
 ) -> ExpectedErrors:
-    """Predict the squared error of the frames that a conversion makes.
+    """Predict the squared error of the frames of a conversion.
 
     Parameters
     ----------
     frames : iterable of Frame
-        The rendered images of a clip, three at least; iterated several times.
+        Rendered images of a clip, three at least; iterated several times.
     interpolator : Interpolator
     factor : int
         Output frames per image.
     grid : TileGrid
     in_order : callable
         Runs jobs and yields their results in order; see `fpsboost.threads.run_in_parallel`.
-
-    Returns
-    -------
-    ExpectedErrors
     """
 
     def trials(distance: int, first: int) -> list[Trial]:
@@ -158,18 +149,14 @@ def expect_errors(
 
 
 def comparable(image: Image) -> Image:
-    """Return an image as it is made and compared here: float images are linear, see `fpsboost.colour`."""
+    """Return an image on the scale on which frames are compared; float images are linear light."""
     return compared_colours(image) if image.dtype == np.float32 else image
 
 
 def squared_error(image0: Image, image1: Image) -> NDArray[Any]:
-    """Return the squared difference of two `comparable` images for white = 1, mean of the channels.
+    """Return the squared difference of two `comparable` images for white = 1, mean of the channels, (H, W) float32.
 
     Colours that are not multiplied by their alpha are, because what is transparent does not show.
-
-    Returns
-    -------
-    (H, W) float32
     """
     difference = _weighted(image0) - _weighted(image1)
     return np.asarray(np.einsum("yxc,yxc->yx", difference, difference) / np.float32(difference.shape[2]))
@@ -226,7 +213,7 @@ def _tiles_of(trials: Sequence[Trial]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _error_nearby(sides: Sequence[Trial | None], t: float, grid: TileGrid) -> Tiles:
-    """Return the error of the images on both sides, when they were made, at time t; NaN where neither was."""
+    """Return the error at time t between the errors of the images on both sides; NaN where neither is known."""
     known = [
         (weight, trial.error)
         for weight, trial in zip((1 - t, t), sides, strict=True)

@@ -1,4 +1,4 @@
-"""What the page's form says, as a job of the library and as the words of the command line that does the same."""
+"""The page's form as a job of the library, and as the words of the command line that does the same."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from fpsboost.timing.schedule import parse_number, parse_rate
 from fpsboost.ui.files import Files
 
 CRF_STEPS = {"usual": 0, "smaller": 6, "higher": -4, "lossless": 0}
-"""How far from the usual constant rate factor, by words for the quality; 6 is about half of the size."""
+"""Difference from the usual constant rate factor by words for the quality; 6 is about half of the size."""
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What the page's form says, as text."""
+    """The page's form, as text."""
 
     input: str
     folder: str
@@ -45,7 +45,7 @@ class Choices:
 
     @classmethod
     def of(cls, data: object) -> Self:
-        """Return what a request says."""
+        """Return the choices in a request."""
         kinds = {field.name: bool if isinstance(field.default, bool) else str for field in fields(cls)}
         given = data if isinstance(data, dict) else {}
         wrong = [name for name in kinds if type(given.get(name)) is not kinds[name]]
@@ -84,7 +84,7 @@ class Choices:
         return ["fpsboost", job.input, job.output or "", *words_of_options(*given)]
 
     def check(self, job: ConversionJob) -> dict[str, Any]:
-        """Return what the conversion would give, as plain data, without doing it."""
+        """Return what the conversion would give, as plain data, without running it."""
         run = RunOptions(overwrite=self.overwrite)
         with opened_clip(job, run) as clip:
             ready = prepare(job, run, clip)
@@ -100,7 +100,7 @@ class Choices:
 
 
 def first_choices(path: str) -> Choices:
-    """Return what the form says of a clip at first."""
+    """Return the form's first values for a clip."""
     folder = Path(path).parent
     planned = plan_outputs([path], str(folder / "converted"))[0]
     name = f"{Path(path).name}-2x/" if planned.endswith("/") else f"{Path(path).stem}-2x{Path(planned).suffix}"

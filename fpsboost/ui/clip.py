@@ -30,7 +30,7 @@ QUICK_PIXELS = 1_500_000_000
 
 
 def header(path: str) -> dict[str, Any]:
-    """Return what is known of a clip without reading its frames, as plain data."""
+    """Return the properties of a clip that are known without reading its frames, as plain data."""
     with open_source(path, requirements=TargetRequirements(layers=True)) as source:
         info, is_images = source.info, source.stream_info.images is not None
         remarks = list(source.remarks)
@@ -103,7 +103,7 @@ class FrameBetween(NamedTuple):
 
 
 def look_between(job: ConversionJob, time: Fraction) -> FrameBetween:
-    """Make the frame in the middle between the two around a time, or between the last two."""
+    """Interpolate the frame in the middle between the two around a time, or between the last two."""
     run = RunOptions(overwrite=True)  # nothing is written
     with opened_clip(of_part(job, Trim()), run) as clip:
         info, traits = clip.whole.info, clip.whole.stream_info.traits

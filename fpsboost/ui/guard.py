@@ -11,7 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from fpsboost import InputError
 
 MAX_BODY = 64 * 1024
-"""Largest body of a request, bytes; what the page sends has a few hundred."""
+"""Largest body of a request, bytes; the page sends a few hundred."""
 
 HEADERS = {
     "Cache-Control": "no-store",

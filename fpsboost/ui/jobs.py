@@ -25,7 +25,7 @@ MAX_JOBS = 100
 
 @dataclass
 class Job:
-    """A conversion in the queue: its command line, and what its runs have told of it."""
+    """A conversion in the queue: its command line, and its progress."""
 
     number: int
     words: list[str]
@@ -45,7 +45,7 @@ class Job:
         return [*self.words[1:], *["--resume"] * resumes, "--progress", "json"]
 
     def take(self, told: dict[str, Any]) -> None:
-        """Take over what a run tells of its progress."""
+        """Take over the progress that a run reports."""
         for name in ("stage", "frame", "frames", "fps"):
             setattr(self, name, told.get(name, getattr(self, name)))
         self.remarks += [each for each in told.get("remarks", []) if each not in self.remarks]
@@ -158,7 +158,7 @@ class Queue:
             self._end(job, *self._follow(job, self._process))
 
     def _follow(self, job: Job, process: subprocess.Popen[str]) -> tuple[str, int]:
-        """Take over what a run tells until it ends, and return the sentences among it and how it ended."""
+        """Take over the progress of a run until it ends; return its messages and its exit code."""
         lines = deque[str](maxlen=20)  # a broken run may say much
         assert process.stderr is not None, "it is a pipe"
         with process.stderr as told:

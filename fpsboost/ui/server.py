@@ -35,7 +35,7 @@ Json = dict[str, Any]
 
 @dataclass
 class Desk:
-    """What the page works with."""
+    """State and services of the page."""
 
     files: Files
     queue: Queue
@@ -46,15 +46,15 @@ class Desk:
     _looking: Lock = field(default_factory=Lock)
 
     def folder(self, data: Json) -> Json:
-        """Return what is in a folder."""
+        """Return the content of a folder."""
         return self.files.listing(str(data.get("path") or self.start))
 
     def pick(self, data: Json) -> Json:
-        """Return what a clip is by its header; it may be read from now on."""
+        """Return the header of a clip, which may be read from now on."""
         return header(self.files.pick(str(data.get("path", ""))))
 
     def probe(self, data: Json) -> Json:
-        """Return what a clip is by all of its frames."""
+        """Return the properties of a clip, read to its end."""
         path = str(data.get("path", ""))
         self.files.check_picked(path)
         return self.prober.probe(path)

@@ -23,16 +23,16 @@ from numpy.typing import NDArray
 from fpsboost.evaluation.report.styles import MARKERS, Style, break_name
 
 MARKED_FRAMES = 80
-"""Up to so many frames, each point of a line is marked."""
+"""Number of frames up to which each point of a line is marked."""
 
 MARKS_OF_A_LINE = 12
-"""Marks of a longer line, so that no figure hangs on colour alone."""
+"""Number of marks of a longer line, so that no figure hangs on colour alone."""
 
 TITLE_WIDTH = 0.56
-"""Of a letter that is not bold, in sizes of the text."""
+"""Width of a letter that is not bold, in sizes of the text."""
 
 WIDTH, LINE = 0.64, 1.3
-"""Of a letter and of a line, in sizes of the text: not less than in any font that a page may find."""
+"""Width of a letter and height of a line, in sizes of the text: not less than in any font that a page may find."""
 
 MAGNITUDE = 8
 """Ratio of the largest to the smallest value above which a logarithmic scale shows more."""
@@ -59,13 +59,13 @@ rc_params: Mapping[str, Any] = {
 
 
 class Form(NamedTuple):
-    """How large a figure is drawn: it is scaled to the page's width, so this decides how large its text styles."""
+    """Size at which a figure is drawn: it is scaled to the page's width, so this decides how large its text looks."""
 
     name: str
     size: tuple[float, float]
     """Width and height, inches."""
     text: float
-    """Points."""
+    """Size of the text, points."""
 
 
 FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))
@@ -73,17 +73,17 @@ FORMS = (Form("wide", (11.6, 3.9), 9.4), Form("narrow", (4.7, 3.7), 10.6))
 
 
 class Series(NamedTuple):
-    """What one method has at every frame."""
+    """Values of one method at every frame."""
 
     method: int
-    """Its place among the methods: the page gives it its colour."""
+    """Place among the methods, by which the page colours it."""
     values: Sequence[float]
-    """No number where it has none."""
+    """Values; NaN where there is none."""
     style: Style
 
 
 class Dot(NamedTuple):
-    """Where one method stands."""
+    """Place of one method in the plane."""
 
     method: int
     name: str
@@ -102,7 +102,7 @@ class Chart(NamedTuple):
     x_range: tuple[float, float]
     y_range: tuple[float, float]
     logarithmic: bool
-    """Along y."""
+    """Whether y is logarithmic."""
     is_labelled: bool = True
     """Whether every name that belongs into the figure had room there."""
 
@@ -122,14 +122,14 @@ def draw_lines(
     Parameters
     ----------
     name : str
-        Tells this figure's names from those of others on a page.
+        Prefix of this figure's names, of which others on the page have another.
     label : str
-        What is drawn, and its unit.
+        Quantity, and its unit.
     numbers : sequence of int
-        Of the frames.
+        Numbers of the frames.
     series : sequence of Series
     cuts : sequence of int
-        Frames across a scene cut, and others that do not count: marked, their values left out.
+        Frames that do not count, such as those across a scene cut: marked, their values left out.
     from_zero : bool
         Let the axis begin at 0.
     may_be_logarithmic : bool
@@ -156,16 +156,7 @@ def draw_lines(
 
 
 def draw_dots(name: str, label: str, across: str, dots: Sequence[Dot]) -> list[Chart]:
-    """Draw one labelled dot a method, x logarithmic, in every form.
-
-    Parameters
-    ----------
-    name, label
-        As for `draw_lines`.
-    across : str
-        What x is.
-    dots : sequence of Dot
-    """
+    """Draw one labelled dot a method, x logarithmic, in every form; `across` is the label of x."""
     charts = []
     for form in FORMS:
         with _styled(form):
@@ -242,7 +233,7 @@ def _set_limits(axes: Axes, numbers: Sequence[int], shown: NDArray[Any], *, from
 
 
 def _number_logarithmic(axis: Axis, ratio: float) -> None:
-    """Plain numbers instead of powers of ten, and enough of them."""
+    """Label an axis with plain numbers instead of powers of ten, and enough of them."""
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio < 200 else (1, 3) if ratio < 5000 else (1,)))
     axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
     axis.set_minor_locator(NullLocator())

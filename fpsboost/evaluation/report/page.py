@@ -1,6 +1,6 @@
 """A comparison as one page that needs nothing but a browser: figures, tables, and pictures to look at closely.
 
-The page says what a `Comparison` holds and scores nothing anew; frames are made again only to be shown.
+The page says what a `Comparison` holds and scores nothing anew; frames are interpolated again only to be shown.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ PAGE = "index.html"
 DIFFERENT = "where the methods differ most"
 
 TABLED_FRAMES = 400
-"""Of longer clips the page has no table of all frames."""
+"""Number of hidden frames up to which the page has a table of all."""
 
 
 class Plot(NamedTuple):
@@ -70,20 +70,14 @@ class ShownFrame(NamedTuple):
 
 
 def write_report(folder: Path, clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None) -> Path:
-    """Write the page of comparisons into a new folder, which appears whole or not at all.
+    """Write the page of comparisons by the same methods into a new folder, and return its path.
 
     Parameters
     ----------
     folder : Path
     clips : sequence of ComparedClip
-        One or more, by the same methods.
     input_fps : Fraction, optional
         Frames per second of images, as in the comparisons.
-
-    Returns
-    -------
-    Path
-        Of the page.
 
     Raises
     ------
@@ -99,15 +93,7 @@ def write_report(folder: Path, clips: Sequence[ComparedClip], *, input_fps: Frac
 
 
 def make_page(clips: Sequence[ComparedClip], *, input_fps: Fraction | None = None, date: datetime | None = None) -> str:
-    """Return the page of comparisons as text.
-
-    Parameters
-    ----------
-    clips, input_fps
-        As for `write_report`.
-    date : datetime, optional
-        When it was made; now, if not given.
-    """
+    """Return the page of comparisons as text; see `write_report`."""
     environment = templates_of()
     environment.filters["breakable"] = breakable
     comparisons = [each.comparison for each in clips]
@@ -136,7 +122,7 @@ def _name_of(comparison: Comparison) -> str:
 
 
 def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | None) -> dict[str, Any]:
-    """Return what the sections about one of so many clips are made of; `at` tells their names from those of others."""
+    """Return the values for the sections about one of several clips; `at` is a suffix of its element names."""
     comparison, contestants = each
     chosen = choose_frames(comparison)
     opening = next((one for one in chosen if DIFFERENT in one.reasons), chosen[0]).number
@@ -181,7 +167,7 @@ def _clip_values(each: ComparedClip, at: str, clips: int, input_fps: Fraction | 
 def _view_frames(
     comparison: Comparison, contestants: Mapping[str, Contestant], chosen: Sequence[Chosen], input_fps: Fraction | None
 ) -> tuple[list[ShownFrame], MotionView | None]:
-    """Yield the chosen frames, each made again when its turn comes, so that few are in memory; motion at the first."""
+    """Return views of the chosen frames, each interpolated when its turn comes, and of the motion at the first."""
     names = [method.name for method in comparison.methods]
     clip = comparison.clip, comparison.hiding, [each.number for each in chosen]
     far = {name: interpolate_some(*clip, contestants[name], input_fps) for name in names if contestants[name].looks_far}
@@ -228,13 +214,7 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def describe_hidden(comparison: Comparison) -> str:
-    """Describe what was hidden, in one sentence.
-
-    Returns
-    -------
-    str
-        ``Between every two frames shown, one was hidden: 6 frames of 640x360, 3 channels, 8-bit.``
-    """
+    """Describe what was hidden, in one sentence."""
     skip, count = comparison.hiding.skip, len(comparison.hidden)
     each = "one was" if skip == 1 else f"{skip} were"
     size, _, rest = comparison.kind.partition(", ")
@@ -243,7 +223,7 @@ def describe_hidden(comparison: Comparison) -> str:
 
 
 def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
-    """Return the error of every frame, as three figures to choose from, and more where more was measured."""
+    """Return the error of every frame, as three figures to choose from, and more with further metrics."""
     choices = [
         ("mse", "MSE", "levels²", "Mean squared error, levels of 255 squared", {"may_be_logarithmic": True}),
         ("mae", "MAE", "levels", "Mean absolute error, levels of 255", {"may_be_logarithmic": True}),
@@ -261,12 +241,12 @@ def frame_plots(comparison: Comparison, at: str = "") -> list[Plot]:
 
 
 def has_times(comparison: Comparison) -> bool:
-    """Return whether it is known of any method how long it took."""
+    """Return whether the time of any method is known."""
     return any(math.isfinite(comparison.mean_seconds(method)[0]) for method in comparison.methods)
 
 
 def time_plot(comparison: Comparison, at: str = "") -> Plot | None:
-    """Draw the time that every frame took; None where nobody knows it."""
+    """Return the time that every frame took; None if unknown."""
     if not has_times(comparison):
         return None
     charts = _frame_charts(comparison, "seconds", "Time, seconds a frame", at, may_be_logarithmic=True)
@@ -291,7 +271,7 @@ def shared_out(comparison: Comparison) -> list[str]:
 
 
 def quality_charts(comparison: Comparison, at: str = "") -> list[Chart]:
-    """Return one dot a method: what it costs and what it is worth."""
+    """Return one dot a method: quality against time."""
     styles = styles_of([method.name for method in comparison.methods])
     dots = [
         Dot(index, method.name, comparison.mean_seconds(method)[0], comparison.means(method).psnr, styles[index])
@@ -302,7 +282,7 @@ def quality_charts(comparison: Comparison, at: str = "") -> list[Chart]:
 
 
 def frame_values(comparison: Comparison) -> dict[str, Any]:
-    """Return what the page's figures are drawn from, for its script."""
+    """Return the values of the figures for the script of the page."""
     return {
         "frames": comparison.hidden,
         "cuts": comparison.cuts,
@@ -322,7 +302,7 @@ def frame_values(comparison: Comparison) -> dict[str, Any]:
 
 
 def command(comparison: Comparison, input_fps: Fraction | None) -> str:
-    """Return the command line that makes the comparison again."""
+    """Return the command line of the comparison."""
     known = method_names()
     names = [*(method.name for method in comparison.methods), *comparison.skipped]
     names = [name for name in names if name.partition(":")[0] in known]

@@ -1,4 +1,4 @@
-"""Passages of a clip that the page plays: the true frames, and those that each method made, in step."""
+"""Passages of a clip that the page plays: the true frames, and those of each method, in step."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MIN_HIDDEN = 6
 """Number of hidden frames that are played in any case."""
 
 QUALITY = 72
-"""Of WebP; most frames are seen for a moment only."""
+"""WebP quality; most frames are seen for a moment only."""
 
 
 def choose_passages(comparison: Comparison, count: int, also: Sequence[int] = ()) -> list[list[int]]:
@@ -109,7 +109,7 @@ def view_passages(
     passages : sequence of sequence of int
         See `choose_passages`.
     input_fps : Fraction, optional
-        As in the comparison.
+        Frames per second of images, as in the comparison.
     exact : collection of int
         Numbers of the hidden frames that are kept without loss; see `choose_exact`.
     """

@@ -1,4 +1,4 @@
-"""Pictures for a page: frames, crops at the worst spots, motion and confidence, encoded into the page itself."""
+"""Pictures of a comparison's page: crops at the worst spots, motion and confidence."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, FusesHypotheses
 
 MIN_CROP = 48
-"""Pixels; a tenth of the frame's width where that is more."""
+"""Smallest side of a crop, pixels; a tenth of the frame's width if that is more."""
 
 WHEEL = 160
-"""Pixels."""
+"""Side of the colour wheel, pixels."""
 
 ARROWS = 30
-"""Arrows along the longer side of a frame."""
+"""Number of arrows along the longer side of a frame."""
 
 MAX_DRAWN_ERROR = 64
 """Error at the bright end of the colours, levels of 255; larger ones are drawn alike."""
@@ -40,11 +40,10 @@ class Picture:
     Attributes
     ----------
     name : str
-        Of the method, or ``truth``.
+        Name of the method, or ``truth``.
     method : int or None
-        Its place among the methods; None for the truth.
+        Place among the methods; None for the truth.
     uri : str
-        The encoded picture itself.
     mae : float or None
         Mean absolute error of a crop, levels of 255.
     """
@@ -66,14 +65,7 @@ class Spot(NamedTuple):
 
 @dataclass(frozen=True)
 class Strip:
-    """One spot, in the truth and as every method has it.
-
-    Attributes
-    ----------
-    letter : str
-    spot : Spot
-    crops : list of Picture
-    """
+    """One spot, in the truth and as every method has it."""
 
     letter: str
     spot: Spot
@@ -82,7 +74,7 @@ class Strip:
 
 @dataclass(frozen=True)
 class FrameView:
-    """Closer styles at a hidden frame, in the truth and as every method made it."""
+    """Closer looks at a hidden frame, in the truth and as every method has it."""
 
     number: int
     strips: list[Strip]
@@ -90,7 +82,7 @@ class FrameView:
 
 @dataclass(frozen=True)
 class MotionPicture:
-    """Motion from one shown frame to the next, as one method found it.
+    """Motion from one shown frame to the next, as one method estimates it.
 
     Attributes
     ----------
@@ -99,7 +91,7 @@ class MotionPicture:
     arrows, tips : str
         SVG paths, in pixels of the frame: shafts, and where they point to.
     longest : float
-        Pixels.
+        Length of the longest vector, pixels.
     """
 
     picture: Picture
@@ -110,23 +102,21 @@ class MotionPicture:
 
 @dataclass(frozen=True)
 class MotionView:
-    """What the methods think moves between two shown frames.
+    """Motion between two shown frames as the methods estimate it, and their doubts.
 
     Attributes
     ----------
     number : int
-        Of the hidden frame.
+        Number of the hidden frame.
     between : tuple of int
         Numbers of the shown frames.
     width, height : int
-    shown : str
-        The earlier shown frame.
-    wheel : str
-        The legend.
+    shown, wheel : str
+        The earlier shown frame, and the legend of colours, encoded.
     edge : float
         Motion at the wheel's edge, pixels.
     stretch : float
-        Arrows are drawn so many times as long as the motion is.
+        Length of an arrow as a multiple of the motion.
     fields : list of MotionPicture
     doubts : list of tuple of Picture
         Doubt and true error of each method that knows its doubt.
@@ -145,14 +135,7 @@ class MotionView:
 
 
 def view_frame(sample: Sample, made: Mapping[str, Image]) -> FrameView:
-    """Find the spots of a frame that are worth a closer style, and encode them as every method made them.
-
-    Parameters
-    ----------
-    sample : Sample
-    made : mapping of str to image
-        By method, in the order of the comparison.
-    """
+    """Find the spots of a frame that are worth a closer look, and encode them as every method, by name, has them."""
     truth = sample.hidden.truth
     images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(made.items()))]
     errors = [absolute_error(truth, image) for image in made.values()]
@@ -173,20 +156,7 @@ def view_frame(sample: Sample, made: Mapping[str, Image]) -> FrameView:
 
 
 def view_motion(sample: Sample, made: Mapping[str, Image], contestants: Mapping[str, Contestant]) -> MotionView | None:
-    """Draw the motion that every method finds around a hidden frame, and the doubts of those that have any.
-
-    Parameters
-    ----------
-    sample : Sample
-    made : mapping of str to image
-        The hidden frame by method, in the order of the comparison.
-    contestants : mapping of str to Contestant
-
-    Returns
-    -------
-    MotionView or None
-        None where no method estimates motion.
-    """
+    """Draw the motion of every method around a hidden frame, and the doubts; None if no method estimates motion."""
     interval = _interval_of(sample)
     places = {name: index for index, name in enumerate(made)}
     pairs = {
@@ -262,9 +232,7 @@ def find_loss(image: NDArray[Any], picture: bytes) -> float:
 
 
 def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
-    """Return the square where all methods together err most, and the one, beside it, where the best is farthest ahead.
-
-    Ahead of the middle one, that is.
+    """Return the square where all methods together err most, and another where the best is farthest ahead.
 
     Parameters
     ----------
@@ -274,11 +242,10 @@ def find_spots(errors: Sequence[NDArray[Any]]) -> list[Spot]:
     Returns
     -------
     list of Spot
-        One, if the frame has no room for two.
+        One, if the frame has no room for two. The best is compared with the median of all.
 
     Examples
     --------
-    >>> import numpy as np
     >>> error = np.zeros((100, 200), np.float32)
     >>> error[10:58, 20:68] = 9
     >>> find_spots([error])[0][:3]
@@ -308,24 +275,14 @@ def _window_means(error: NDArray[Any], size: int) -> NDArray[Any]:
 
 
 def in_colour(flow: NDArray[Any], edge: float) -> NDArray[Any]:
-    """Motion as colours: direction as hue, length as saturation, `edge` pixels and more fully saturated.
-
-    Returns
-    -------
-    (H, W, 3) uint8
-    """
+    """Return motion as colours, (H, W, 3) uint8: direction as hue, length as saturation, full from `edge` pixels on."""
     length, angle = cv2.cartToPolar(flow[..., 0], flow[..., 1], angleInDegrees=True)
     colours = np.stack([angle, (length / edge).clip(0, 1), np.ones_like(angle)], axis=-1).astype(np.float32)
     return np.rint(cv2.cvtColor(colours, cv2.COLOR_HSV2BGR) * 255).astype(np.uint8)
 
 
 def draw_wheel(size: int) -> NDArray[Any]:
-    """Draw the legend of `in_colour`: each direction's and length's colour, where it points to.
-
-    Returns
-    -------
-    (size, size, 4) uint8
-    """
+    """Return the legend of `in_colour`, (size, size, 4) uint8: the colour of each vector where it points to."""
     radius = size / 2
     y, x = (np.mgrid[:size, :size].astype(np.float32) + 0.5 - radius) / radius
     inside = ((1 - np.hypot(x, y)) * radius + 0.5).clip(0, 1)  # a smooth rim
@@ -338,7 +295,7 @@ def _stretch(edge: float, spacing: int) -> float:
 
 
 def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, str]:
-    """Motion as SVG paths, in pixels: shafts from where a pixel is, and a point where it goes.
+    """Return motion as SVG paths, in pixels: shafts from where a pixel is, and a point where it goes.
 
     Parameters
     ----------
@@ -346,7 +303,7 @@ def draw_arrows(flow: NDArray[Any], spacing: int, stretch: float) -> tuple[str, 
     spacing : int
         Pixels between arrows.
     stretch : float
-        Drawn so many times as long.
+        Length of an arrow as a multiple of the motion.
     """
     shafts, tips = [], []
     for row, vectors in enumerate(flow[np.ix_(*point_places(flow.shape, spacing))]):

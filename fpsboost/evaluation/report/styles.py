@@ -1,4 +1,4 @@
-"""What stands for a method in every figure: a colour that hangs on its name alone, a mark and a kind of line.
+"""Colour, marker and line of a method in every figure.
 
 A page is read beside others, so a method has the same colour in all of them, whoever else takes part. Those that are
 compared most have colours that are told apart with any colour vision; any other method, one with options or another
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from fpsboost.evaluation.contestants import method_names
 
 MARKERS = ("o", "s", "^", "D", "v", "p", "h", "*", "X")
-"""Matplotlib's names; the page has the same shapes under the same numbers."""
+"""Matplotlib's markers; the page has the same shapes under the same numbers."""
 
 SOLID: Any = "solid"
 DASHED: Any = (0, (5, 2))
@@ -55,15 +55,15 @@ The chroma is 0.13, or what sRGB has of it; each has a contrast of 3 at least wi
 COLOURS = 36
 
 MAX_LINE = 16
-"""Letters of a long name that stand side by side where there is little room."""
+"""Number of letters of a long name that stand side by side where there is little room."""
 
 
 class Style(NamedTuple):
-    """How a method is drawn."""
+    """Style of a method."""
 
     on_light: str
     on_dark: str
-    """Colours, ``#rrggbb``."""
+    """Colours on light and on dark paper, ``#rrggbb``."""
     mark: int
     """Place in `MARKERS`."""
     line: Any
@@ -71,7 +71,7 @@ class Style(NamedTuple):
 
 
 def styles_of(names: Sequence[str]) -> list[Style]:
-    """Return how each of the methods of a page is drawn.
+    """Return the styles of the methods of a page.
 
     Examples
     --------

@@ -12,7 +12,7 @@ from fpsboost.evaluation.verdict import means_over_clips
 
 
 class Column(NamedTuple):
-    """A figure of the summary table."""
+    """A column of the summary table."""
 
     title: str
     unit: str
@@ -48,7 +48,7 @@ class Row(NamedTuple):
 
 
 def overall_rows(comparison: Comparison) -> list[Row]:
-    """Quality and price of every method, the best first."""
+    """Return quality and cost of every method, the best first."""
     figures = []
     for method in comparison.methods:
         scores = comparison.means(method)
@@ -76,7 +76,7 @@ def area_rows(comparison: Comparison) -> list[Row]:
 
 
 def further_rows(comparison: Comparison) -> list[Row]:
-    """Return what was measured beside, in the order of `overall_rows`."""
+    """Return the further metrics, in the order of `overall_rows`."""
     values = [[*comparison.further(method).values()] for method in comparison.methods]
     formats = [(metrics[name].digits, metrics[name].high_is_good) for name in comparison.metrics]
     rows = _rows(comparison.methods, values, formats)
@@ -106,6 +106,6 @@ def _cells(values: Sequence[float], digits: int, high_is_good: bool) -> list[Cel
 
 
 def _more_digits(values: Sequence[float], digits: int) -> int:
-    """So many more, up to two, that the smallest value is not a row of zeros."""
+    """Return how many more digits, up to two, keep the smallest value from being a row of zeros."""
     smallest = min((abs(value) for value in values if value), default=1)
     return next((more for more in (0, 1) if smallest >= 2 * 10.0 ** -(digits + more)), 2)
