@@ -32,13 +32,13 @@ class Video:
     description : str
         Size, pixel format and rate.
     times : list of Fraction
-        Of its frames, seconds.
+        Times of its frames, seconds.
     end : Fraction
         When the last one has been shown.
     shown : list of list of (h, w) float32
         The first frames: planes as stored, in levels of 8 bits.
     tags : dict
-        What the pictures mean: range, matrix, primaries, transfer, pixel shape.
+        Colour range, matrix, primaries, transfer and pixel shape.
     is_rgb : bool
         Stored as RGB.
     turned : float
@@ -168,7 +168,7 @@ def _planes(frame: Any) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class Colours:
-    """How far colours are off where both files show the same frame.
+    """Differences of colour where both files show the same frame.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ class Colours:
     shift : float
         The largest difference between means of a plane, levels of 8 bits.
     psnr : float
-        Of the first plane (luma, or green) in the median frame, dB; infinite where nothing differs.
+        PSNR of the first plane (luma, or green) in the median frame, dB; infinite where nothing differs.
     """
 
     frames: int

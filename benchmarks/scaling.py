@@ -39,17 +39,17 @@ def convert_together(clip: str, folder: str, method: str, *, workers: int, conve
     Parameters
     ----------
     clip, folder : str
-        What is converted, and where the results go.
+        Input, and the folder of the results.
     method : str
     workers : int
-        Of each conversion.
+        Number for each conversion.
     conversions : int
         They begin together, when all have loaded their kernels.
 
     Returns
     -------
     list of dict
-        What `conversion_cost.py` prints of each.
+        The output of `conversion_cost.py` for each.
     """
     program = [sys.executable, str(Path(__file__).with_name("conversion_cost.py")), clip]
     options = ["--method", method, "--workers", str(workers)]

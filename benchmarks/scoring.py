@@ -1,4 +1,4 @@
-"""What the benchmarks share: clips, in-between frames made as a sequence, and scores."""
+"""Clips, frames interpolated as a sequence, and scores, for all benchmarks."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Clip:
     intervals : list of Interval
         Two shown frames each, and the hidden one between them.
     scored : list of int
-        Which of the hidden frames count: no method can know what lies across a scene cut.
+        Indices of the hidden frames that count: no method can know what lies across a scene cut.
     rate : Fraction
         Frames per second.
     """
@@ -68,7 +68,7 @@ class Clip:
 
 
 class Made(NamedTuple):
-    """What one method made of one clip."""
+    """Frames that one method has interpolated of one clip."""
 
     images: list[Image]
     cpu_ms: float

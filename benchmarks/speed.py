@@ -53,7 +53,7 @@ CONVERTED = {"640x360": 48, "1280x720": 32, "1920x1080": 24, "3840x2160": 10}
 """Frames of the videos that `conversions` draws, by width and height."""
 
 FRAMES = 5
-"""Of a sequence that is timed."""
+"""Frames of a sequence that is timed."""
 
 MVTOOLS_SETTINGS = {
     "MVTools, 4:4:4 16 bit, search 5": "--fmt YUV444P16 --no-scd --search 5 --searchparam 4",
@@ -72,18 +72,18 @@ MANY_CORES = 16
 
 @dataclass(frozen=True)
 class Options:
-    """What the parts can be told.
+    """Options of the parts.
 
     Attributes
     ----------
     clip : str or None
         Where frames come from; they are drawn without it.
     method : str
-        Which method `stages`, `threads` and `peers` look at.
+        Method of `stages`, `threads` and `peers`.
     mvtools, mvutensils : str or None
         Python and script that run MVTools and MVUtensils.
     rounds : int
-        Of runs in turn.
+        Number of runs in turn.
     """
 
     clip: str | None = None

@@ -64,7 +64,7 @@ WHOLE = "in all"
 
 @dataclass
 class Cost:
-    """What a stage took, summed over its calls.
+    """Cost of a stage, summed over its calls.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ def watched(bill: Bill, width: int) -> Iterator[list[str]]:
 
 @dataclass(frozen=True)
 class Profile:
-    """What a sequence took.
+    """Costs of a sequence.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ from stage.scenes import Scene, scenes
 
 STEP = 2
 TRUTH_SAMPLES = 4
-"""How many more paths of light the true frames have, so that their own noise counts for little."""
+"""Factor of the paths of light of the true frames, so that their own noise counts for little."""
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ from fpsboost.motion.exhaustive import ExhaustiveSearch
 
 METHODS = ("reproject-scene", "reproject-image", "nlm-exhaustive", "nlm-brute-force", "nlm", "dis", "blend")
 ROOM = 2
-"""Of a scene's actors, the last two are floor and wall."""
+"""Number of actors, at the end of a scene's list, that are floor and wall."""
 
 
 def find_solids(scene: Scene, number: float, width: int, height: int) -> np.ndarray:

@@ -158,7 +158,7 @@ class JoinOptions:
 
 @dataclass(frozen=True)
 class MessageOptions:
-    """How much is printed."""
+    """Options for messages and progress."""
 
     verbose: bool = option(False, "Print details, and a traceback on errors.")
     quiet: bool = option(False, "Print errors only.", short="q")
@@ -185,7 +185,7 @@ class HidingOptions:
 
 @dataclass(frozen=True)
 class ContestOptions:
-    """What is compared."""
+    """Methods, frames of other tools, and vectors of a comparison."""
 
     methods: tuple[str, ...] = option(
         ("nlm,nlm-fast,dis,minterpolate,blend",),
@@ -233,7 +233,7 @@ class ContestOptions:
 
 @dataclass(frozen=True)
 class ResultOptions:
-    """What is measured and written."""
+    """Metrics and files of a comparison."""
 
     metrics: tuple[str, ...] = option(
         (),
@@ -261,7 +261,7 @@ class PlannedMethodOptions:
 
 @dataclass(frozen=True)
 class SweepOptions:
-    """What is tried."""
+    """Method and frames of a sweep."""
 
     method: str = option(
         "nlm-exhaustive", "nlm-exhaustive, or nlm, which has no window and no search radius.", short="m"
@@ -271,7 +271,7 @@ class SweepOptions:
 
 @dataclass(frozen=True)
 class PreviewOptions:
-    """What is shown, and where it is written."""
+    """Passages, methods and files of a preview."""
 
     at: tuple[Position, ...] = option(
         (),

@@ -162,5 +162,5 @@ def _refuse_others(parts: JobInParts, facts: Mapping[str, str]) -> None:
 def _count_of_earlier_run(folder: Path) -> int | None:
     """Return in how many parts an earlier run has cut the job; None if there was none."""
     names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
-    counts = {int(found[1]) for name in names if (found := re.search(r"\d{4}-of-(\d{4})\b", name))}
+    counts = {int(match[1]) for name in names if (match := re.search(r"\d{4}-of-(\d{4})\b", name))}
     return max(counts, default=None)

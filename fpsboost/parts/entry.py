@@ -1,4 +1,4 @@
-"""Where reading may begin so that the loop makes the same frames from a position on as if it had read all."""
+"""The frame at which reading may begin, so that the loop yields the same frames as if it had read all."""
 
 from __future__ import annotations
 
@@ -56,23 +56,23 @@ def find_entry(
     lead_in = LEAD_IN
     while latest - lead_in > 0:
         first = numbers.certain_at_most(latest - lead_in)
-        found: tuple[int, float] | None = None
+        entry: tuple[int, float] | None = None
         with read_from(first) as frames:
-            for shown, step in find_synchronised(_shown(frames, first, latest, times, schedule), detector):
-                assert shown.image.source_position is not None
-                number = shown.image.source_position.number
+            for source_frame, step in find_synchronised(_presented(frames, first, latest, times, schedule), detector):
+                assert source_frame.image.source_position is not None
+                number = source_frame.image.source_position.number
                 if numbers.is_certain(number):
-                    found = number, step
-        if found is not None:
-            return Entry(found[0], times[0], numbers.before(found[0]), found[1])
+                    entry = number, step
+        if entry is not None:
+            return Entry(entry[0], times[0], numbers.before(entry[0]), entry[1])
         lead_in *= GROWTH
     return Entry(0, times[0], 0)
 
 
-def _shown(
+def _presented(
     frames: Iterator[Frame], first: int, last: int, times: Sequence[Fraction], schedule: Schedule
 ) -> Iterator[SourceFrame]:
-    """Yield frames up to a number as the loop shows them, from one on whose presentation time is certain."""
+    """Yield frames up to a number as the loop presents them, from one on whose presentation time is certain."""
     before: Fraction | None = None
     for number, frame in enumerate(frames, first):
         if number > last:

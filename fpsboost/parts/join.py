@@ -113,13 +113,13 @@ def find_parts(parts: Sequence[str | Path]) -> list[Path]:
     """
     if not parts:
         raise OptionError("No parts are named; name their folders, or the folder that holds them.")
-    found: list[Path] = []
+    folders: list[Path] = []
     for part in map(Path, parts):
         if not part.is_dir():
             raise InputError(f"{part} is no folder of a part; name the folders that `chunk` has made.")
         inside = [] if (part / MANIFEST_NAME).exists() else sorted(part.glob(f"*/{MANIFEST_NAME}"))
-        found += [path.parent for path in inside] or [part]
-    return found
+        folders += [path.parent for path in inside] or [part]
+    return folders
 
 
 def check_complete(parts: Sequence[PartFiles]) -> list[PartFiles]:
@@ -174,10 +174,10 @@ def _fits(manifest: Manifest, following: Manifest) -> bool:
 def _check_files(folder: Path, manifest: Manifest) -> None:
     """Raise `InputError` unless the files of a part are as they were written."""
     with explained(InputError, "read", folder, "make this part again"):
-        found = {path.name for path in part_files(folder)} - {MANIFEST_NAME}
+        names = {path.name for path in part_files(folder)} - {MANIFEST_NAME}
         expected = {file.name for file in manifest.files}
-        if found != expected:
-            name = min(found ^ expected)
+        if names != expected:
+            name = min(names ^ expected)
             state = "is missing" if name in expected else "does not belong there"
             raise InputError(f"{folder / name} {state}; make part {manifest.part} again.")
         for file in manifest.files:

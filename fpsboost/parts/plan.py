@@ -51,7 +51,7 @@ class PartPlan:
     output : OutputPart
         Its folder, for its sink.
     remarks : list of str
-        What is to be said of how its source is read.
+        Remarks on how its source is read.
     summary : Summary or None
         Result of the loop, once it has run.
     """

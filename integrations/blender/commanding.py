@@ -19,7 +19,7 @@ INTERVAL = 0.2
 
 
 class Commanding:
-    """What the operators have in common: a command that runs beside Blender, which Esc stops.
+    """Base of the operators: a command that runs beside Blender, which Esc stops.
 
     Called from a script they wait for its end; called by a button Blender goes on, and shows the progress.
     """

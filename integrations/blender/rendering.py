@@ -35,7 +35,7 @@ class FPSBOOST_OT_render_regions(bpy.types.Operator):
     bl_label = "Render Regions"
 
     current: ClassVar[str] = ""
-    """What is rendered at present, for the panel; empty if nothing is."""
+    """Progress of the rendering for the panel, such as "Region 1 of 3"; empty if there is none."""
 
     @classmethod
     def poll(cls, context: Any) -> bool:

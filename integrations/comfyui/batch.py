@@ -21,7 +21,7 @@ swaps = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
 
 
 class Tensor(Protocol):
-    """What is used of ``torch.Tensor``."""
+    """The part of ``torch.Tensor`` that is used."""
 
     @property
     def shape(self) -> tuple[int, ...]: ...
@@ -57,7 +57,7 @@ class BatchSink:
     count : int
         Number of frames that will come.
     memory : MemoryLimit
-        What there is for the frames, and for making them.
+        Bytes available for the frames, and for interpolating them.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class BatchSink:
     confidence : (count, H, W) tensor
         The same; 1 for frames of the source.
     memory_left : MemoryLimit
-        What there is for making them.
+        Bytes available for interpolating them.
 
     Raises
     ------

@@ -20,7 +20,7 @@ MAX_MULTIPLIER = 16
 """The same as that of ComfyUI's own node."""
 
 SceneCuts = AtCuts | Literal["one scene"]
-"""What is done where a scene ends; the last choice does not look for that."""
+"""Choices for the end of a scene; the last one does not detect it."""
 
 Duplicates = Literal["interpolate", "keep"]
 

@@ -97,14 +97,6 @@ def test_layers_belong_to_it():
     assert self_test(methods["blend"], image) != self_test(methods["blend"], other)
 
 
-@pytest.mark.parametrize("method", ["nlm", "farneback-warp"])
-def test_motion_is_followed(method):
-    """The clip is one scene: blending at cuts makes no difference."""
-    image = np.zeros((4, 6, 3), np.uint8)
-    blended = replace(methods[method], at_cuts="blend")
-    assert self_test(blended, image) == self_test(methods[method], image)
-
-
 @pytest.mark.parametrize("method", ["nlm", "dis", "farneback"])
 def test_threads_do_not_matter(method):
     """With one thread OpenCV makes what it makes with four."""

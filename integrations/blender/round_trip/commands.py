@@ -125,7 +125,7 @@ def explain_failure(lines: Sequence[str], exit_code: int) -> str:
     Parameters
     ----------
     lines : sequence of str
-        What it wrote to standard error, without the lines about its progress.
+        Lines that it wrote to standard error, without those about its progress.
     exit_code : int
     """
     said = [line.removeprefix("fpsboost:").strip() for line in lines if line.startswith("fpsboost:")]
