@@ -13,8 +13,9 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import FrameSource, Resumable
+from fpsboost.io.fingerprint import fingerprint_job
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, fingerprint_job, open_source
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.side.sink import with_side_outputs
 from fpsboost.io.video.capture import ArraySource, captured, rate_of
 from fpsboost.io.video.decode_options import DecodeOptions

@@ -15,8 +15,7 @@ from fpsboost.io import DescribedSource, FrameSource
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.opening import check_images, open_source
-from fpsboost.io.output import Output
-from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.trim import Window, trim_source
 from fpsboost.io.vectors.fit import fit_vectors

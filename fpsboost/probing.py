@@ -21,8 +21,7 @@ from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io import FrameSource, Stoppable
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
-from fpsboost.io.output import Output
-from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.fitting import StreamFacts, list_streams

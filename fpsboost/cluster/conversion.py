@@ -14,9 +14,8 @@ from fpsboost import ClipInfo, ConversionJob, FpsboostError, OptionError, Output
 from fpsboost.cluster.scheduler import Executor, run_parts
 from fpsboost.cluster.worker import LOCK_INTERVAL, PartTask
 from fpsboost.errors import CompleteAlreadyError, InUseError, explained
-from fpsboost.io.part import part_folder
-from fpsboost.io.part_folder import remove_if_empty
-from fpsboost.io.staging import JobFingerprint
+from fpsboost.io.fingerprint import JobFingerprint
+from fpsboost.io.part import part_folder, remove_if_empty
 from fpsboost.observer import SilentObserver
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, facts_of, first_difference
 from fpsboost.parts.plan import PlannedPart, plan_parts, share_index

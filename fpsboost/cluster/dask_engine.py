@@ -40,8 +40,7 @@ from fpsboost.cluster.worker import (
     remove_private,
 )
 from fpsboost.errors import ClusterError, explained
-from fpsboost.io.part import part_folder
-from fpsboost.io.part_folder import remove_if_empty
+from fpsboost.io.part import part_folder, remove_if_empty
 from fpsboost.io.staging import sync
 
 GROWN_CLUSTER = 32

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 from fpsboost.contracts import Cancellable, FrameSink, FrameSource, HasBeginning, TakesSideData
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
-    from fpsboost.io.stream_info import StreamInfo
+    from fpsboost.io.output import StreamInfo
     from fpsboost.io.video.frame_index import FrameIndex
 
 __all__ = [

@@ -1,14 +1,48 @@
-"""Results that appear under their name whole or not at all: a file, or a folder of files."""
+"""Results that appear under their names whole or not at all: a file, a folder, or files in a folder."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
 from fpsboost.errors import OutputError, explained
-from fpsboost.io.staging import StagingDirectory, hidden_place, write_safely
+from fpsboost.io.staging import StagingDirectory, hidden_place, move_all, sync, write_safely
+
+if TYPE_CHECKING:
+    from fpsboost.io.images.sequence import Numbering
+
+ADVICE = "check the free space and the permissions"
+
+
+def check_writable(path: Path, name: str, inputs: Collection[Path], overwrite: bool) -> None:
+    """Raise `OutputError` unless a file can be written under this path.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        Name of the file in messages.
+    inputs : collection of Path
+        Files that are being read.
+    overwrite : bool
+        Allow an existing file to be replaced.
+    """
+    if path.is_dir():
+        raise OutputError(f"{name} is a folder; name a file in it.")
+    if not path.parent.is_dir():
+        raise OutputError(f"{name} cannot be written because its folder does not exist; create it first.")
+    if os.path.lexists(path):
+        if path.exists() and not path.is_file():
+            raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
+        if path.exists() and any(each.exists() and path.samefile(each) for each in inputs):
+            raise OutputError(f"{name} is the input itself; write to another name.")
+        if not overwrite:
+            raise OutputError(f"{name} exists already; choose another name or pass `overwrite=True`.")
+    if not os.access(path.parent, os.W_OK):
+        raise OutputError(f"{name} cannot be written because its folder may not be written to; choose another folder.")
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -42,7 +76,7 @@ def new_folder(path: Path) -> Iterator[Path]:
         See `check_new_folder`; it cannot be written, or another run writes it.
     """
     check_new_folder(path)
-    with explained(OutputError, "write to", path, "check the free space and the permissions"):
+    with explained(OutputError, "write to", path, ADVICE):
         staging = StagingDirectory(hidden_place(path.absolute().parent, path.name), "output", str(path), None)
         staging.open()
         try:
@@ -54,3 +88,118 @@ def new_folder(path: Path) -> Iterator[Path]:
             staging.publish(path)
         finally:
             staging.close(keep=False)
+
+
+class StagedFiles:
+    """Files that are written in a hidden folder and get their names at the end, all of them or none.
+
+    Parameters
+    ----------
+    path : str
+        Folder or pattern, as the user gave it, for messages.
+    folder : Path
+        Where the files belong; made if it is not there.
+    namings : sequence of Numbering
+        How the files are named. Existing files of these names are replaced with `overwrite`, those that are not
+        written again too, and anything else in the folder stays.
+    overwrite : bool
+        Replace existing files.
+    alone : bool
+        Refuse a folder that holds any file, and not only those of such names, unless `overwrite` is given.
+
+    Raises
+    ------
+    OutputError
+        The place cannot be written, or files exist there already.
+    """
+
+    def __init__(self, path: str, folder: Path, namings: Sequence[Numbering], *, overwrite: bool, alone: bool) -> None:
+        self._path, self._folder, self._namings = path, folder, namings
+        self._overwrite, self._alone = overwrite, alone
+        with explained(OutputError, "write to", path, "check the path and the permissions"):
+            self._is_new = not folder.is_dir()
+            if self._is_new and folder.exists():
+                raise OutputError(f"{folder} is a file; name a folder, or a pattern in one.")
+            if not folder.absolute().parent.is_dir() or (self._is_new and not alone):
+                missing = folder.parent if alone else folder
+                raise OutputError(f"The folder {missing} does not exist; create it first.")
+            self.check()
+        place = hidden_place(folder.absolute().parent, folder.absolute().name) if self._is_new else None
+        self._staging = StagingDirectory(place or hidden_place(folder, "fpsboost-side"), "output", path, None)
+        self._names, self._remarks = list[str](), list[str]()
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about what was not written."""
+        return [*self._staging.remarks, *self._remarks]
+
+    def check(self) -> None:
+        """Raise `OutputError` if files exist and may not be replaced."""
+        if self._overwrite or not self._folder.is_dir():
+            return
+        if self._alone and any(not name.startswith(".") for name in os.listdir(self._folder)):
+            raise OutputError(
+                f"{self._folder} is not empty; add `overwrite=True` to replace the files in it, or name another."
+            )
+        old = self._find_old()
+        if old:
+            raise OutputError(
+                f"{old[0]} exists; add `overwrite=True` to replace such files, or choose another pattern."
+            )
+
+    def _find_old(self) -> list[Path]:
+        return [path for naming in self._namings for _, path in naming.find(any_padding=self._alone)]
+
+    def open(self) -> Self:
+        """Take the hidden folder for this run.
+
+        Raises
+        ------
+        OutputError
+            Another run writes there, or it cannot be written.
+        """
+        with explained(OutputError, "write to", self._path, ADVICE):
+            self._staging.open()
+            self._staging.staged.mkdir()
+        return self
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file of the hidden folder.
+
+        Raises
+        ------
+        OutputError
+        """
+        with explained(OutputError, "write", self._folder / name, ADVICE):
+            write_safely(self._staging.staged / name, data)
+        self._names.append(name)
+
+    def publish(self) -> None:
+        """Give all files their names.
+
+        Raises
+        ------
+        OutputError
+            Files have appeared there meanwhile, or the place cannot be written; nothing has changed then.
+        """
+        if not self._names:
+            self._remarks.append(f"No frame was made, so that nothing was written to {self._path}.")
+            return
+        with explained(OutputError, "write to", self._path, ADVICE):
+            self.check()
+            if not self._folder.exists():
+                self._staging.publish(self._folder)
+                return
+            replaced = self._staging.folder / "replaced"
+            replaced.mkdir()
+            old = {path.name for path in self._find_old()} | {
+                name for name in self._names if (self._folder / name).exists()
+            }
+            moves = [(self._folder / name, replaced / name) for name in sorted(old)]
+            moves += [(self._staging.staged / name, self._folder / name) for name in self._names]
+            move_all(moves)
+            sync(self._folder)
+
+    def close(self) -> None:
+        """Remove the hidden folder with everything that has not got its name."""
+        self._staging.close(keep=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.io import DescribedSource
@@ -15,13 +14,10 @@ from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.images.passes import ALL, BEAUTY
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.staging import JobFingerprint, fingerprint_files, fingerprint_options
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions, View
 from fpsboost.io.video.pipe import PipeSource
-from fpsboost.io.video.pyav import pyav_version
 from fpsboost.io.video.source import VideoSource
-from fpsboost.version import __version__
 
 ASSUMED_IMAGE_RATE = Fraction(24)
 """For images that become images: their times then only serve as an order."""
@@ -219,33 +215,3 @@ def _check_has_own_rate(input_fps: Fraction | None, name: str) -> None:
 def _check_decoding(decoding: DecodeOptions, what: str, advice: str) -> None:
     if decoding.given:
         raise OptionError(f"{' and '.join(decoding.given)} is for video files and not for {what}; {advice}.")
-
-
-def fingerprint_job(source: DescribedSource, job: Any, *, resume: bool) -> JobFingerprint | None:
-    """Return what an output is made of and how; None if the source can be read only once, so that nothing can resume.
-
-    Parameters
-    ----------
-    source : DescribedSource
-    job : dataclass
-        Everything else that shapes the output.
-    resume : bool
-        Resume an earlier run.
-
-    Raises
-    ------
-    OptionError
-        `resume` is asked for and the source is a pipe.
-    InputError
-        The source's files are not there any more.
-    """
-    files = source.stream_info.files
-    if not files:
-        if resume:
-            raise OptionError("`resume` cannot read again what came through a pipe; name a file, or leave it out.")
-        return None
-    with explained(InputError, "read", source.info.name, "check that it is still there"):
-        place = str(Path(source.info.name).absolute())
-        versions = f"{__version__} with PyAV {pyav_version()}"  # another FFmpeg may encode differently
-        facts = fingerprint_options(input=place, input_files=fingerprint_files(files), job=job, fpsboost=versions)
-    return JobFingerprint(facts, resume)

@@ -1,18 +1,71 @@
-"""What is to be written, as far as it is known before the first frame."""
+"""Plain data from sources to sinks: what a clip has beside its frames, and what is to be written of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
 from fpsboost.frame import ClipInfo
-from fpsboost.io.staging import JobFingerprint
-from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.fingerprint import JobFingerprint
+from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.trim import Window
 from fpsboost.io.video.encode_options import Encoding
+from fpsboost.io.video.traits import VideoTraits
 from fpsboost.timing.schedule import OutputTiming
+
+
+@dataclass(frozen=True)
+class VideoFile:
+    """Video file whose streams besides the converted one may be carried over.
+
+    Attributes
+    ----------
+    path : Path
+    name : str
+        Name of the file in messages.
+    stream_index : int
+        Number of the converted stream.
+    start : Fraction
+        Time of the file's own clock from which all times are counted, seconds.
+    coded_rate : Fraction
+        Nominal frames per second of the coded pictures; fields made into frames double the source's rate.
+    companions : sequence of str
+        Kinds of streams beside the pictures: ``sound``, ``subtitles``, both or neither.
+    """
+
+    path: Path
+    name: str
+    stream_index: int
+    start: Fraction
+    coded_rate: Fraction
+    companions: Sequence[str]
+
+
+@dataclass(frozen=True)
+class StreamInfo:
+    """What a clip has beside its frames, for the sink.
+
+    Attributes
+    ----------
+    traits : VideoTraits or None
+        Colour coding, pixel shape, rotation and HDR metadata of video.
+    video : VideoFile or None
+        The video file that is read.
+    images : NumberedImages or None
+        The images that are read.
+    plays : int
+        How often an animation is shown; 0 for ever again.
+    files : sequence of Path
+        The files that are read, which are never written to; empty for a pipe or arrays, which can be read only once.
+    """
+
+    traits: VideoTraits | None = None
+    video: VideoFile | None = None
+    images: NumberedImages | None = None
+    plays: int = 0
+    files: Sequence[Path] = ()
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,15 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
 from io import BufferedRandom
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 from fpsboost.errors import InputError, InUseError, OptionError, OutputError, explained
+
+if TYPE_CHECKING:
+    from fpsboost.io.fingerprint import JobFingerprint
 
 if sys.platform == "win32":
     import msvcrt
@@ -30,107 +32,10 @@ LOCK, MANIFEST, COMPLETE = "lock", "manifest.json", "whole"
 MAX_FACT_LENGTH = 60
 MAX_NAME_BYTES = 230
 """Maximum bytes of a name, which leaves room for prefix and suffix; the limit of file systems is 255."""
-IDENTIFYING_BYTES = 1 << 16
-"""Bytes at the beginning and at the end of a file that identify it together with its size."""
 SHORT_NAME_LENGTH = 50
 """Number of characters to which a longer name is cut."""
 IN_EXISTING_FOLDER = "fpsboost"
 """Name of the staging folder of images that go into a folder that was there."""
-
-
-@dataclass(frozen=True)
-class JobFingerprint:
-    """Inputs and options of an output, by which a later run can tell whether it would make the same.
-
-    Parameters
-    ----------
-    facts : mapping of str to str
-        Everything that determines the output; see `fingerprint_options`.
-    resume : bool
-        Resume an earlier run of the same job.
-    """
-
-    facts: Mapping[str, str]
-    resume: bool = False
-
-
-@runtime_checkable
-class ReadsFiles(Protocol):
-    """Contract: option that refers to files whose content determines the output."""
-
-    @property
-    def files(self) -> Sequence[Path]:
-        """All files."""
-        ...
-
-
-def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None, /, **values: Any) -> dict[str, str]:
-    """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
-
-    Options that read files contribute the state of the files, too.
-
-    Parameters
-    ----------
-    state_of : callable, optional
-        Function that returns the state of files; `fingerprint_files` by default.
-    **values : object
-        Options by their names.
-
-    Raises
-    ------
-    OSError
-        A file's state cannot be read.
-
-    Examples
-    --------
-    >>> fingerprint_options(factor=2, fps=None)
-    {'factor': '2', 'fps': 'None'}
-    """
-    state_of = state_of or fingerprint_files
-    return dict(fact for name, value in values.items() for fact in _facts(name, value, state_of))
-
-
-def _facts(name: str, value: Any, state_of: Callable[[Iterable[Path]], str]) -> Iterator[tuple[str, str]]:
-    if isinstance(value, ReadsFiles):
-        yield f"{name}_files", state_of(value.files)
-    if not is_dataclass(value):
-        yield name, str(value)
-        return
-    yield name, type(value).__name__
-    for field in fields(value):
-        yield from _facts(f"{name}.{field.name}", getattr(value, field.name), state_of)
-
-
-def fingerprint_files(files: Iterable[Path]) -> str:
-    """Return a digest of names, sizes and modification times, which changes if a file is replaced.
-
-    Raises
-    ------
-    OSError
-        A file's state cannot be read.
-    """
-    states = [(file.name, file.stat()) for file in files]
-    listed = json.dumps([(name, state.st_size, state.st_mtime_ns) for name, state in states])
-    return hashlib.sha256(listed.encode()).hexdigest()
-
-
-def identify_files(files: Iterable[Path]) -> str:
-    """Return a digest of sizes, beginnings and ends, which are the same for copies of the files on other machines.
-
-    Raises
-    ------
-    OSError
-        A file cannot be read.
-    """
-    digest = hashlib.sha256()
-    for path in files:
-        with path.open("rb") as file:
-            size = file.seek(0, os.SEEK_END)
-            digest.update(f"{size}\n".encode())
-            for begin in (0, max(0, size - IDENTIFYING_BYTES)):
-                file.seek(begin)
-                digest.update(file.read(IDENTIFYING_BYTES))
-    return digest.hexdigest()
 
 
 def hidden_place(folder: Path, name: str) -> Path:

@@ -11,7 +11,7 @@ from pathlib import Path
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.frame import Pixels
 from fpsboost.io.images.numbered import ImageSink
-from fpsboost.io.part_folder import part_files
+from fpsboost.io.part import part_files
 from fpsboost.io.target import Target
 from fpsboost.io.trim import Window
 from fpsboost.io.video.chunks import Chunk, complete_chunk

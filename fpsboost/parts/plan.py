@@ -21,8 +21,7 @@ from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
 from fpsboost.io import FrameSource, RandomAccess, SharesIndex
 from fpsboost.io.output import OutputPart
-from fpsboost.io.part import MAX_PARTS, Part, part_folder
-from fpsboost.io.part_folder import INDEX_NAME, part_files
+from fpsboost.io.part import INDEX_NAME, MAX_PARTS, Part, part_files, part_folder
 from fpsboost.io.staging import write_safely
 from fpsboost.io.video.chunks import CHUNK_FRAMES
 from fpsboost.io.video.frame_index import EntryPoint, FrameIndex
@@ -257,7 +256,7 @@ def write_index(folder: Path, identity: str, index: FrameIndex) -> None:
     ----------
     folder : Path
     identity : str
-        Identity of the video; see `fpsboost.io.staging.identify_files`.
+        Identity of the video; see `fpsboost.io.fingerprint.identify_files`.
     index : FrameIndex
     """
     points = [(point.number, point.pts, NO_TIME if point.dts is None else point.dts) for point in index.entry_points]

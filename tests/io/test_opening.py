@@ -14,11 +14,7 @@ from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.images.numbered import ImageSink, ImageSource
-from fpsboost.io.opening import (
-    ASSUMED_IMAGE_RATE,
-    TargetRequirements,
-    open_source,
-)
+from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES

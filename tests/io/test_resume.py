@@ -22,8 +22,9 @@ from fpsboost.conversion import Job, convert
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
+from fpsboost.io.fingerprint import JobFingerprint, fingerprint_options
 from fpsboost.io.images.numbered import ImageSink, ImageSource
-from fpsboost.io.staging import JobFingerprint, StagingDirectory, fingerprint_options
+from fpsboost.io.staging import StagingDirectory
 from fpsboost.io.vectors.flow_files import write_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of

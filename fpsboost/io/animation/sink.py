@@ -16,9 +16,9 @@ import numpy as np
 from fpsboost.errors import OutputError, explained
 from fpsboost.frame import Frame, Image, describe
 from fpsboost.io.animation.writers import AnimationWriter, types
+from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output
 from fpsboost.io.video.ycc import straight_16_bit
-from fpsboost.io.writable import check_writable
 
 ANIMATION_SUFFIXES = tuple(types)
 """Suffixes of the animations that can be written."""

@@ -18,7 +18,7 @@ from fpsboost.errors import InputError, explained
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.output import StreamInfo
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage  # whoever reads no animation does not wait for Pillow

@@ -40,9 +40,8 @@ from fpsboost.io.images.numbering import find_images, is_pattern
 from fpsboost.io.images.passes import ALL, BEAUTY, Passes
 from fpsboost.io.images.sequence import FileSequence, NumberedImages, Numbering
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.output import Output
+from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.staging import IN_EXISTING_FOLDER, StagingDirectory, hidden_place, move_all, sync, write_safely
-from fpsboost.io.stream_info import StreamInfo
 from fpsboost.io.video.decode_options import View
 from fpsboost.layered import LayeredImage
 

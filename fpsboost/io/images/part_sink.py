@@ -12,7 +12,7 @@ from fpsboost.io.images.files import IMAGE_SUFFIXES, check_size, extension_of
 from fpsboost.io.images.image_encoder import ImageEncoder
 from fpsboost.io.images.numbered import choose_numbering, first_number, numbering_remarks
 from fpsboost.io.output import Output
-from fpsboost.io.part_folder import PartFolder
+from fpsboost.io.part import PartFolder
 from fpsboost.io.staging import write_safely
 
 
@@ -27,7 +27,7 @@ class ImagePartSink:
     Raises
     ------
     OutputError
-        The images cannot be written; see also `fpsboost.io.part_folder.PartFolder`.
+        The images cannot be written; see also `fpsboost.io.part.PartFolder`.
     """
 
     holds_last_frame = False

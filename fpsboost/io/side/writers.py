@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from fpsboost.frame import Frame, PairMotion
 from fpsboost.io.images.exr import encode_exr
 from fpsboost.io.images.files import encode_image
+from fpsboost.io.new_output import StagedFiles
 from fpsboost.io.side.names import FileNames
-from fpsboost.io.staged_files import StagedFiles
 from fpsboost.io.vectors.flow_colours import flow_picture
 from fpsboost.io.vectors.flow_files import encode_flow
 from fpsboost.io.vectors.folder import BACKWARD, FORWARD

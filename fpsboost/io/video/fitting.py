@@ -19,8 +19,7 @@ import av.error
 from av.codec.codec import Properties
 
 from fpsboost.errors import OptionError, OutputError
-from fpsboost.io.output import Output
-from fpsboost.io.stream_info import VideoFile
+from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.video.demuxer import is_cover_art, open_video
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoded_sound import can_encode, choose_sound_encoder, defaults, friendly_name

@@ -17,8 +17,7 @@ import av.container
 import av.error
 from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 
-from fpsboost.io.output import Output
-from fpsboost.io.stream_info import VideoFile
+from fpsboost.io.output import Output, VideoFile
 from fpsboost.io.trim import Window
 from fpsboost.io.video.demuxer import is_cover_art, open_video, read_packets
 from fpsboost.io.video.encode_options import Encoding

@@ -11,7 +11,7 @@ import av
 import av.error
 
 from fpsboost.errors import InputError
-from fpsboost.io.stream_info import VideoFile
+from fpsboost.io.output import VideoFile
 from fpsboost.io.video.clock import VideoClock
 from fpsboost.io.video.demuxer import Demuxer, open_video, read_packets
 from fpsboost.io.video.frame_index import (

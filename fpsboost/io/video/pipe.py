@@ -26,8 +26,7 @@ from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneErro
 from fpsboost.frame import ClipInfo, Frame, Pixels, describe
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.output import Output
-from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.planes import as_picture, coding_of, in_planes
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark

@@ -19,8 +19,9 @@ import av.error
 
 from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import Frame
+from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output
-from fpsboost.io.part_folder import PartFolder
+from fpsboost.io.part import PartFolder
 from fpsboost.io.staging import StagingDirectory, complete_already, hidden_place
 from fpsboost.io.video.assembly import Assembly
 from fpsboost.io.video.chunks import CHUNK_FRAMES, Chunk, VideoChunks
@@ -28,7 +29,6 @@ from fpsboost.io.video.encoder import traits_of_image
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, MATROSKA_TICK, VIDEO_SUFFIXES, containers
 from fpsboost.io.video.fitting import fit_streams
 from fpsboost.io.video.traits import VideoTraits
-from fpsboost.io.writable import check_writable
 
 
 class _ChunkSink:
@@ -199,7 +199,7 @@ class VideoPartSink(_ChunkSink):
     Raises
     ------
     OptionError, OutputError
-        See `VideoSink` and `fpsboost.io.part_folder.PartFolder`.
+        See `VideoSink` and `fpsboost.io.part.PartFolder`.
     """
 
     def __init__(self, output: Output, *, chunk_frames: int = CHUNK_FRAMES) -> None:

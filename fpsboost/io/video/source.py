@@ -20,7 +20,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame, Image
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.stream_info import StreamInfo, VideoFile
+from fpsboost.io.output import StreamInfo, VideoFile
 from fpsboost.io.video.clock import (
     VideoClock,
     assumed_rate_remark,

@@ -19,8 +19,7 @@ from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import open_source
-from fpsboost.io.output import Output
-from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.output import Output, StreamInfo
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import OutputTiming

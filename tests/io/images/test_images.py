@@ -23,8 +23,7 @@ from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageFile, ImageSink, ImageSource
 from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.images.sequence import NumberedImages, Numbering
-from fpsboost.io.output import Output
-from fpsboost.io.stream_info import StreamInfo
+from fpsboost.io.output import Output, StreamInfo
 from fpsboost.timing.schedule import OutputTiming
 
 RATE = Fraction(24000, 1001)

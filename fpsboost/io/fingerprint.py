@@ -1,0 +1,144 @@
+"""Identity of a job: its input files and options as text, by which a later run tells whether it would do the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.io import DescribedSource
+from fpsboost.io.video.pyav import pyav_version
+from fpsboost.version import __version__
+
+IDENTIFYING_BYTES = 1 << 16
+"""Bytes at the beginning and at the end of a file that identify it together with its size."""
+
+
+@dataclass(frozen=True)
+class JobFingerprint:
+    """Inputs and options of an output, by which a later run can tell whether it would make the same.
+
+    Parameters
+    ----------
+    facts : mapping of str to str
+        Everything that determines the output; see `fingerprint_options`.
+    resume : bool
+        Resume an earlier run of the same job.
+    """
+
+    facts: Mapping[str, str]
+    resume: bool = False
+
+
+@runtime_checkable
+class ReadsFiles(Protocol):
+    """Contract: option that refers to files whose content determines the output."""
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """All files."""
+        ...
+
+
+def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None, /, **values: Any) -> dict[str, str]:
+    """Return the options of a job as text: the fields of dataclasses one by one, everything else by `str`.
+
+    Options that read files contribute the state of the files, too.
+
+    Parameters
+    ----------
+    state_of : callable, optional
+        Function that returns the state of files; `fingerprint_files` by default.
+    **values : object
+        Options by their names.
+
+    Raises
+    ------
+    OSError
+        A file's state cannot be read.
+
+    Examples
+    --------
+    >>> fingerprint_options(factor=2, fps=None)
+    {'factor': '2', 'fps': 'None'}
+    """
+    state_of = state_of or fingerprint_files
+    return dict(fact for name, value in values.items() for fact in _facts(name, value, state_of))
+
+
+def _facts(name: str, value: Any, state_of: Callable[[Iterable[Path]], str]) -> Iterator[tuple[str, str]]:
+    if isinstance(value, ReadsFiles):
+        yield f"{name}_files", state_of(value.files)
+    if not is_dataclass(value):
+        yield name, str(value)
+        return
+    yield name, type(value).__name__
+    for field in fields(value):
+        yield from _facts(f"{name}.{field.name}", getattr(value, field.name), state_of)
+
+
+def fingerprint_files(files: Iterable[Path]) -> str:
+    """Return a digest of names, sizes and modification times, which changes if a file is replaced.
+
+    Raises
+    ------
+    OSError
+        A file's state cannot be read.
+    """
+    states = [(file.name, file.stat()) for file in files]
+    listed = json.dumps([(name, state.st_size, state.st_mtime_ns) for name, state in states])
+    return hashlib.sha256(listed.encode()).hexdigest()
+
+
+def identify_files(files: Iterable[Path]) -> str:
+    """Return a digest of sizes, beginnings and ends, which are the same for copies of the files on other machines.
+
+    Raises
+    ------
+    OSError
+        A file cannot be read.
+    """
+    digest = hashlib.sha256()
+    for path in files:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            digest.update(f"{size}\n".encode())
+            for begin in (0, max(0, size - IDENTIFYING_BYTES)):
+                file.seek(begin)
+                digest.update(file.read(IDENTIFYING_BYTES))
+    return digest.hexdigest()
+
+
+def fingerprint_job(source: DescribedSource, job: Any, *, resume: bool) -> JobFingerprint | None:
+    """Return what an output is made of and how; None if the source can be read only once, so that nothing can resume.
+
+    Parameters
+    ----------
+    source : DescribedSource
+    job : dataclass
+        Everything else that shapes the output.
+    resume : bool
+        Resume an earlier run.
+
+    Raises
+    ------
+    OptionError
+        `resume` is asked for and the source is a pipe.
+    InputError
+        The source's files are not there any more.
+    """
+    files = source.stream_info.files
+    if not files:
+        if resume:
+            raise OptionError("`resume` cannot read again what came through a pipe; name a file, or leave it out.")
+        return None
+    with explained(InputError, "read", source.info.name, "check that it is still there"):
+        place = str(Path(source.info.name).absolute())
+        versions = f"{__version__} with PyAV {pyav_version()}"  # another FFmpeg may encode differently
+        facts = fingerprint_options(input=place, input_files=fingerprint_files(files), job=job, fpsboost=versions)
+    return JobFingerprint(facts, resume)
