@@ -69,7 +69,7 @@ def write_clip(
             setattr(video.codec_context, name, value)
         if matrix:
             video.set_display_matrix(matrix)
-        other = output.add_stream("libx264", rate=5, width=32, height=32) if second_video else None
+        other_packets = add_pictures(output, 2, rate=5, size=(32, 32))[1] if second_video else []
         if cover:  # Matroska only
             output.add_attachment("cover.png", "image/png", cover)
         audio = output.add_stream(sound, rate=48000) if sound else None
@@ -86,19 +86,60 @@ def write_clip(
             packets += video.encode(None)
         for packet in packets:
             packet.duration = durations[packet.pts]
-        if other:
-            for index in range(2):
-                frame = av.VideoFrame.from_ndarray(scene(index, 32, 32), format="bgr24").reformat(format="yuv420p")
-                frame.pts = index
-                packets += other.encode(frame)
-            packets += other.encode(None)
+        packets += other_packets
         if audio:
             seconds = sound_seconds or float((end - times[0]) * time_base)
             packets += _sound(audio, seconds)
         packets += [_line(lines, *line) for line in subtitles]
-        packets.sort(key=lambda packet: packet.dts * Fraction(packet.time_base))
-        output.mux(packets)
+        mux_in_order(output, packets)
     return path
+
+
+def add_pictures(
+    output: av.container.OutputContainer,
+    count: int = 10,
+    *,
+    rate: int | Fraction = 25,
+    start: int = 0,
+    codec: str = "libx264",
+    size: tuple[int, int] = (48, 64),
+    pixel_format: str = "yuv420p",
+    options: dict[str, str] | None = None,
+) -> tuple[Any, list[Any]]:
+    """Add a video stream that begins at frame `start`; return it and all of its packets."""
+    height, width = size
+    video: Any = output.add_stream(codec, rate=rate, width=width, height=height)
+    video.pix_fmt = pixel_format
+    video.options = dict(options or ({"preset": "ultrafast"} if codec == "libx264" else {}))
+    packets: list[Any] = []
+    for index in range(count):
+        picture = av.VideoFrame.from_ndarray(scene(index, height, width), format="bgr24").reformat(format=pixel_format)
+        picture.pts = start + index
+        packets += video.encode(picture)
+    return video, packets + video.encode(None)
+
+
+def mux_in_order(output: av.container.OutputContainer, packets: Sequence[Any]) -> None:
+    """Write packets of several streams in the order in which they are decoded."""
+    output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+
+
+def copy_packets(
+    source: Path,
+    target: Path,
+    change: Callable[[int, Any], bool | None] = lambda number, packet: None,
+    chapters: Sequence[Any] = (),
+    **options: str,
+) -> Path:
+    """Copy a clip packet by packet, except those for which `change` returns False; `options` are the container's."""
+    with av.open(str(source)) as file, av.open(str(target), "w", container_options=options) as output:
+        output.set_chapters(list(chapters))
+        streams = {stream.index: output.add_stream_from_template(stream) for stream in file.streams}
+        for number, packet in enumerate(packet for packet in file.demux() if packet.size):
+            if change(number, packet) is not False:
+                packet.stream = streams[packet.stream.index]
+                output.mux(packet)
+    return target
 
 
 def _line(stream: Any, start: int, length: int, text: bytes) -> Any:

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from test_other_streams import tone
-from video_truth import packets_of, pictures_of, samples_of, scene, write_clip
+from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, pictures_of, samples_of, scene, write_clip
 
 from fpsboost import convert
 from fpsboost.cli.options import in_flags
@@ -55,7 +55,7 @@ def write_at(path: Path, start: Fraction, video_later: Fraction = Fraction(0), c
             later = start + (video_later if packet.stream is video else 0)
             packet.pts += round(later / packet.time_base)
             packet.dts += round(later / packet.time_base)
-        output.mux(sorted(packets, key=lambda packet: packet.dts * packet.time_base))
+        mux_in_order(output, packets)
     return path
 
 
@@ -96,14 +96,8 @@ def test_a_clip_begins_where_its_file_begins(tmp_path, name, start, video_later)
 def test_chapters_and_excerpts_count_from_there(tmp_path):
     """With a late start, chapters move along, and --start counts from the first frame."""
     clip = write_at(tmp_path / "in.mkv", Fraction(500), codec="libx264")
-    with av.open(str(clip)) as file, av.open(str(tmp_path / "chapters.mkv"), "w") as output:
-        targets = {each.index: output.add_stream_from_template(each) for each in file.streams}
-        chapter = {"id": 1, "start": 500_200, "end": 500_400, "time_base": MILLISECOND, "metadata": {}}
-        output.set_chapters([chapter])
-        for packet in file.demux():
-            if packet.size:
-                packet.stream = targets[packet.stream.index]
-                output.mux(packet)
+    chapter = {"id": 1, "start": 500_200, "end": 500_400, "time_base": MILLISECOND, "metadata": {}}
+    copy_packets(clip, tmp_path / "chapters.mkv", chapters=[chapter])
     with VideoSource(tmp_path / "chapters.mkv") as source:
         first = source.first_time()
         source.skip_to(first + Fraction(3, 25))
@@ -117,12 +111,7 @@ def test_chapters_and_excerpts_count_from_there(tmp_path):
 def test_what_cannot_be_shown_is_no_beginning(tmp_path):
     """A recording that starts in the middle of a group of pictures begins at its first key frame."""
     clip = write_clip(tmp_path / "whole.ts", times=range(40), options={"preset": "ultrafast", "g": "20", "bf": "0"})
-    with av.open(str(clip)) as file, av.open(str(tmp_path / "in.ts"), "w") as output:
-        target = output.add_stream_from_template(file.streams.video[0])
-        for number, packet in enumerate(file.demux()):
-            if packet.size and number >= 5:
-                packet.stream = target
-                output.mux(packet)
+    copy_packets(clip, tmp_path / "in.ts", lambda number, packet: number >= 5)
     frames, remarks = read(tmp_path / "in.ts")
     assert (len(frames), frames[0].time) == (20, 0)
     assert not any("promises" in remark for remark in remarks)
@@ -159,23 +148,13 @@ def packet_at(time: float, stream: Any) -> Any:
 def test_streams_change_their_clock_at_different_places():
     """Woven together at the joint, pictures and sound are moved alike; a pause of one stream alone is no joint."""
     picture, sound = (SimpleNamespace(type=kind, index=index) for index, kind in enumerate(("video", "audio")))
-    order = [
-        (picture, 0),
-        (sound, 0),
-        (picture, 1),
-        (sound, 1),
-        (picture, 80),
-        (sound, 2),
-        (picture, 81),
-        (sound, 80.5),
-    ]
     clock = ContinuousClock()
     moved = []
-    for stream, time in order:
+    for stream, time in zip([picture, sound] * 4, (0, 0, 1, 1, 80, 2, 81, 80.5), strict=True):
         packet = packet_at(time, stream)
         clock.move(packet)
         moved.append(packet.dts)
-    assert moved == [0, 0, 1000, 1000, 1020, 2000, 2020, 1520 + 0]
+    assert moved == [0, 0, 1000, 1000, 1020, 2000, 2020, 1520]
     assert clock.jumps == 1
     clock = ContinuousClock()
     for time in range(40):
@@ -191,16 +170,11 @@ def test_streams_change_their_clock_at_different_places():
 
 def with_decoding_times(source: Path, path: Path) -> Path:
     """Copy a clip, saying of each picture when it is decoded, as if that were when it is shown."""
-    with av.open(str(source)) as file, av.open(str(path), "w") as output:
-        target = output.add_stream_from_template(file.streams.video[0])
-        number = 0
-        for packet in file.demux(video=0):
-            if packet.size:
-                packet.pts = packet.dts = round(Fraction(number, 25) / packet.time_base)
-                packet.stream = target
-                output.mux(packet)
-                number += 1
-    return path
+
+    def present_when_decoded(number: int, packet: Any) -> None:
+        packet.pts = packet.dts = round(Fraction(number, 25) / packet.time_base)
+
+    return copy_packets(source, path, present_when_decoded)
 
 
 @pytest.mark.parametrize("name", ["in.avi", "in.mp4", "in.mkv", "in.asf"])
@@ -273,12 +247,9 @@ def with_chunk_behind_the_end(path: Path, track: int, chunk: int = 0) -> None:
 def test_streams_that_nobody_reads_end_nothing(tmp_path):
     """A timecode that lies behind the end of a truncated file costs no frame."""
     with av.open(str(tmp_path / "in.mov"), "w") as output:
-        video: Any = output.add_stream("libx264", rate=25, width=64, height=48)
-        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        video, packets = add_pictures(output, 60)
         video.metadata["timecode"] = "01:00:00:00"
-        for index in range(60):
-            output.mux(video.encode(av.VideoFrame.from_ndarray(scene(index), format="bgr24")))
-        output.mux(video.encode(None))
+        output.mux(packets)
     with_chunk_behind_the_end(tmp_path / "in.mov", 1)
     frames, remarks = read(tmp_path / "in.mov")
     assert (len(frames), remarks) == (60, [])
@@ -297,13 +268,7 @@ def test_sound_behind_the_end_ends_no_pictures(tmp_path):
 def test_what_is_missing_is_counted(tmp_path):
     """A truncated file is said to have so many frames of as many as its index lists, and nothing else is claimed."""
     clip = write_clip(tmp_path / "whole.mp4", times=range(100), options={"preset": "ultrafast", "g": "5", "bf": "0"})
-    front = tmp_path / "front.mp4"
-    with av.open(str(clip)) as file, av.open(str(front), "w", container_options={"movflags": "faststart"}) as output:
-        target = output.add_stream_from_template(file.streams.video[0])
-        for packet in file.demux(video=0):
-            if packet.size:
-                packet.stream = target
-                output.mux(packet)
+    front = copy_packets(clip, tmp_path / "front.mp4", movflags="faststart")
     data = front.read_bytes()
     front.write_bytes(data[: len(data) // 2])
     frames, remarks = read(front)

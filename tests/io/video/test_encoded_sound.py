@@ -12,7 +12,7 @@ import pytest
 from conversion_options import grouped
 from numpy.typing import NDArray
 from test_stretched_sound import CLICK, CLICKS, clicks_of, heard, slow, write_sounds
-from video_truth import packets_of, scene, write_clip
+from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
@@ -44,22 +44,15 @@ def write_noise(
     """Write 25 frames and noise, with the video encoder that every container takes; return the noise."""
     samples = noise()
     with av.open(str(path), "w") as output:
-        video = output.add_stream("mpeg4", rate=25, width=64, height=48)
-        video.pix_fmt = "yuv420p"
+        _, packets = add_pictures(output, 25, codec="mpeg4")
         sound: Any = output.add_stream(codec, rate=rate, layout="mono", bit_rate=96000)
-        packets: list[Any] = []
-        for index in range(25):
-            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
-            picture.pts = index
-            packets += video.encode(picture)
-        packets += video.encode(None)
         for at in range(0, len(samples), packet):
             frame = av.AudioFrame.from_ndarray(samples[None, at : at + packet], format="s16", layout="mono")
             frame.sample_rate, frame.pts, frame.time_base = rate, at, Fraction(1, rate)
             for ready in av.AudioResampler(format=format).resample(frame):
                 packets += sound.encode(ready)
         packets += sound.encode(None)
-        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+        mux_in_order(output, packets)
     return samples
 
 
@@ -99,13 +92,7 @@ def test_chapters_that_do_not_go_along_are_said(tmp_path):
     with av.open(str(tmp_path / "chapters.mp4")) as chapters:
         listed = chapters.chapters()
     write_noise(tmp_path / "sound.mov", "pcm_mulaw")
-    with av.open(str(tmp_path / "sound.mov")) as source, av.open(str(clip), "w") as output:
-        output.set_chapters(listed)
-        targets = {stream.index: output.add_stream_from_template(stream) for stream in source.streams}
-        for packet in source.demux():
-            if packet.dts is not None:
-                packet.stream = targets[packet.stream.index]
-                output.mux(packet)
+    copy_packets(tmp_path / "sound.mov", clip, chapters=listed)
     assert double(clip, target) == [
         f"{target} lost the chapters of its source, which its kind of sound rules out here."
     ]

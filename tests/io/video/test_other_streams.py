@@ -11,7 +11,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from video_truth import packets_of, scene, write_clip
+from video_truth import add_pictures, mux_in_order, packets_of, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OutputError
@@ -39,17 +39,8 @@ def double(source: Path, target: Path, encoding: Encoding = FAST) -> list[str]:
 def write_with(path: Path, add: Any, fill: Any, rate: Fraction = Fraction(24)) -> Path:
     """Write ten frames beside a stream that `add` makes of the file and `fill` makes packets for."""
     with av.open(str(path), "w") as output:
-        video = output.add_stream("libx264", rate=rate, width=64, height=48)
-        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
-        other = add(output, video)
-        packets = []
-        for index in range(10):
-            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
-            picture.pts = index
-            packets += video.encode(picture)
-        output.mux(packets + video.encode(None))
-        for packet in fill(other):
-            output.mux(packet)
+        video, packets = add_pictures(output, rate=rate)
+        output.mux([*packets, *fill(add(output, video))])
     return path
 
 
@@ -255,21 +246,12 @@ def test_labels_survive_two_changes_of_container(tmp_path):
                 for number, (title, begin, end) in enumerate(chapters, 1)
             ]
         )
-        video = output.add_stream("libx264", rate=25, width=64, height=48)
-        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        _, packets = add_pictures(output)
         sounds = [output.add_stream("aac", rate=48000) for _ in range(2)]
         for sound, language, title, role in zip(sounds, ("fra", "deu"), ("main", "remarks"), (1, 0), strict=True):
             sound.metadata.update({"language": language, "title": title})
             sound.disposition = role
-        packets = []
-        for index in range(10):
-            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
-            picture.pts = index
-            packets += video.encode(picture)
-        packets += video.encode(None)
-        for sound in sounds:
-            packets += tone(sound, 0)
-        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+        mux_in_order(output, packets + [packet for sound in sounds for packet in tone(sound, 0)])
     assert double(start, tmp_path / "over.mkv") == []
     assert double(tmp_path / "over.mkv", tmp_path / "end.mp4") == []
     for path in (tmp_path / "over.mkv", tmp_path / "end.mp4"):
@@ -309,16 +291,9 @@ def write_sound(path: Path, sound_start: int, video_start: int, *, sound_first: 
     """Write picture and sound that start at their own times, samples of 48 kHz and frames of 25 a second."""
     with av.open(str(path), "w") as output:
         sound = output.add_stream("aac", rate=48000) if sound_first else None
-        video = output.add_stream("libx264", rate=25, width=64, height=48)
-        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        _, packets = add_pictures(output, start=video_start)
         sound = sound or output.add_stream("aac", rate=48000)
-        packets = []
-        for index in range(10):
-            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
-            picture.pts = video_start + index
-            packets += video.encode(picture)
-        packets += [*video.encode(None), *tone(sound, sound_start)]
-        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+        mux_in_order(output, packets + tone(sound, sound_start))
     return path
 
 
@@ -346,13 +321,6 @@ def first_picture(path: Path) -> Fraction:
         return picture.pts * picture.time_base
 
 
-def test_no_sound_is_no_matter(tmp_path):
-    """A file of pictures alone becomes one of pictures alone."""
-    clip = write_clip(tmp_path / "in.mp4")
-    assert double(clip, tmp_path / "out.mkv") == []
-    assert [kind for kind, *_ in streams_of(tmp_path / "out.mkv")] == ["video"]
-
-
 # ----------------------------------------------------------------------------------------------------------------- tags
 
 CAMERA = {
@@ -374,20 +342,11 @@ def write_tags(path: Path, tags: dict[str, str], languages: Sequence[str] = (), 
     """Write two frames with tags, and silence in some languages."""
     with av.open(str(path), "w", container_options=options) as output:
         output.metadata.update(tags)
-        video = output.add_stream("libx264", rate=5, width=64, height=48)
-        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        _, packets = add_pictures(output, 2, rate=5)
         sounds = [output.add_stream("aac", rate=48000) for _ in languages]
         for sound, language in zip(sounds, languages, strict=True):
             sound.metadata["language"] = language
-        packets: list[Any] = []
-        for index in range(2):
-            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
-            picture.pts = index
-            packets += video.encode(picture)
-        packets += video.encode(None)
-        for sound in sounds:
-            packets += tone(sound, 0)
-        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+        mux_in_order(output, packets + [packet for sound in sounds for packet in tone(sound, 0)])
     return path
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from video_truth import samples_of, spoil_packets, write_clip
+from video_truth import copy_packets, samples_of, spoil_packets, write_clip
 
 from fpsboost.errors import InputError
 from fpsboost.frame import Frame
@@ -122,12 +122,12 @@ def test_frames_before_the_beginning_are_not_counted(tmp_path, container):
     whole = write_clip(tmp_path / "whole.mkv", times=range(40), options=B_FRAMES)
     clip = tmp_path / f"in.{'mkv' if container == 'mkv' else 'mp4'}"
     options = {"movflags": "frag_keyframe+default_base_moof"} if container == "fragments" else {}
-    with av.open(str(whole)) as file, av.open(str(clip), "w", options=options) as output:
-        target = output.add_stream_from_template(file.streams.video[0])
-        for number, packet in enumerate(each for each in file.demux() if each.size):
-            packet.stream, packet.dts = target, 40 * number - 80 - 120
-            packet.pts -= 120
-            output.mux(packet)
+
+    def begin_earlier(number: int, packet: Any) -> None:
+        packet.dts = 40 * number - 80 - 120
+        packet.pts -= 120
+
+    copy_packets(whole, clip, begin_earlier, **options)
     check(lambda: VideoSource(clip), [0, 1, 4, 20, -1])
 
 

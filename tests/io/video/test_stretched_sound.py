@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conversion_options import grouped
 from numpy.typing import NDArray
-from video_truth import packets_of, pictures_of, scene, spoil_packets, write_clip
+from video_truth import add_pictures, mux_in_order, packets_of, pictures_of, spoil_packets, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
@@ -53,18 +53,11 @@ def write_sounds(
 ) -> Path:
     """Write two seconds of pictures and tracks of sound, which are not there between the times `left_out`."""
     with av.open(str(path), "w") as output:
-        video = output.add_stream("libx264", rate=pictures // 2, width=64, height=48)
-        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
+        _, packets = add_pictures(output, pictures, rate=pictures // 2)
         sounds: list[Any] = [output.add_stream(codec, rate=rate, layout=layout) for layout in layouts]
         for number, language in enumerate(languages):
             sounds[number].metadata.update({"language": language, "title": f"track {language}"})
             sounds[number].disposition = int(number == 1)
-        packets: list[Any] = []
-        for index in range(pictures):
-            picture = av.VideoFrame.from_ndarray(scene(index), format="bgr24").reformat(format="yuv420p")
-            picture.pts = index
-            packets += video.encode(picture)
-        packets += video.encode(None)
         for track, sound in enumerate(sounds):
             samples = np.rint(wave(track, seconds, rate) * 32767).astype(np.int16)
             channels = av.AudioLayout(layouts[track]).nb_channels
@@ -76,7 +69,7 @@ def write_sounds(
                 frame.sample_rate, frame.pts, frame.time_base = rate, at + round(start * rate), Fraction(1, rate)
                 packets += sound.encode(frame)
             packets += sound.encode(None)
-        output.mux(sorted(packets, key=lambda packet: packet.dts * Fraction(packet.time_base)))
+        mux_in_order(output, packets)
     return path
 
 
