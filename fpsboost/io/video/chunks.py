@@ -142,13 +142,13 @@ class Chunk:
 
 def find_chunks(folder: Path, first: int = 0) -> list[Chunk]:
     """Return the complete chunks in a folder from a number on, up to the first that is missing or damaged."""
-    found: list[Chunk] = []
+    chunks: list[Chunk] = []
     while True:
-        path = folder / f"{first + len(found):08d}{CHUNK_SUFFIX}"
+        path = folder / f"{first + len(chunks):08d}{CHUNK_SUFFIX}"
         frames = _frames_if_intact(path) if path.exists() else None
         if frames is None:
-            return found
-        found.append(Chunk(path, frames))
+            return chunks
+        chunks.append(Chunk(path, frames))
 
 
 def complete_chunk(path: Path) -> Chunk:
@@ -315,9 +315,9 @@ class VideoChunks:
 
     def _choose_encoder(self, traits: VideoTraits | None) -> tuple[str, dict[str, str]]:
         """Return FFmpeg's encoder and its options; the depth of images is known only from the first image on."""
-        known = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
+        coding = ("yuv420p", "") if traits is None else (traits.pixel_format, traits.codec)
         pixels = self._output.info.height * self._output.info.width
-        return choose_encoder(self._output.encoding, self._container, self._name, *known, pixels=pixels)
+        return choose_encoder(self._output.encoding, self._container, self._name, *coding, pixels=pixels)
 
     def _remark_on_floats(self, image: Image) -> None:
         """Add a remark, once each, on depth and light of floating-point images that the integer format cannot hold."""

@@ -105,8 +105,8 @@ def nominal_rate(stream: av.VideoStream, cadence: Cadence | None) -> tuple[Fract
     near = [rate for rate in declared if cadence.is_nearly(rate)]
     if not cadence.is_constant:
         near += [rate for rate in usual if cadence.is_nearly(rate)]
-    found = [*exact, *near, _simplest(cadence), *declared[:1]]
-    return next((rate for rate in found if not is_implausible(rate, cadence.mean_rate)), found[0]), True
+    candidates = [*exact, *near, _simplest(cadence), *declared[:1]]
+    return next((rate for rate in candidates if not is_implausible(rate, cadence.mean_rate)), candidates[0]), True
 
 
 def measured_cadence(times: Sequence[int], tick: Fraction) -> Cadence | None:
@@ -146,8 +146,8 @@ def listed_times(stream: av.stream.Stream) -> list[int]:
 def _usual_rates_near(rate: Fraction) -> list[Fraction]:
     """Return the nearest integer rate and NTSC rate, the nearer one first, then the nearest multiple of 1/2."""
     ntsc = 3 * round(rate * 1001 / 3000) * Fraction(1000, 1001)  # 14.985, 23.976, 29.97 and their multiples
-    near = sorted([Fraction(round(rate)), ntsc], key=lambda each: abs(each - rate))
-    return [each for each in (*near, Fraction(round(2 * rate), 2)) if each > 0]
+    near = sorted([Fraction(round(rate)), ntsc], key=lambda usual: abs(usual - rate))
+    return [usual for usual in (*near, Fraction(round(2 * rate), 2)) if usual > 0]
 
 
 def _simplest(cadence: Cadence) -> Fraction:
@@ -167,33 +167,22 @@ def assumed_rate_remark(name: str) -> str:
     return f"{name} does not say its frame rate; {ASSUMED_RATE} frames per second assumed."
 
 
-@dataclass(frozen=True)
-class Survey:
-    """Presentation times and start time of a file.
-
-    Attributes
-    ----------
-    times : list of int
-        Presentation times of the pictures in increasing order, ticks: all that the index lists, or the first ones.
-        Pictures without a time are left out.
-    start : Fraction
-        Start of video and audio on the file's own clock, seconds; it becomes time 0.
-    """
-
-    times: list[int]
-    start: Fraction
-
-
-def survey(container: av.container.InputContainer, video: int) -> Survey:
-    """Read the index of a file that was opened for this, or else its first packets, with `video` as its video stream.
+def survey(container: av.container.InputContainer, video: int) -> tuple[list[int], Fraction]:
+    """Return presentation times and the start of a file from its index, or else from its first packets.
 
     The clocks of transmitters, cameras and streaming servers start at an arbitrary time, so the start of a file becomes
     time 0. If the clock starts at the beginning, times before 0 are kept: they belong to decoder preroll, such as the
     first samples of AAC and Opus.
+
+    Returns
+    -------
+    list of int, Fraction
+        Times of the pictures of the stream `video` in increasing order, ticks: all that the index lists, or the first
+        ones, without those that have none; and the start of video and audio on the file's own clock, seconds.
     """
     listed = listed_times(container.streams[video])
     if listed and container.format.name.startswith(EDIT_LIST_FORMAT):
-        return Survey(listed, Fraction(0))
+        return listed, Fraction(0)
     sound = {stream.index for stream in container.streams.audio}
     times: list[int] = []
     can_begin = False
@@ -212,7 +201,7 @@ def survey(container: av.container.InputContainer, video: int) -> Survey:
         size += packet.size
         if count >= MAX_SURVEY_PACKETS or size >= MAX_SURVEY_BYTES:
             break
-    return Survey(listed or sorted(set(times)), _start(container, starts))
+    return listed or sorted(set(times)), _start(container, starts)
 
 
 def _start(container: av.container.InputContainer, starts: dict[int, Fraction]) -> Fraction:

@@ -27,10 +27,10 @@ def parse_bitrate(text: str, option: str = "`bitrate`") -> int:
     >>> parse_bitrate("8M"), parse_bitrate("1.5M"), parse_bitrate("800k")
     (8000000, 1500000, 800000)
     """
-    found = re.fullmatch(r"([0-9]{1,12}(?:\.[0-9]{1,12})?)([kKmM]?)", text.strip())
-    if found is None:
+    match = re.fullmatch(r"([0-9]{1,12}(?:\.[0-9]{1,12})?)([kKmM]?)", text.strip())
+    if match is None:
         raise OptionError(f"{option} {text!r} is no number of bits per second; write it like 8M, 1.5M or 800k.")
-    return round(Fraction(found[1]) * {"": 1, "k": 1000, "m": 1_000_000}[found[2].lower()])
+    return round(Fraction(match[1]) * {"": 1, "k": 1000, "m": 1_000_000}[match[2].lower()])
 
 
 def parse_encoder_options(texts: Sequence[str], option: str = "`encoder_options`") -> tuple[tuple[str, str], ...]:

@@ -73,8 +73,8 @@ def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str |
             "an FFmpeg sound encoder."
         )
     if not holds(container, encoder):
-        fitting = [friendly for friendly, each in sound_encoders.items() if holds(container, each)]
-        others = [suffix for suffix, each in containers.items() if each != container and holds(each, encoder)]
+        fitting = [common for common, name in sound_encoders.items() if holds(container, name)]
+        others = [suffix for suffix, other in containers.items() if other != container and holds(other, encoder)]
         instead = f", or write {' or '.join(others)}" if others else ""
         raise OptionError(f"`audio_codec={asked!r}` cannot go into {name}; use {' or '.join(fitting)}{instead}.")
     return encoder
@@ -82,7 +82,7 @@ def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str |
 
 def friendly_name(encoder: str) -> str:
     """Return the name of an encoder as a value of ``--audio-codec``."""
-    return next((friendly for friendly, each in sound_encoders.items() if each == encoder), encoder)
+    return next((common for common, name in sound_encoders.items() if name == encoder), encoder)
 
 
 def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
@@ -101,7 +101,7 @@ def traits_for(encoder: str, source: Traits, channels: int) -> Traits:
     rate, layout = _rate_for(codec, source[0]), source[2]
     target = rate, _format_for(codec, source[1])
     layouts = (layout, *STANDARD_LAYOUTS[channels - 1 : channels])
-    return *target, next((each for each in layouts if _takes(encoder, (*target, each))), "stereo")
+    return *target, next((name for name in layouts if _takes(encoder, (*target, name))), "stereo")
 
 
 def named_layout(layout: str, channels: int) -> str:
@@ -120,15 +120,15 @@ def _rate_for(codec: av.Codec, rate: int) -> int:
     rates: Collection[int] = codec.audio_rates or ()
     if codec.canonical_name == "opus":
         return OPUS_SAMPLE_RATE
-    return min((each for each in rates if each >= rate), default=max(rates, default=rate))
+    return min((higher for higher in rates if higher >= rate), default=max(rates, default=rate))
 
 
 def _format_for(codec: av.Codec, source: str) -> str:
     offered = codec.audio_formats or [av.AudioFormat(source)]
     if codec.lossy:
-        offered = [each for each in offered if each.name.startswith("flt")] or offered
+        offered = [format for format in offered if format.name.startswith("flt")] or offered
     wanted = av.AudioFormat(source).bytes
-    enough = [each for each in offered if each.bytes >= wanted]
+    enough = [format for format in offered if format.bytes >= wanted]
     chosen = min(enough, key=_bytes) if enough else max(offered, key=_bytes)
     return chosen.name
 
@@ -228,7 +228,7 @@ class EncodedSound:
         self.stream: Any = target
         self._run: _Run | None = None
         self._next_pts: int | None = None
-        self._held: tuple[av.AudioFrame, Fraction | None] | None = None
+        self._latest: tuple[av.AudioFrame, Fraction | None] | None = None
         self._packets_end = Fraction(0)
         self._tick = Fraction(0)
 
@@ -246,17 +246,17 @@ class EncodedSound:
         except av.error.FFmpegError:
             self.lost_packets += end > self._begin
             return []
-        return [ready for frame in frames for ready in self._hold(frame, begin)]
+        return [ready for frame in frames for ready in self._wait(frame, begin)]
 
     def finish(self) -> list[av.Packet[Any]]:
         """Return the remaining output packets after the end of the source."""
         ready = []
         try:
             for frame in self._source.decode(None):
-                ready += self._hold(frame, None)
+                ready += self._wait(frame, None)
         except av.error.FFmpegError:
             self.lost_packets += 1
-        ready += self._take_held(self._packets_end)
+        ready += self._take_latest(self._packets_end)
         ready += self._end_run()
         return ready if self._next_pts is None else [*ready, *self._with_padding_marked(self.stream.encode(None))]
 
@@ -266,7 +266,7 @@ class EncodedSound:
         It is marked by the duration, which mp4 and mov keep, and by the number of samples to skip, which Matroska
         keeps; not all encoders do this themselves.
         """
-        last = next((each for each in reversed(packets) if each.size), None)
+        last = next((packet for packet in reversed(packets) if packet.size), None)
         if last is None or last.pts is None or self._next_pts is None:
             return packets
         tick = Fraction(last.time_base)
@@ -274,7 +274,7 @@ class EncodedSound:
         padding = self._frame_size - left
         if left > 0 and padding > 0:
             last.duration = min(last.duration or left, round(Fraction(left, self._rate) / tick))
-            if not any(each.data_type == "skip_samples" for each in last.iter_sidedata()):
+            if not any(item.data_type == "skip_samples" for item in last.iter_sidedata()):
                 discarded = PacketSideData(SKIP_SAMPLES_TYPE, SKIP_SAMPLES_STRUCT.size)  # type: ignore[call-arg]
                 discarded.update(SKIP_SAMPLES_STRUCT.pack(0, padding, 0, 0))
                 last.set_sidedata(discarded)
@@ -303,20 +303,20 @@ class EncodedSound:
         """Return the output time of a source time, both in seconds."""
         return time if self._window is None else (time - self._window.begin) * self._window.stretch
 
-    def _hold(self, frame: av.AudioFrame, begin: Fraction | None) -> list[av.Packet[Any]]:
-        """Hold a frame back and process the frame held before, which is therefore not the last one."""
-        ready = self._take_held(None)
-        self._held = frame, begin
+    def _wait(self, frame: av.AudioFrame, begin: Fraction | None) -> list[av.Packet[Any]]:
+        """Let a frame wait and process the frame before, which is therefore not the last one."""
+        ready = self._take_latest(None)
+        self._latest = frame, begin
         return ready
 
-    def _take_held(self, end: Fraction | None) -> list[av.Packet[Any]]:
-        """Process the held frame up to `end`, where the source's packets end; None for all of it, 0 if unknown.
+    def _take_latest(self, end: Fraction | None) -> list[av.Packet[Any]]:
+        """Process the waiting frame up to `end`, where the source's packets end; None for all of it, 0 if unknown.
 
         A packet's time and duration may both be rounded to the file's time base, and are then not exact to the sample.
         """
-        if self._held is None:
+        if self._latest is None:
             return []
-        (frame, begin), self._held = self._held, None
+        (frame, begin), self._latest = self._latest, None
         if end and frame.pts is not None and frame.time_base:
             beyond = frame.pts * frame.time_base + Fraction(frame.samples, frame.sample_rate) - end
             padding = math.floor(beyond * frame.sample_rate)

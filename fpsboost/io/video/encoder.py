@@ -180,8 +180,8 @@ class VideoEncoder:
 
     def _add_hdr_options(self, traits: VideoTraits) -> None:
         """Add the mastering display and the light levels to the encoder's options, and remark on what is lost."""
-        self._options, told_all = with_hdr(self._options, self._encoder, traits.mastering_display, traits.light_level)
-        lost = ["HDR mastering data"] * (not told_all) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
+        self._options, is_whole = with_hdr(self._options, self._encoder, traits.mastering_display, traits.light_level)
+        lost = ["HDR mastering data"] * (not is_whole) + ["dynamic HDR metadata"] * traits.has_dynamic_hdr
         if lost:
             self.remarks.append(f"{self._name} lost the {' and the '.join(lost)} of its source; colour tags were kept.")
 
@@ -282,10 +282,10 @@ def with_hdr(
         parameters.append(f"{name_of_display}={_display_text(display, whole_units)}")
     if light is not None:
         parameters.append(f"{name_of_light}={light.brightest_pixel},{light.brightest_frame}")
-    told_all = len(parameters) == (display is not None) + (light is not None)
+    is_whole = len(parameters) == (display is not None) + (light is not None)
     if not parameters:
-        return dict(options), told_all
-    return {**options, name: ":".join([*parameters, *([options[name]] if options.get(name) else [])])}, told_all
+        return dict(options), is_whole
+    return {**options, name: ":".join([*parameters, *([options[name]] if options.get(name) else [])])}, is_whole
 
 
 _parameters = {

@@ -142,7 +142,7 @@ def choose_encoder(
     """
     default = default_codec(container, encoding.pixel_format or pixel_format, source_codec)
     asked = encoding.codec or default
-    known = encoders.get(asked.lower()) or next((e for e in encoders.values() if e.name == asked), None)
+    known = encoders.get(asked.lower()) or next((entry for entry in encoders.values() if entry.name == asked), None)
     encoder = known.name if known else asked
     try:
         codec = av.Codec(encoder, "w")
@@ -154,8 +154,8 @@ def choose_encoder(
             "encoder."
         )
     if not holds(container, encoder):
-        fitting = [friendly for friendly, e in encoders.items() if holds(container, e.name)]
-        others = [suffix for suffix, each in containers.items() if holds(each, encoder)]
+        fitting = [common for common, entry in encoders.items() if holds(container, entry.name)]
+        others = [suffix for suffix, other in containers.items() if holds(other, encoder)]
         instead = f", or write {' or '.join(others)}" if others else ""
         raise OptionError(f"`codec={asked!r}` cannot go into {name}; use {' or '.join(fitting)}{instead}.")
     _check_pixel_format(codec, encoding.pixel_format)
@@ -177,7 +177,7 @@ def encodes_alpha(encoding: Encoding, container: str) -> bool:
         return False  # libvpx stores alpha beside the picture, which only these two containers support
     if encoding.pixel_format is not None:
         return encoding.pixel_format in offered and has_alpha(encoding.pixel_format)
-    return any(has_alpha(each) for each in offered)
+    return any(has_alpha(name) for name in offered)
 
 
 def _options_of_known(known: Encoder, asked: str, encoding: Encoding) -> dict[str, str]:
@@ -233,7 +233,7 @@ def _lossless_options_of_other(codec: av.Codec, known: Collection[str]) -> dict[
 def _check_lossless(asked: str, can: bool) -> None:
     """Raise `OptionError` unless the encoder can be lossless."""
     if not can:
-        able = [friendly for friendly, each in encoders.items() if each.lossless]
+        able = [common for common, encoder in encoders.items() if encoder.lossless]
         raise OptionError(f"`lossless` is nothing that {asked} can do; use {', '.join(able)} or ffv1.")
 
 
@@ -350,7 +350,7 @@ threads_of_encoders = {
 # 3840x2160, and makes the same stream, save one with a bounded rate.
 _x264_options = (
     ("thread_type", "frame"),
-    *(("x264-params", each) for each in (*repeatable_parameters, "sync-lookahead=0")),
+    *(("x264-params", entry) for entry in (*repeatable_parameters, "sync-lookahead=0")),
 )
 
 _further_options = {

@@ -89,7 +89,7 @@ def fit_streams(output: Output, encoder: str, container: str) -> Fitting:
                     for suffix, other in containers.items()
                     if other != container
                     and (not encoding.codec or holds(other, encoder))
-                    and all(fits(other, each, samples.get(each.index)) for each in strict)
+                    and all(fits(other, copied, samples.get(copied.index)) for copied in strict)
                 ]
                 raise OutputError(_refusal(stream, container, instead, name, source.name))
             else:
@@ -132,16 +132,16 @@ def first_packets(file: av.container.InputContainer, streams: Sequence[av.stream
 
     Streams without a packet among the first ones of the file are missing; subtitles may start late.
     """
-    found: dict[int, bytes] = {}
+    packets: dict[int, bytes] = {}
     if not streams:
-        return found
+        return packets
     with suppress(av.error.FFmpegError):
         for packet in islice(file.demux(streams), MAX_PROBED_PACKETS):
             if packet.size:
-                found.setdefault(packet.stream.index, bytes(packet))
-            if len(found) == len(streams):
+                packets.setdefault(packet.stream.index, bytes(packet))
+            if len(packets) == len(streams):
                 break
-    return found
+    return packets
 
 
 def fits(container: str, stream: av.stream.Stream, sample: bytes | None) -> bool:
@@ -200,7 +200,7 @@ def keeps_data(container: str, stream: av.stream.Stream) -> bool:
             _mux_one(probe, stream, bytes(64))
         file.seek(0)
         with av.open(file, "r") as again:
-            return [each.name for each in again.streams.data] == [kind]
+            return [data.name for data in again.streams.data] == [kind]
     except (av.error.FFmpegError, ValueError):
         return False
 
@@ -222,7 +222,7 @@ def _is_recognized_after_muxing(container: str, stream: av.stream.Stream, sample
             with open_muxer(path, container, any_codec=True) as probe:
                 _mux_one(probe, stream, sample or bytes(64))
             with av.open(str(path)) as again:
-                return [codec_of(each) for each in again.streams] == [codec_of(stream)]
+                return [codec_of(muxed) for muxed in again.streams] == [codec_of(stream)]
         except (av.error.FFmpegError, ValueError):
             return False
 
@@ -291,8 +291,8 @@ def list_streams(file: VideoFile) -> list[StreamFacts]:
     """Return the properties of all streams in a file."""
     with open_video(file.path, file.name) as container:
         streams = list(container.streams)
-        samples = first_packets(container, [each for each in streams if each.type in ("audio", "subtitle")])
-        return [_facts_of(each, file.stream_index, samples.get(each.index)) for each in streams]
+        samples = first_packets(container, [stream for stream in streams if stream.type in ("audio", "subtitle")])
+        return [_facts_of(stream, file.stream_index, samples.get(stream.index)) for stream in streams]
 
 
 def _facts_of(stream: av.stream.Stream, converted: int, sample: bytes | None) -> StreamFacts:

@@ -223,38 +223,22 @@ def _begins_hevc(data: bytes, header: bytes | None) -> bool:
     return any(unit and (unit[0] >> 1 & 63) in HEVC_RANDOM_ACCESS for unit in _units(data, header, 21))
 
 
-def _begins_mpeg2(data: bytes, _: bytes | None) -> bool:
-    place = data.find(MPEG2_PICTURE)
-    return 0 <= place < len(data) - 5 and data[place + 5] >> 3 & 7 == 1
-
-
-def _begins_mpeg4(data: bytes, _: bytes | None) -> bool:
-    place = data.find(MPEG4_PICTURE)
-    return 0 <= place < len(data) - 4 and data[place + 4] >> 6 == 0
-
-
-def _begins_vp8(data: bytes, _: bytes | None) -> bool:
-    return bool(data) and not data[0] & 1
-
-
-def _begins_vp9(data: bytes, _: bytes | None) -> bool:
-    return bool(data) and not _vp9_flags(data[0]) & 6
-
-
-def _begins_as_marked(_: bytes, __: bytes | None) -> bool:
-    return True
+def _has_intra_picture(data: bytes, start_code: bytes, at: int, shift: int, mask: int, intra: int) -> bool:
+    """Return whether the type of the picture behind a start code, in byte `at` of it, says that it stands alone."""
+    place = data.find(start_code)
+    return 0 <= place < len(data) - at and data[place + at] >> shift & mask == intra
 
 
 checks: dict[str, Callable[[bytes, bytes | None], bool]] = {
     "h264": _begins_h264,
     "hevc": _begins_hevc,
-    "mpeg1video": _begins_mpeg2,
-    "mpeg2video": _begins_mpeg2,
-    "mpeg4": _begins_mpeg4,
-    "vp8": _begins_vp8,
-    "vp9": _begins_vp9,
-    "av1": _begins_as_marked,
-    "ffv1": _begins_as_marked,
+    "mpeg1video": lambda data, _: _has_intra_picture(data, MPEG2_PICTURE, 5, 3, 7, 1),
+    "mpeg2video": lambda data, _: _has_intra_picture(data, MPEG2_PICTURE, 5, 3, 7, 1),
+    "mpeg4": lambda data, _: _has_intra_picture(data, MPEG4_PICTURE, 4, 6, 3, 0),
+    "vp8": lambda data, _: bool(data) and not data[0] & 1,
+    "vp9": lambda data, _: bool(data) and not _vp9_flags(data[0]) & 6,
+    "av1": lambda *_: True,
+    "ffv1": lambda *_: True,
 }
 """For each codec whose key frames end all dependence on earlier packets, the check of one; see `can_begin`."""
 

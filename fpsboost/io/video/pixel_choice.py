@@ -62,8 +62,8 @@ def choose_pixel_format(
     wanted = encoding.pixel_format or source
     if not offered:
         return wanted, []
-    whole_only = any(e.name == encoder and e.needs_whole_chroma for e in encoders.values())
-    fitting = [each for each in offered if not whole_only or _divides(each, info.width, info.height)]
+    whole_only = any(entry.name == encoder and entry.needs_whole_chroma for entry in encoders.values())
+    fitting = [name for name in offered if not whole_only or _divides(name, info.width, info.height)]
     if encoding.pixel_format:
         if wanted not in fitting:
             raise OptionError(
@@ -79,10 +79,10 @@ def choose_pixel_format(
     if wanted in fitting:
         return wanted, _loss_remarks(name, encoder, wanted, source, exact=keeps_all) if of_images and is_deep else []
     keeps_alpha = encodes_alpha(encoding, container) and has_alpha(wanted)
-    fitting = [each for each in fitting if has_alpha(each) or not keeps_alpha] or fitting
+    fitting = [name for name in fitting if has_alpha(name) or not keeps_alpha] or fitting
     if keeps_all or (of_images and is_deep):
-        found = _deepest(fitting, wanted, exact=keeps_all)
-        return found, _loss_remarks(name, encoder, found, source, exact=keeps_all)
+        deepest = _deepest(fitting, wanted, exact=keeps_all)
+        return deepest, _loss_remarks(name, encoder, deepest, source, exact=keeps_all)
     best, loss = find_best_pix_fmt_of_list(fitting, wanted, has_alpha=keeps_alpha)
     if best is None:
         raise OutputError(f"{name} cannot hold {wanted} with {encoder}; choose another `codec`.")
@@ -113,7 +113,7 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
     Ties go to the more similar format if `exact`, else to YCbCr, in which encoders lose less.
     """
     source = av.VideoFormat(wanted)
-    offered = [each for each in offered if not EXCLUDED_FORMATS.search(each)] or offered
+    offered = [name for name in offered if not EXCLUDED_FORMATS.search(name)] or offered
 
     def worth(name: str) -> tuple[float, ...]:
         target = av.VideoFormat(name)
@@ -130,25 +130,25 @@ def _deepest(offered: list[str], wanted: str, *, exact: bool) -> str:
     return max(offered, key=worth)
 
 
-def _loss_remarks(name: str, encoder: str, found: str, source: str, *, exact: bool) -> list[str]:
+def _loss_remarks(name: str, encoder: str, chosen: str, source: str, *, exact: bool) -> list[str]:
     """Return the remarks on bit depth and chroma resolution that a format does not hold."""
-    finer = _chroma_of(av.VideoFormat(source)) > _chroma_of(av.VideoFormat(found))
-    deeper = _bits_held(found, source, exact=exact) < depth_of(source)
+    finer = _chroma_of(av.VideoFormat(source)) > _chroma_of(av.VideoFormat(chosen))
+    deeper = _bits_held(chosen, source, exact=exact) < depth_of(source)
     lost = ["depth"] * deeper + ["colour resolution"] * finer
     if not lost:
         return []
-    sentence = _loss_sentence(name, lost, encoder, found, source).removesuffix(".")
+    sentence = _loss_sentence(name, lost, encoder, chosen, source).removesuffix(".")
     return [f"{sentence}; `codec='ffv1'` in an .mkv keeps up to 16 bits of every colour."]
 
 
-def _loss_sentence(name: str, lost: list[str], encoder: str, found: str, source: str) -> str:
-    return f"{name} has less {' and '.join(lost)} than its source: {encoder} wrote {found} for {source}."
+def _loss_sentence(name: str, lost: list[str], encoder: str, chosen: str, source: str) -> str:
+    return f"{name} has less {' and '.join(lost)} than its source: {encoder} wrote {chosen} for {source}."
 
 
-def _odd_size_remark(name: str, info: ClipInfo, found: str) -> str:
+def _odd_size_remark(name: str, info: ClipInfo, chosen: str) -> str:
     return (
-        f"{name} has the odd size {info.width}x{info.height} and was written as {found}, which few players show; write "
-        "a .webm, or crop to an even size."
+        f"{name} has the odd size {info.width}x{info.height} and was written as {chosen}, which few players show; "
+        "write a .webm, or crop to an even size."
     )
 
 

@@ -121,13 +121,13 @@ class VideoSource(ClosesOnExit):
         context = stream.codec_context
         self._limit.check(self._name, context.width, context.height)
         with open_video(self.path, self._name) as file:
-            times = survey(file, stream.index)
+            times, self.start = survey(file, stream.index)
         tick = as_fraction(stream.time_base)
-        cadence = None if tick is None else measured_cadence(times.times, tick)
+        cadence = None if tick is None else measured_cadence(times, tick)
         self.coded_rate, rate_is_known = nominal_rate(stream, cadence)
         self._remarks += left_out_remarks(container, stream, self._name)
         self._remarks += [] if rate_is_known else [assumed_rate_remark(self._name)]
-        self.start, tick = times.start, tick or 1 / self.coded_rate
+        tick = tick or 1 / self.coded_rate
         self._fields = fields = 2 if self._decoding.deinterlace else 1
         self._clock = VideoClock(self._demuxer, self.start, tick, tick / fields, self.coded_rate * fields)
         streams = container.streams
@@ -281,34 +281,18 @@ class VideoSource(ClosesOnExit):
                 f"{counted(count, 'frame')}{of_all} could be read."
             )
 
-    # ------------------------------------------------------------------------------------------------ random access
-
     def first_time(self) -> Fraction:
         """Time of the clip's first frame, seconds; decodes it. Before the first frame is read."""
         assert self.traits is not None
         return self._reader.first_time()
 
     def skip_to(self, time: Fraction) -> None:
-        """Go to the key frame before a time, where the file's index is to be trusted.
-
-        Not where fields become frames, which hang on those before.
-
-        Raises
-        ------
-        InputError
-            Nothing decodes.
-        """
+        """Go to the key frame before a time, where the index is to be trusted; not where fields become frames."""
         assert self.traits is not None
         self._reader.skip_to(time)
 
     def frame_times(self) -> Sequence[Fraction] | None:
-        """See `fpsboost.io.RandomAccess.frame_times`; reads all packets, and decodes the first frames.
-
-        Raises
-        ------
-        InputError
-            Nothing decodes.
-        """
+        """See `fpsboost.io.RandomAccess.frame_times`; reads all packets, and decodes the first frames."""
         assert self.traits is not None
         times = self._reader.frame_times()
         if times is None and self._info.frame_count is None and self._info.duration is None:
@@ -325,13 +309,7 @@ class VideoSource(ClosesOnExit):
         self._reader.index = index
 
     def begin_at(self, number: int) -> None:
-        """See `fpsboost.io.RandomAccess.begin_at`; decodes from the key frame before.
-
-        Raises
-        ------
-        InputError
-            Nothing decodes, or there is no such frame.
-        """
+        """See `fpsboost.io.RandomAccess.begin_at`; decodes from the key frame before."""
         times = self.frame_times()
         if times is not None and number >= len(times):
             raise InputError(f"{self._name} has {counted(len(times), 'frame')}, and none has the number {number}.")
