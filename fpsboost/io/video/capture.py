@@ -62,14 +62,9 @@ class ArraySource(ClosesOnExit):
 
 
 class CaptureSource(ArraySource):
-    """Source of frames that OpenCV reads from a file, a camera or a stream.
+    """Source of frames that OpenCV reads from anything that `cv2.VideoCapture` accepts.
 
-    Parameters
-    ----------
-    path : str
-        Anything that `cv2.VideoCapture` accepts: a file, a URL, a GStreamer pipeline, the number of a camera.
-    limit : MemoryLimit, optional
-        Memory that may be used; by default what is available.
+    That is a file, a URL, a GStreamer pipeline, or the number of a camera.
 
     Raises
     ------

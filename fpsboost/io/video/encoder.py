@@ -42,10 +42,8 @@ class VideoEncoder:
     ----------
     output : Output
         Size, rate and time base of the frames, and the options of the user.
-    encoder, options : str, dict
-        FFmpeg's name of the encoder, and its options.
-    container : str
-        FFmpeg's name of the container of the packets.
+    encoder, options, container : str, dict, str
+        FFmpeg's names of the encoder and of the container of the packets, and the encoder's options.
     traits : VideoTraits
         Colour coding, pixel shape and orientation of the pictures: the source's, or those to write for images.
 

@@ -80,15 +80,9 @@ bibliographic = {
 
 @dataclass(frozen=True)
 class Tags:
-    """Tags of an output.
+    """Tags of an output, and the names of those that its container does not hold.
 
-    Attributes
-    ----------
-    values : mapping of str to str
-    free_keys : bool
-        Whether the container keeps them only in its list of free keys (FFmpeg's ``use_metadata_tags``).
-    lost : list of str
-        Names of the tags that the container does not hold.
+    With `free_keys`, the container keeps them only in its list of free keys (FFmpeg's ``use_metadata_tags``).
     """
 
     values: Mapping[str, str]

@@ -44,14 +44,9 @@ packed_formats_with_alpha = {np.dtype(np.uint8): "bgra", np.dtype(np.uint16): "b
 
 
 def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
-    """Convert a decoded picture by its own colour matrix and range; `from_bgr` is the inverse.
+    """Convert a decoded picture by its own colour matrix and range; `from_bgr` is the inverse. Alpha is dropped.
 
-    Parameters
-    ----------
-    picture : av.VideoFrame
-        Any pixel format; alpha is dropped.
-    reformatter : VideoReformatter, optional
-        Keeps the scaler's tables from one frame to the next.
+    The reformatter keeps the scaler's tables from one frame to the next.
 
     Returns
     -------
@@ -239,18 +234,9 @@ def reformatted(
     *,
     size: tuple[int, int] | None = None,
 ) -> av.VideoFrame:
-    """Convert a YCbCr picture to another YCbCr pixel format with the same matrix and range.
+    """Convert a YCbCr picture to another pixel format, with the same matrix and range, and optionally another size.
 
-    Parameters
-    ----------
-    picture : av.VideoFrame
-    reformatter : VideoReformatter
-    pixel_format : str
-        FFmpeg's name.
-    full_range : bool
-        Whether black is 0 rather than 16 (in 8 bits), before and after.
-    size : (int, int), optional
-        New height and width.
+    `full_range` says whether black is 0 rather than 16 (in 8 bits), before and after; `size` is height and width.
     """
     colour_range = FULL_RANGE if full_range else LIMITED_RANGE
     height, width = size or (None, None)

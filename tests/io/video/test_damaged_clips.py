@@ -11,8 +11,6 @@ from pathlib import Path
 import pytest
 from fuzzing import KINDS
 
-import fpsboost
-
 TESTS = Path(__file__).parents[2]
 SEED = 20260
 COPIES = 10
@@ -38,8 +36,3 @@ def test_damaged_copies(tmp_path, part):
     assert len(refusals) + outcomes.count("converted") == len(outcomes)
     assert len(refusals) > len(kinds)
     assert all(outcome.endswith(".") and "\n" not in outcome and str(tmp_path) in outcome for outcome in refusals)
-
-
-def test_the_package_that_is_fuzzed_is_this_one():
-    """The process of its own finds the package where this one does."""
-    assert Path(fpsboost.__file__).is_relative_to(TESTS.parent)

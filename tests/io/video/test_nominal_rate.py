@@ -10,7 +10,7 @@ from typing import Any
 import av
 import pytest
 from conversion_options import keeping_duplicates
-from video_truth import scene, write_clip
+from video_truth import add_pictures, write_clip
 
 from fpsboost import convert
 from fpsboost.io.video.clock import measured_cadence, nominal_rate
@@ -95,12 +95,7 @@ def test_few_frames_are_at_the_rate_that_is_declared():
 def test_flv_without_metadata(tmp_path):
     """24 frames per second in milliseconds, of which the header says nothing, become 48."""
     with av.open(str(tmp_path / "in.flv"), "w", container_options={"flvflags": "no_metadata"}) as output:
-        video: Any = output.add_stream("libx264", rate=24, width=64, height=48)
-        video.pix_fmt, video.options = "yuv420p", {"preset": "ultrafast"}
-        packets = []
-        for index in range(48):
-            packets += video.encode(av.VideoFrame.from_ndarray(scene(index), format="bgr24"))
-        output.mux([*packets, *video.encode(None)])
+        output.mux(add_pictures(output, 48, rate=24)[1])
     summary = convert(str(tmp_path / "in.flv"), str(tmp_path / "out.mp4"), method=keeping_duplicates("nearest"))
     assert (summary.frames_in, summary.frames_out, summary.remarks) == (48, 96, [])
     with VideoSource(tmp_path / "out.mp4") as source:

@@ -13,7 +13,7 @@ import av.filter
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from video_truth import pictures_of, png, scene, write_clip
+from video_truth import add_pictures, mux_in_order, pictures_of, png, scene, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError
@@ -193,17 +193,12 @@ def test_a_deinterlaced_conversion(tmp_path):
 def write_two(path: Path, sizes: Sequence[tuple[int, int]], default: int | None = None) -> Path:
     """Write a clip with several videos of 4 frames (height, width), of which one may be flagged as the default."""
     with av.open(str(path), "w") as output:
-        streams = [output.add_stream("ffv1", rate=25, width=width, height=height) for height, width in sizes]
         packets = []
-        for number, (stream, (height, width)) in enumerate(zip(streams, sizes, strict=True)):
-            stream.pix_fmt = "yuv420p"
+        for number, size in enumerate(sizes):
+            stream, its_packets = add_pictures(output, 4, codec="ffv1", size=size)
             stream.disposition = 1 if number == default else 0
-            for index in range(4):
-                picture = av.VideoFrame.from_ndarray(scene(index, height, width), format="bgr24")
-                picture.pts = index
-                packets += stream.encode(picture.reformat(format="yuv420p"))
-            packets += stream.encode(None)
-        output.mux(sorted(packets, key=lambda packet: packet.dts))
+            packets += its_packets
+        mux_in_order(output, packets)
     return path
 
 
