@@ -14,8 +14,7 @@ from scoring import make_between, one_thread, read_frames
 from fpsboost.colour import Coding
 from fpsboost.frame import Image
 from fpsboost.image import YCbCrImage
-from fpsboost.io.video.planes import in_planes
-from fpsboost.io.video.ycc import BT709, from_bgr
+from fpsboost.io.video.ycc import BT709, from_bgr, in_planes
 from fpsboost.method_table import find_method
 
 

@@ -18,9 +18,8 @@ from fpsboost.frame import Frame, as_array, check_pair
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import YCbCrImage
 from fpsboost.interpolator import with_neighbours
-from fpsboost.io.video.planes import PLANAR_FORMATS, bgr_of, in_planes, picture_of
 from fpsboost.io.video.source import VideoSource
-from fpsboost.io.video.ycc import from_bgr
+from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, from_bgr, in_planes, picture_of
 from fpsboost.motion.components import contrast_components, contrast_planes, gray, small_copy
 from fpsboost.motion.nlm import pyramid
 

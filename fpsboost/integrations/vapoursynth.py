@@ -44,8 +44,7 @@ from fpsboost.colour import luma_weights
 from fpsboost.frame import FrameImage, Image, as_array
 from fpsboost.frame_cache import FrameCache, Results, SourcePosition
 from fpsboost.image import view
-from fpsboost.io.video.planes import PLANAR_FORMATS, bgr_of, in_planes
-from fpsboost.io.video.ycc import assumed_color_space, from_bgr
+from fpsboost.io.video.ycc import PLANAR_FORMATS, assumed_color_space, bgr_of, from_bgr, in_planes
 from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.method_table import find_method
 from fpsboost.pair import Pair

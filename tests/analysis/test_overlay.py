@@ -12,8 +12,7 @@ from truth import as_type, noise, prepared, waves
 
 from fpsboost.analysis.overlay import DILATION_RADIUS, find_overlay, keep_overlay
 from fpsboost.colour import Coding
-from fpsboost.io.video.planes import in_planes
-from fpsboost.io.video.ycc import from_bgr
+from fpsboost.io.video.ycc import from_bgr, in_planes
 from fpsboost.method_table import methods
 
 KEEPING = replace(methods["nlm"], cuts=None)

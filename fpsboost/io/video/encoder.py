@@ -23,9 +23,8 @@ from fpsboost.frame import Frame, Pixels
 from fpsboost.io.output import Output
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, needs_hardware
 from fpsboost.io.video.pixel_choice import choose_pixel_format
-from fpsboost.io.video.planes import as_picture
 from fpsboost.io.video.traits import LightLevel, MasteringDisplay, VideoTraits
-from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, has_alpha
+from fpsboost.io.video.ycc import BT709, FULL_RANGE, LIMITED_RANGE, RGB, as_picture, has_alpha
 
 MIN_CUTREE_WIDTH = 64
 """Minimum width for x265's "cutree", pixels; in narrower pictures it writes out of bounds (seen up to 48)."""

@@ -27,11 +27,10 @@ from fpsboost.frame import ClipInfo, Frame, Pixels, describe
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output, StreamInfo
-from fpsboost.io.video.planes import as_picture, coding_of, in_planes
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import interlaced_remark, lost_companions_remark, lost_shape_remark
-from fpsboost.io.video.traits import VideoTraits, read_traits
-from fpsboost.io.video.ycc import UNSPECIFIED, assumed_color_space, plane_arrays, to_bgr
+from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
+from fpsboost.io.video.ycc import UNSPECIFIED, as_picture, assumed_color_space, in_planes, plane_arrays, to_bgr
 
 INPUT_NAME, OUTPUT_NAME = "standard input", "standard output"
 

@@ -35,11 +35,10 @@ from fpsboost.io.video.demuxer import Demuxer, left_out_remarks, open_video
 from fpsboost.io.video.frame_index import FrameIndex
 from fpsboost.io.video.picture_reader import PictureReader
 from fpsboost.io.video.pictures import FormatUnifier, is_on_its_side, turned_upright
-from fpsboost.io.video.planes import coding_of, in_planes
 from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import counted, lost_alpha_remark, lost_companions_remark, lost_shape_remark
-from fpsboost.io.video.traits import VideoTraits, read_traits
-from fpsboost.io.video.ycc import has_alpha, to_bgr, to_bgra
+from fpsboost.io.video.traits import VideoTraits, coding_of, read_traits
+from fpsboost.io.video.ycc import has_alpha, in_planes, to_bgr, to_bgra
 
 
 class VideoSource(ClosesOnExit):

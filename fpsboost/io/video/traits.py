@@ -10,9 +10,10 @@ import av
 import numpy as np
 from av.video.reformatter import VideoReformatter
 
+from fpsboost.colour import Coding
 from fpsboost.errors import InputError
 from fpsboost.io.video.pyav import as_fraction, side_data_of
-from fpsboost.io.video.ycc import chroma_location_of, color_space_of, is_full_range
+from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, chroma_location_of, color_space_of, is_full_range
 
 DYNAMIC_HDR_SIDE_DATA = {"DYNAMIC_HDR_PLUS", "DYNAMIC_HDR_VIVID", "DOVI_METADATA", "DOVI_RPU_BUFFER"}
 """Types of FFmpeg's side data that hold dynamic HDR metadata."""
@@ -167,3 +168,12 @@ def parse_light_level(data: bytes | None) -> LightLevel | None:
         return None
     levels = LightLevel(*struct.unpack_from("=2I", data))
     return levels if levels != LightLevel(0, 0) else None
+
+
+def coding_of(traits: VideoTraits) -> Coding | None:
+    """Return the planar YCbCr coding of a video's pictures, or None if they must be converted to BGR."""
+    if traits.pixel_format not in PLANAR_FORMATS:
+        return None
+    bits = av.VideoFormat(traits.pixel_format).components[0].bits
+    location, pixel_format = traits.chroma_location, traits.pixel_format
+    return Coding(bits, traits.color_space, traits.full_range, location, pixel_format, bgr_of)

@@ -1,4 +1,4 @@
-"""Convert decoded pictures to BGR and back by the matrix, range and chroma location of their YCbCr.
+"""Convert decoded pictures to BGR or planes, and back, by the matrix, range and chroma location of their YCbCr.
 
 FFmpeg's scaler alone is off by half a level in full range and by up to 255 of 65535 in deep formats. It therefore only
 converts between the chroma subsampling of a picture and 4:4:4; a 3x4 matrix converts 4:4:4 to BGR, and its exact
@@ -17,8 +17,9 @@ import numpy as np
 from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
-from fpsboost.colour import bgr_to_ycc, luma_weights
-from fpsboost.frame import Image
+from fpsboost.colour import Coding, bgr_to_ycc, luma_weights
+from fpsboost.frame import Frame, Image
+from fpsboost.image import YCbCrImage, view
 
 SMPTE170M, BT709, RGB, UNSPECIFIED = 6, 1, 0, 2  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange
@@ -41,6 +42,12 @@ packed_formats = {np.dtype(np.uint8): "bgr24", np.dtype(np.uint16): "bgr48le"}
 
 packed_formats_with_alpha = {np.dtype(np.uint8): "bgra", np.dtype(np.uint16): "bgra64le"}
 """FFmpeg's pixel format of a BGRA array by its dtype."""
+
+PLANAR_FORMATS = frozenset(
+    [f"yuv{chroma}p{depth}" for chroma in (420, 422, 444) for depth in ("", "9le", "10le", "12le", "14le", "16le")]
+    + [f"yuvj{chroma}p" for chroma in (420, 422, 444)]
+)
+"""Pixel formats whose pictures can be processed as planar YCbCr."""
 
 
 def to_bgr(picture: av.VideoFrame, reformatter: VideoReformatter | None = None) -> Image:
@@ -322,3 +329,62 @@ def chroma_location_of(picture: av.VideoFrame, reformatter: VideoReformatter) ->
     _, across, down = plane_arrays(reformatted(ramp, reformatter, "yuv420p", True))
     place = tuple((float(samples[8, 8]) - 64) / step - 16 for samples in (across, down))
     return min(chroma_locations.items(), key=lambda item: abs(item[0][0] - place[0]) + abs(item[0][1] - place[1]))[1]
+
+
+def in_planes(picture: av.VideoFrame, coding: Coding) -> YCbCrImage:
+    """Return the planes of a decoded picture as an image; planes with contiguous rows are not copied."""
+    y, cb, cr = (np.ascontiguousarray(plane) for plane in plane_arrays(picture))
+    return YCbCrImage((y, cb, cr), coding)
+
+
+def picture_of(image: YCbCrImage) -> av.VideoFrame:
+    """Convert an image into a picture for an encoder; `in_planes` is the inverse."""
+    height, width, _ = image.shape
+    coding = image.coding
+    picture = av.VideoFrame(width, height, coding.pixel_format)
+    for plane, values in zip(plane_arrays(picture), image.planes, strict=True):
+        plane[:] = values
+    picture.colorspace = coding.color_space
+    picture.color_range = FULL_RANGE if coding.full_range else LIMITED_RANGE
+    return picture
+
+
+def bgr_of(image: YCbCrImage) -> Image:
+    """Convert an image to BGR; see `to_bgr`."""
+    return to_bgr(with_chroma_location(picture_of(image), image.coding.chroma_location))
+
+
+def as_picture(
+    frame: Frame,
+    pixel_format: str,
+    color_space: int,
+    full_range: bool,
+    *,
+    chroma_location: str,
+    reformatter: VideoReformatter,
+    keeps_original: bool,
+) -> av.VideoFrame:
+    """Convert a frame into a picture of a pixel format, from the decoded picture where there is one.
+
+    See `from_bgr`; `keeps_original` says whether the target's colour tags are those of the source.
+    """
+    image, original = frame.pixels, frame.original
+    if original is None and isinstance(image, YCbCrImage):  # else it is converted from BGR below
+        original = picture_of(image)
+        if image.coding.pixel_format != pixel_format:
+            original = with_chroma_location(original, image.coding.chroma_location)
+    height, width = image.shape[:2]
+    if keeps_original and isinstance(original, av.VideoFrame) and (original.width, original.height) == (width, height):
+        if original.format.name == pixel_format:
+            return original
+        has_rgb = original.format.is_rgb or av.VideoFormat(pixel_format).is_rgb
+        if not has_rgb and is_full_range(original) == full_range:
+            return reformatted(original, reformatter, pixel_format, full_range)
+    return from_bgr(
+        view(image).to_bgr(),
+        pixel_format,
+        color_space,
+        full_range,
+        chroma_location=chroma_location,
+        reformatter=reformatter,
+    )
