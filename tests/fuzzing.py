@@ -21,7 +21,7 @@ from video_truth import scene, stream_of, write_clip
 from fpsboost import conversion, threads
 from fpsboost.errors import FpsboostError, notes_of
 from fpsboost.io.images.exr import read_exr, write_exr
-from fpsboost.io.vectors.flow_files import write_flow
+from fpsboost.io.vectors.flow import encode_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.method_table import find_method
@@ -69,7 +69,9 @@ def make_sample(folder: Path, kind: str) -> Path:
         (path / "vectors").mkdir()
         for number in range(5):
             for way in ("backward", "forward"):
-                write_flow(path / "vectors" / f"v{number:04d}_{way}.flo", np.ones((*SIZE, 2), np.float32))
+                (path / "vectors" / f"v{number:04d}_{way}.flo").write_bytes(
+                    encode_flow(np.ones((*SIZE, 2), np.float32))
+                )
     return path
 
 

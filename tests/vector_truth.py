@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.io.images.exr import write_exr
-from fpsboost.io.vectors.flow_files import write_flow
+from fpsboost.io.vectors.flow import encode_flow
 
 Array = NDArray[Any]
 
@@ -26,8 +26,8 @@ def save_vectors(path: Path, backward: Array, forward: Array, layer: str = "") -
 def save_flows(folder: Path, name: str, backward: Array, forward: Array) -> None:
     """Write one frame's vectors as a pair of .flo files."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_flow(folder / f"{name}_backward.flo", backward)
-    write_flow(folder / f"{name}_forward.flo", forward)
+    (folder / f"{name}_backward.flo").write_bytes(encode_flow(backward))
+    (folder / f"{name}_forward.flo").write_bytes(encode_flow(forward))
 
 
 def save_depth(path: Path, depth: Array, channel: str = "Z") -> None:

@@ -25,7 +25,7 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.fingerprint import JobFingerprint, fingerprint_options
 from fpsboost.io.images.numbered import ImageSink, ImageSource
 from fpsboost.io.staging import StagingDirectory
-from fpsboost.io.vectors.flow_files import write_flow
+from fpsboost.io.vectors.flow import encode_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.io.video.assembly import decoding_times_of
 from fpsboost.io.video.chunks import Times, VideoChunks, find_chunks
@@ -712,7 +712,7 @@ def test_facts_name_every_field():
 def test_files_of_an_option_belong_to_the_job(tmp_path):
     """Motion vectors that were rendered again are another job, though their folder has the same name."""
     for name in ("a_backward.flo", "a_forward.flo"):
-        write_flow(tmp_path / name, np.zeros((4, 4, 2), np.float32))
+        (tmp_path / name).write_bytes(encode_flow(np.zeros((4, 4, 2), np.float32)))
     before = fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path)))
     assert fingerprint_options(method=find_method("reproject-scene", VectorFolder(tmp_path))) == before
     os.utime(tmp_path / "a_forward.flo", (1, 1))

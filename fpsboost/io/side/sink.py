@@ -1,22 +1,34 @@
-"""Sink that writes side outputs beside another sink; see `fpsboost.io.side.options`."""
+"""Side outputs of a conversion: maps of confidence, and motion, written in step with another sink; see
+`fpsboost.io.side.options`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Frame
+from fpsboost.frame import Frame, PairMotion
 from fpsboost.io import Cancellable, FrameSink
-from fpsboost.io.images.numbered import ImageSink
-from fpsboost.io.images.sequence import NumberedImages
-from fpsboost.io.side.names import FileNames
+from fpsboost.io.images.exr import encode_exr
+from fpsboost.io.images.files import IMAGE_SUFFIXES, encode_image, extension_of
+from fpsboost.io.images.numbered import VIDEO_DIGITS, ImageSink
+from fpsboost.io.images.numbering import is_pattern
+from fpsboost.io.images.sequence import NumberedImages, Numbering
+from fpsboost.io.new_output import StagedFiles
 from fpsboost.io.side.options import SideOutputs
-from fpsboost.io.side.writers import ConfidenceWriter, MotionWriter, SideWriter
+from fpsboost.io.vectors.flow import encode_flow, flow_picture
+from fpsboost.io.vectors.folder import BACKWARD, FORWARD
 from fpsboost.observer import FrameWatcher
+
+PICTURE, EXR, FLO = ".png", ".exr", ".flo"
 
 
 class SideSink:
@@ -40,7 +52,7 @@ class SideSink:
         self._sink, self.holds_last_frame, self._watcher = sink, sink.holds_last_frame, watcher
         self.needs_confidence = confidence is not None or (watcher is not None and watcher.needs_confidence)
         self.needs_motion = motion is not None
-        self._writers: Sequence[SideWriter] = [each for each in (confidence, motion) if each is not None]
+        self._writers = [writer for writer in (confidence, motion) if writer is not None]
 
     @property
     def remarks(self) -> list[str]:
@@ -137,12 +149,12 @@ def with_side_outputs(
     taken += [sink.numbering.folder] if isinstance(sink, ImageSink) else []
     confidence = motion = None
     if side.confidence is not None:
-        names = FileNames.after_output(side.confidence, "`confidence`", ConfidenceWriter.suffixes, sink)
+        names = names_after_output(side.confidence, "`confidence`", ConfidenceWriter.suffixes, sink)
         _check_alone(names.folder, "`confidence`", taken)
         confidence = ConfidenceWriter(names, overwrite=overwrite)
         taken.append(names.folder)
     if side.save_motion is not None:
-        names = FileNames.after_source(side.save_motion, "`save_motion`", MotionWriter.suffixes, images)
+        names = names_after_source(side.save_motion, "`save_motion`", MotionWriter.suffixes, images)
         _check_alone(names.folder, "`save_motion`", taken)
         motion = MotionWriter(names, overwrite=overwrite)
     return SideSink(sink, confidence, motion, watcher)
@@ -152,3 +164,206 @@ def _check_alone(folder: Path, option: str, taken: Sequence[Path]) -> None:
     """Raise `OptionError` if a folder is one that frames are read from, or that other files are written to."""
     if folder.resolve() in {each.resolve() for each in taken}:
         raise OptionError(f"{option} needs a folder of its own, and {folder} holds other images; name another.")
+
+
+class SideWriter:
+    """Writer of files about the frames of a conversion.
+
+    Parameters
+    ----------
+    names : FileNames
+    endings : sequence of str
+        What follows a frame's part of the names.
+    overwrite : bool
+        Replace existing files.
+
+    Raises
+    ------
+    OutputError
+        See `StagedFiles`.
+    """
+
+    def __init__(self, names: FileNames, endings: Sequence[str], *, overwrite: bool) -> None:
+        namings = names.namings(endings)
+        self.files = StagedFiles(names.path, names.folder, namings, overwrite=overwrite, alone=not names.is_pattern)
+        self._names = names
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about what was not written."""
+        return self.files.remarks
+
+    def write(self, frame: Frame) -> None:
+        """Write what there is about the next frame of the output."""
+        raise NotImplementedError
+
+    def finish(self) -> None:
+        """Write what has waited for a next frame."""
+
+
+class ConfidenceWriter(SideWriter):
+    """Writer of a map of confidence for every frame that has one, named by the place of the frame in the output."""
+
+    suffixes = (PICTURE, EXR)
+    """Types of files."""
+
+    def __init__(self, names: FileNames, *, overwrite: bool) -> None:
+        super().__init__(names, [names.suffix], overwrite=overwrite)
+        self._place = 0
+
+    def write(self, frame: Frame) -> None:
+        place, self._place = self._place, self._place + 1
+        if frame.confidence is None:
+            return
+        values: NDArray[Any] = frame.confidence[..., np.newaxis]
+        if self._names.suffix == PICTURE:
+            values = np.rint(values.clip(0, 1) * 255).astype(np.uint8)
+        path = Path(self._names.stem(place) + self._names.suffix)
+        self.files.write(path.name, encode_image(path, values))
+
+
+class MotionWriter(SideWriter):
+    """Writer of the motion of source frames to the previous and to the next one, and of pictures of it.
+
+    Named by the place of the frame in the source. If frames are interpolated on one side of a frame alone (at both ends
+    of a clip and of a scene), its motion is extrapolated to the other side, because readers ask for both.
+    """
+
+    suffixes = (FLO, EXR)
+    """Types of files."""
+
+    def __init__(self, names: FileNames, *, overwrite: bool) -> None:
+        endings = [str(Path(ending).with_suffix(PICTURE)) for ending in (BACKWARD, FORWARD)]
+        endings += [EXR] if names.suffix == EXR else [BACKWARD, FORWARD]
+        super().__init__(names, endings, overwrite=overwrite)
+        self._last: PairMotion | None = None
+        self._is_still: bool | None = None
+
+    @property
+    def remarks(self) -> list[str]:
+        still = [f"No motion was found: all vectors in {self._names.path} are 0."] if self._is_still else []
+        return [*self.files.remarks, *still]
+
+    def write(self, frame: Frame) -> None:
+        motion = frame.motion
+        if motion is None:
+            return
+        if self._last is not None and self._last.number1 == motion.number0:
+            self._write_vectors(motion.number0, self._last.flow10, motion.flow01)
+        else:
+            self.finish()
+            self._write_vectors(motion.number0, -motion.flow01, motion.flow01)
+        self._last = motion
+        self._is_still = self._is_still is not False and not motion.flow01.any() and not motion.flow10.any()
+
+    def finish(self) -> None:
+        if self._last is not None:
+            self._write_vectors(self._last.number1, self._last.flow10, -self._last.flow10)
+            self._last = None
+
+    def _write_vectors(self, place: int, backward: NDArray[Any], forward: NDArray[Any]) -> None:
+        stem = self._names.stem(place)
+        if self._names.suffix == EXR:
+            x, y, z, w = *np.moveaxis(backward, -1, 0), *np.moveaxis(forward, -1, 0)
+            # Blender: the place in the previous frame minus that here, that here minus that in the next, y up
+            self.files.write(stem + EXR, encode_exr({"X": x, "Y": -y, "Z": -z, "W": w}, half=False))
+        for ending, flow in ((BACKWARD, backward), (FORWARD, forward)):
+            if self._names.suffix == FLO:
+                self.files.write(stem + ending, encode_flow(flow))
+            picture = Path(stem + ending).with_suffix(PICTURE)
+            self.files.write(picture.name, encode_image(picture, flow_picture(flow)))
+
+
+@dataclass(frozen=True)
+class FileNames:
+    """Names of the files of a side output.
+
+    Attributes
+    ----------
+    path : str
+        Folder or pattern, as the user gave it.
+    folder : Path
+    suffix : str
+        Type of the files, ``.png``.
+    stem : callable
+        Returns a frame's part of the names by its place among the frames, from 0.
+    numbering : Numbering or None
+        Names without the type; None if they have no numbers.
+    """
+
+    path: str
+    folder: Path
+    suffix: str
+    stem: Callable[[int], str]
+    numbering: Numbering | None
+
+    @property
+    def is_pattern(self) -> bool:
+        """Whether the user has named a pattern, and not a folder."""
+        return is_pattern(self.path)
+
+    def namings(self, endings: Collection[str]) -> list[Numbering]:
+        """Return the names of all files with these endings."""
+        if self.numbering is None:
+            return []
+        return [replace(self.numbering, suffix=self.numbering.suffix + ending) for ending in endings]
+
+
+def names_after_output(path: str, option: str, suffixes: Collection[str], sink: FrameSink) -> FileNames:
+    """Name files like the images of an output; by six digits from 1 if it has none.
+
+    Parameters
+    ----------
+    path : str
+        Folder or pattern.
+    option : str
+        Name of its option.
+    suffixes : collection of str
+        Types of files, the first for folders.
+    sink : FrameSink
+
+    Raises
+    ------
+    OptionError
+        The path names neither a folder nor a pattern of these types.
+    """
+    numbered = sink if isinstance(sink, ImageSink) else None
+    numbering, suffix = _parsed(path, option, suffixes, numbered.numbering if numbered else None)
+    first, step = numbered.numbers if numbered else (1, 1)
+    return FileNames(path, numbering.folder, suffix, lambda place: numbering.path(first + place * step).name, numbering)
+
+
+def names_after_source(path: str, option: str, suffixes: Collection[str], images: NumberedImages | None) -> FileNames:
+    """Name files like the images of a source; by six digits from 1 if it has none. See `names_after_output`."""
+    numbering, suffix = _parsed(path, option, suffixes, images.numbering if images else None)
+    numbers = images.numbers if images else []
+    if images and not numbers and not is_pattern(path):
+        files = images.files
+        return FileNames(path, Path(path), suffix, lambda place: files[place].stem, None)
+
+    def stem(place: int) -> str:
+        return numbering.path(numbers[place] if numbers else place + 1).name
+
+    return FileNames(path, numbering.folder, suffix, stem, numbering)
+
+
+def _parsed(path: str, option: str, suffixes: Collection[str], naming: Numbering | None) -> tuple[Numbering, str]:
+    """Return the naming without the type of file, and the type."""
+    extension = extension_of(path)
+    suffix = next(iter(suffixes))
+    if is_pattern(path):
+        if extension not in suffixes:
+            known = " or ".join(suffixes)
+            raise OptionError(f"{option} writes {known}, not {path}; name a folder, or a pattern such as map_####.exr.")
+        numbering = Numbering.parse(path)
+        return _without_type(numbering), extension
+    if not path or (extension in {*suffixes, *IMAGE_SUFFIXES} and not Path(path).is_dir()):
+        raise OptionError(f"{option} needs a folder, or a pattern such as map_####{suffix}, not {path or 'nothing'}.")
+    if naming is None:
+        return Numbering(Path(path), "", VIDEO_DIGITS, ""), suffix
+    return replace(_without_type(naming), folder=Path(path)), suffix
+
+
+def _without_type(naming: Numbering) -> Numbering:
+    """Return a naming without the type of file: ``_left`` instead of ``_left.png``."""
+    return replace(naming, suffix=naming.suffix[: naming.suffix.rfind(".")])

@@ -1,4 +1,4 @@
-"""Names of the conventions by which renderers store motion vectors; light to import, for a command line.
+"""Conventions by which renderers store motion vectors in OpenEXR; light to import, for a command line.
 
 Vectors are in pixels per frame.
 
@@ -15,7 +15,86 @@ Vectors are in pixels per frame.
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 ConventionName = Literal["auto", "blender", "nuke", "forward-up", "forward-down", "backward-up", "backward-down"]
 """A convention, or the one that the names of the channels and a comparison of frames suggest."""
+
+Direction = Literal["forward", "backward"]
+
+
+class StoredVectors(NamedTuple):
+    """Meaning of two channels: where their vectors lead, and the factors that make them point there, y down."""
+
+    direction: Direction
+    x_sign: int
+    y_sign: int
+
+    def read(self, channels: NDArray[Any]) -> NDArray[Any]:
+        """Return the vectors, (H, W, 2) float32, y down, of the two channels, (H, W, 2)."""
+        scaled: NDArray[Any] = channels.copy()
+        scaled *= (self.x_sign, self.y_sign)
+        return scaled
+
+
+@dataclass(frozen=True)
+class VectorConvention:
+    """Meaning of the channels of a vector pass.
+
+    Attributes
+    ----------
+    pairs : tuple of StoredVectors
+        Meaning of the first two channels, and of the next two if there are four.
+    """
+
+    pairs: tuple[StoredVectors, ...]
+
+    def read(self, channels: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the vectors to the previous and to the next frame.
+
+        Parameters
+        ----------
+        channels : (H, W, 2 or 4) float32
+            As stored.
+
+        Returns
+        -------
+        backward, forward : (H, W, 2) float32
+            y down.
+        """
+        found = {
+            pair.direction: pair.read(channels[..., 2 * number : 2 * number + 2])
+            for number, pair in enumerate(self.pairs)
+        }
+        if len(found) == 1:  # at constant speed
+            opposite: Direction = "backward" if "forward" in found else "forward"
+            found[opposite] = -next(iter(found.values()))
+        return found["backward"], found["forward"]
+
+    def __str__(self) -> str:
+        names = (("first", "second"), ("third", "fourth"))
+        axes = {1: ("right", "down"), -1: ("left", "up")}
+        return ", and ".join(
+            f"the {x} and {y} channel lead to the {'next' if pair.direction == 'forward' else 'previous'} frame, "
+            f"{axes[pair.x_sign][0]} and {axes[pair.y_sign][1]}"
+            for pair, (x, y) in zip(self.pairs, names, strict=False)
+        )
+
+
+conventions: Mapping[str, VectorConvention] = MappingProxyType(
+    {
+        "blender": VectorConvention((StoredVectors("backward", 1, -1), StoredVectors("forward", -1, 1))),
+        "nuke": VectorConvention((StoredVectors("forward", 1, -1), StoredVectors("backward", 1, -1))),
+        "forward-up": VectorConvention((StoredVectors("forward", 1, -1),)),
+        "forward-down": VectorConvention((StoredVectors("forward", 1, 1),)),
+        "backward-up": VectorConvention((StoredVectors("backward", 1, -1),)),
+        "backward-down": VectorConvention((StoredVectors("backward", 1, 1),)),
+    }
+)
+"""Conventions by name."""

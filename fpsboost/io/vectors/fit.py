@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
 from fpsboost.frame import Image
+from fpsboost.io.vectors.convention import Direction, StoredVectors, VectorConvention
 from fpsboost.io.vectors.folder import VectorFolder
-from fpsboost.io.vectors.layout import Direction, StoredVectors, VectorConvention
 
 CLEARLY_BETTER = 0.8
 """Ratio of the errors of two conventions below which one is clearly better."""

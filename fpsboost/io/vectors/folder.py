@@ -4,8 +4,7 @@ The vectors of a frame lead to the previous and the next output frame; if frames
 number to the next, whatever the step that was rendered with. Renderers write them as
 
 OpenEXR
-    Two or four channels in one of the conventions of `fpsboost.io.vectors.layout`: Blender's vector pass, Nuke's, and
-    others.
+    Two or four channels in one of the conventions of `fpsboost.io.vectors.convention`.
 ``.flo``
     ``NAME_backward.flo`` and ``NAME_forward.flo``, to the previous and to the next frame, y down.
 """
@@ -35,15 +34,20 @@ from fpsboost.io.images.sequence import (
     list_files,
     order_names,
 )
-from fpsboost.io.vectors.convention import ConventionName
-from fpsboost.io.vectors.flow_files import read_flow
-from fpsboost.io.vectors.layout import VectorConvention, conventions, find_vector_channels
+from fpsboost.io.vectors.convention import ConventionName, VectorConvention, conventions
+from fpsboost.io.vectors.flow import read_flow
 from fpsboost.motion.rendered import FrameVectors
 
 KEPT_FRAMES = 4
 """Number of frames whose vectors are cached: a pair's two frames, and two between them."""
 
 BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
+
+layer_names = ("vector", "motionvector", "motionvectors", "motion", "velocity", "vrayvelocity", "speed")
+"""Last word of the names of layers with two channels of motion, in small letters."""
+
+_nuke_channels = ("forward.u", "forward.v", "backward.u", "backward.v")
+_second_of = {"R": "G", "X": "Y", "u": "v", "x": "y"}
 
 
 class VectorFolder:
@@ -389,3 +393,40 @@ def _read_depth(path: Path) -> NDArray[Any]:
 
     (depth,) = read_exr(path, choose).values()
     return np.where(np.isnan(depth), np.float32(np.inf), depth)
+
+
+def find_vector_channels(names: Collection[str], *, of_any_layer: bool = False) -> tuple[list[str], str] | None:
+    """Find the channels of motion vectors by their names.
+
+    Parameters
+    ----------
+    names : collection of str
+        All channels of a file.
+    of_any_layer : bool
+        Take two channels also of a layer whose name does not say that it holds motion, if there is no other.
+
+    Returns
+    -------
+    list of str, str
+        Two or four channels in the order of their convention, and its name; None if there are no such channels.
+
+    Examples
+    --------
+    >>> find_vector_channels(["R", "G", "B", "velocity.R", "velocity.G", "velocity.B"])
+    (['velocity.R', 'velocity.G'], 'forward-up')
+    """
+    layer = find_layer(names, "XYZW", "Vector")
+    if layer is not None:
+        return [layer + each for each in "XYZW"], "blender"
+    four = [next((name for name in names if name.endswith(end)), "") for end in _nuke_channels]
+    if all(four):
+        return four, "nuke"
+    pairs = [
+        [name, name[:-1] + _second_of[name[-1]]]
+        for name in sorted(names)
+        if name[-1] in _second_of and name[:-1] + _second_of[name[-1]] in names
+    ]
+    named = [pair for pair in pairs if pair[0][:-2].rpartition(".")[2].lower() in layer_names]
+    if named:
+        return named[0], "forward-up"
+    return (pairs[0], "forward-up") if of_any_layer and len(pairs) == 1 else None

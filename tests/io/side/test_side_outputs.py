@@ -35,8 +35,7 @@ from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.new_output import StagedFiles
-from fpsboost.io.vectors.flow_colours import colour_wheel, flow_picture
-from fpsboost.io.vectors.flow_files import read_flow
+from fpsboost.io.vectors.flow import colour_wheel, flow_picture, read_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.motion.zero import ZeroMotion

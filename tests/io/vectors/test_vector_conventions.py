@@ -16,9 +16,9 @@ from fpsboost.cli import app
 from fpsboost.errors import InputError, OptionError
 from fpsboost.io.images.exr import write_exr
 from fpsboost.io.images.files import encode_image
+from fpsboost.io.vectors.convention import StoredVectors, VectorConvention, conventions
 from fpsboost.io.vectors.fit import RenderedPair, fit_convention, fit_vectors
-from fpsboost.io.vectors.folder import VectorFolder
-from fpsboost.io.vectors.layout import StoredVectors, VectorConvention, conventions, find_vector_channels
+from fpsboost.io.vectors.folder import VectorFolder, find_vector_channels
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")  # said only under pytest
 

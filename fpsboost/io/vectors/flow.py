@@ -1,13 +1,25 @@
-"""Motion fields as pictures, by the colour wheel of Baker et al., "A Database and Evaluation Methodology for Optical
-Flow" (2011): direction as hue, length as saturation, no motion white.
+"""Motion fields as files and as pictures, after Baker et al., "A Database and Evaluation Methodology for Optical Flow"
+(2011).
+
+``.flo`` files have one vector per pixel, little-endian: the float 202021.25, width and height as 32-bit integers, then
+``dx, dy`` as float32 row by row, y down. A value with a magnitude above 1e9 means that the motion is unknown. Pictures
+show direction as hue and length as saturation, no motion as white.
 """
 
 from __future__ import annotations
 
+import struct
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fpsboost.errors import InputError, explained
+
+MAGIC = struct.pack("<f", 202021.25)
+UNKNOWN = 1e10
+MAX_KNOWN = 1e9
 
 STEPS = (15, 6, 4, 11, 13, 6)
 """Hues from red to yellow, to green, to cyan, to blue, to magenta, and back to red: as many as the eye tells apart."""
@@ -17,6 +29,38 @@ LARGEST_PERCENTILE = 99
 
 BEYOND = np.float32(0.75)
 """Brightness of colours for longer vectors."""
+
+
+def read_flow(path: Path) -> NDArray[Any]:
+    """Read a motion field.
+
+    Returns
+    -------
+    (H, W, 2) float32
+        ``(dx, dy)`` in pixels; NaN where it is unknown.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is of another format, or its length does not match its size.
+    """
+    with explained(InputError, "read", path, "check that it exists and that you may read it"):
+        data = path.read_bytes()
+    if len(data) < 12 or data[:4] != MAGIC:
+        raise InputError(f"{path} is no .flo file of motion vectors; replace it.")
+    width, height = struct.unpack("<2i", data[4:12])
+    if width < 1 or height < 1 or len(data) != 12 + 8 * width * height:
+        raise InputError(f"{path} says {width}x{height} vectors but has {len(data)} bytes; write it again.")
+    flow = np.frombuffer(data, "<f4", offset=12).reshape(height, width, 2).astype(np.float32)
+    flow[np.abs(flow) > MAX_KNOWN] = np.nan
+    return flow
+
+
+def encode_flow(flow: NDArray[Any]) -> bytes:
+    """Return a motion field, (H, W, 2) float32 pixels, NaN where it is unknown, as the content of a ``.flo`` file."""
+    height, width = flow.shape[:2]
+    vectors = np.where(np.isnan(flow), UNKNOWN, flow).astype("<f4")
+    return MAGIC + struct.pack("<2i", width, height) + vectors.tobytes()
 
 
 def colour_wheel() -> NDArray[Any]:
