@@ -8,10 +8,9 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
-import cv2
 import numpy as np
 import pytest
-from truth import accelerating, affine, as_type, eroded, layers, moving_object, noise, prepared, translation, waves
+from truth import accelerating, affine, as_type, eroded, layers, noise, prepared, translation, waves
 
 import fpsboost
 from fpsboost.analysis.scene_cuts import CutDetector
@@ -82,23 +81,6 @@ def test_the_ends_are_the_frames_themselves(method):
 
 
 @every_method
-def test_several_times_at_once_equal_one_at_a_time(method):
-    """No time knows of another, and no state is kept between calls."""
-    clip = affine(40, 48, shift=(3, 1))
-    times = [0.2, Fraction(1, 2), 0.9]
-    together = methods[method].interpolate(clip.image0, clip.image1, times)
-    for t, image in zip(times, together, strict=True):
-        np.testing.assert_array_equal(methods[method].interpolate(clip.image0, clip.image1, [t]), [image])
-
-
-@every_method
-def test_no_times_give_no_images(method):
-    """An empty list for an empty list."""
-    image = noise(40, 48)
-    assert methods[method].interpolate(image, image, []) == []
-
-
-@every_method
 def test_unlike_frames_are_refused(method):
     """Before anything is computed, also where no image is asked for."""
     image = noise(40, 48)
@@ -141,29 +123,6 @@ def test_a_translation_is_made_right(method):
         return float(np.abs(image.astype(float) - clip.at(0.5))[inner].mean())
 
     assert error(method) < error("blend") / 10
-
-
-@pytest.mark.parametrize("method", ["nlm", "nlm-exhaustive"])
-def test_whole_motion_of_noise_is_made_exactly(method):
-    """A whole-pixel translation is copied but for the edge; other candidates of the default weigh hardly any."""
-    clip = translation(80, 96, 6, -4, seed=3)
-    # noise does not survive the thumbnails of the cut detector
-    (image,) = replace(methods[method], cuts=None).interpolate(clip.image0, clip.image1, [0.5])
-    inner = eroded(np.ones((80, 96), bool), 14)
-    assert np.abs(image[inner].astype(int) - clip.at(0.5)[inner]).max() <= (1 if method == "nlm" else 0)
-
-
-@pytest.mark.parametrize("method", ["nlm", "nlm-exhaustive"])
-def test_an_object_over_a_background_goes_wrong_only_near_its_outline(method):
-    """The rest of the frame is exact, but for rounding where many motions have a say."""
-    clip = moving_object(96, 120, box=(30, 34, 70, 74), dx=8, dy=4)
-    (image,) = methods[method].interpolate(clip.image0, clip.image1, [0.5])
-    wrong = (np.abs(image.astype(int) - clip.at(0.5)) > (1 if method == "nlm" else 0)).any(axis=-1)
-    near = np.zeros((96, 120), bool)
-    near[19:86, 23:94] = True  # all that it touches, and the patch and the search around it
-    near[44:60, 50:66] = False  # the inside of the object at the middle
-    assert not wrong[~near].any()
-    assert wrong.mean() < 0.2
 
 
 @moving_methods
@@ -212,31 +171,6 @@ def test_what_crosses_a_background_is_wrong_only_along_its_outline(background, t
     assert off[away].max() <= 8
     assert np.percentile(off[away], 99) <= 1
     assert off.mean() < off_by(mixed(clip.image0, clip.image1, t), clip.at(t)).mean() / 3
-
-
-@pytest.mark.parametrize("shift", [(4, 1), (7.3, -2.6), (12, 0)])
-def test_bars_over_a_moving_background_stay(shift):
-    """Bright bars, ten pixels wide and more, are untouched three pixels from their edges but for their corners."""
-    bars = np.zeros((120, 160), bool)
-    bars[30:46, 30:130] = bars[60:90, 50:60] = True
-    y, x = np.mgrid[0:120, 0:160].astype(float)
-    images = [waves(x - t * shift[0], y - t * shift[1]) for t in (0, 1)]
-    for image in images:
-        image[bars] = 0.95
-    made = default(*(as_type(image, np.uint8) for image in images))
-    assert eroded(bars, 3).sum() > 1000
-    off = off_by(made, as_type(np.full(made.shape, 0.95), np.uint8))[eroded(bars, 3)]
-    assert (off > 1).mean() < 0.03
-    assert off.max() <= 30
-
-
-def test_flat_areas_with_noise_do_not_crawl():
-    """The mean of the noise is what mixing gives, to 0.6 levels around every pixel; grain stays nearly as coarse."""
-    random = np.random.default_rng(1)
-    image0, image1 = (np.rint(120 + 2 * random.normal(size=(96, 128, 3))).astype(np.uint8) for _ in range(2))
-    made, plain = (make(image0, image1).astype(float) for make in (default, mixed))
-    assert np.abs(cv2.blur(made - plain, (9, 9))).max() < 0.6
-    assert made.std() == pytest.approx(plain.std(), rel=0.12)
 
 
 @pytest.mark.parametrize("motion", [{"shift": (5.3, -2.2)}, {"zoom": 1.05, "degrees": 2}])
@@ -304,22 +238,6 @@ def test_a_smooth_ball_that_jumps_is_seen_once_and_in_its_place(shift, t):
     assert made[~near].sum() / truth.sum() < 0.35
     for place, length in ((x, 0), (y, 1)):
         assert (made * place).sum() / made.sum() == pytest.approx((truth * place).sum() / truth.sum(), abs=2), length
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_no_border_of_windows_shows(axis):
-    """Where nothing fits, steps between pixels are as large at every place of the windows' grid, but for chance."""
-    random = np.random.default_rng(axis)
-    blurred = [cv2.GaussianBlur(random.random((128, 192, 3)), (0, 0), 2) for _ in range(6)]
-    images = [as_type(0.5 + 0.15 * (image - image.mean()) / image.std(), np.uint8) for image in blurred]
-    steps = [
-        np.abs(np.diff(default(image0, image1).astype(float), axis=axis)).mean(axis=(1 - axis, 2))
-        for image0, image1 in zip(images[::2], images[1::2], strict=True)
-    ]
-    by_phase = np.array([np.mean([each[phase::16].mean() for each in steps]) for phase in range(16)])
-    spread = np.std([each[place::16].mean() for each in steps for place in range(16)]) / len(steps) ** 0.5
-    assert np.ptp(by_phase) < 6 * spread
-    assert np.ptp(by_phase) < 0.15 * by_phase.mean()
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
@@ -397,47 +315,6 @@ def test_neighbouring_pairs_bend_the_path(motion):
     assert bent[2] < straight * 0.9
 
 
-@pytest.mark.parametrize("period", [4, 5])
-def test_both_neighbours_tell_how_fast_things_swing(period):
-    """Near the end of a quick swing, both neighbours are right where one of them is not and going straight is worse."""
-    y, x = np.mgrid[0:96, 0:128].astype(float)
-
-    def at(t):
-        return as_type(waves(x - 8 * np.cos(2 * np.pi * (t - 0.3) / period), y), np.uint8)
-
-    nlm = replace(methods["nlm"], cuts=None)
-    before, pair, after = (nlm.pair(*each) for each in pairwise(prepared(*(at(t) for t in (-1, 0, 1, 2)))))
-    straight, one, both = (
-        off_by(next(nlm.between(pair, [0.5], *neighbours).images), at(0.5))[14:-14, 14:-14].mean()
-        for neighbours in ((), (before, None), (before, after))
-    )
-    assert both < one * 0.8 < straight * 0.6
-
-
-@pytest.mark.parametrize("side", ["before", "after"])
-def test_things_that_pass_each_other_keep_paths_of_their_own(side):
-    """One speeds up to the right, the other right below it slows down to the left: neither bends the other's path."""
-    y, x = np.mgrid[0:128, 0:192].astype(float)
-
-    def at(t):
-        image, insides = 0.2 + 0.2 * waves(x, y, seed=5), []
-        for top, left, sign in ((24, 60, 1), (64, 88, -1)):
-            dx = sign * (6 * t + 3 * t * t)
-            across = (np.minimum(x + 1, left + dx + 44) - np.maximum(x, left + dx)).clip(0, 1)
-            share = (across * ((y >= top) & (y < top + 40)))[..., np.newaxis]
-            image = image * (1 - share) + (0.4 + 0.6 * waves(x - dx, y, seed=6 + top)) * share
-            insides.append(eroded(share[..., 0] == 1, 4))
-        return as_type(image, np.uint8), insides
-
-    nlm = replace(methods["nlm"], cuts=None)
-    before, pair, after = (nlm.pair(*each) for each in pairwise(prepared(*(at(t)[0] for t in (-1, 0, 1, 2)))))
-    neighbours = {"before": (before, None), "after": (None, after)}[side]
-    truth, insides = at(0.5)
-    straight, bent = (off_by(next(nlm.between(pair, [0.5], *each).images), truth) for each in ((), neighbours))
-    for inside in insides:
-        assert bent[inside].mean() < 0.55 * straight[inside].mean()
-
-
 @plain_methods
 def test_methods_that_go_straight_ignore_their_neighbours(method):
     """The report's method, what others do, and those without motion make the same image with neighbours and without."""
@@ -500,22 +377,6 @@ def eventful(scene, dtype=np.uint8):
 eventful_scenes = pytest.mark.parametrize("scene", ["fading", "titled"])
 
 
-@eventful_scenes
-def test_an_eventful_scene_is_what_it_says(scene):
-    """The default sees the light change in one, and keeps the title in the other."""
-    nlm = methods["nlm"]
-    before, pair, after = (nlm.pair(*each) for each in pairwise(prepared(*eventful(scene))))
-    assert (pair.illumination is not None) == (scene == "fading")
-    assert not pair.is_cut()
-    plain = replace(nlm, compensate_illumination=False, overlays=False)
-    unaware = [plain.pair(each.image0, each.image1) for each in (before, pair, after)]
-    with_it, without = (
-        next(each.between(second, [0.5], first, third).images)
-        for each, (first, second, third) in ((nlm, (before, pair, after)), (plain, unaware))
-    )
-    assert (with_it != without).any()
-
-
 @every_method
 @eventful_scenes
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
@@ -537,18 +398,6 @@ def test_originals_and_the_order_of_times_survive_light_and_overlays(method, sce
             np.testing.assert_array_equal([image], list(interpolator.between(pair, [t], before, after).images))
     np.testing.assert_array_equal(images[1], images[4])
     assert (images[1] != images[3]).any()
-
-
-@plain_methods
-@eventful_scenes
-def test_methods_that_are_to_be_plain_know_neither_light_nor_overlays(method, scene):
-    """The report's method, what others do, and those without motion take the frames as they are."""
-    interpolator = methods[method]
-    before, pair, after = (interpolator.pair(*each) for each in pairwise(prepared(*eventful(scene))))
-    assert pair.illumination is None
-    assert pair.compensated == (pair.image0, pair.image1)
-    alone, among = (interpolator.between(pair, [0.4], *each).images for each in ((), (before, after)))
-    np.testing.assert_array_equal(next(alone), next(among))
 
 
 @eventful_scenes
@@ -627,21 +476,6 @@ def test_a_flash_is_no_cut_and_nothing_moves_across_it():
         ):
             assert made.scene_cut == expected
             np.testing.assert_array_equal(list(made.images), pictures)
-
-
-@pytest.mark.parametrize(("known", "moves"), [((False, True), (False, True)), ((True, False), (True, False))])
-def test_at_cuts_a_scene_of_one_frame_stands_still(known, moves):
-    """Nothing is known of its motion, so it is repeated, while the scene on the other side of the cut goes on."""
-    first, second = (affine(60, 80, shift=(6, -4), seed=seed) for seed in (1, 2))
-    nlm = replace(methods["nlm"], at_cuts="extrapolate")
-    images = prepared(first.image0, first.image1, second.image0, second.image1)
-    before, pair, after = (nlm.pair(*each) for each in pairwise(images))
-    made = nlm.between(pair, [0.25, 0.75], before if known[0] else None, after if known[1] else None)
-    assert made.scene_cut
-    truths, repeats = (first.at(1.25), second.at(-0.25)), (first.image1, second.image0)
-    for image, truth, repeated, goes_on in zip(made.images, truths, repeats, moves, strict=True):
-        off, still = (np.abs(each.astype(float) - truth)[12:-12, 12:-12].mean() for each in (image, repeated))
-        assert off < 0.3 * still if goes_on else (image == repeated).all()
 
 
 def test_within_a_scene_nothing_is_cut():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 import threading
@@ -35,7 +34,6 @@ from fpsboost.observer import Summary
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor, ByRate, Schedule, count_frames
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
@@ -155,16 +153,6 @@ def test_number_of_frames(schedule, holds):
     assert count_frames(schedule, ClipInfo("x", 1, 1, Fraction(25), Fraction(1, 25), None), holds) is None
 
 
-@pytest.mark.parametrize("factor", [2, 3, 8])
-def test_images_run_from_first_to_last(factor):
-    """N images become (N - 1) F + 1: the first, the last, and F - 1 in each gap."""
-    source = regular(6)
-    frames, summary = run(source, ByFactor(Fraction(factor)), holds=False)
-    assert len(frames) == 5 * factor + 1
-    assert (frames[0].original, frames[-1].original) == (source[0].original, source[-1].original)
-    assert summary.frames_made == 5 * (factor - 1)
-
-
 @pytest.mark.parametrize("start", [Fraction(0), Fraction(2), Fraction(-1, 50)])
 @pytest.mark.parametrize("schedule", SCHEDULES, ids=str)
 def test_a_video_is_as_long_as_before(schedule, start):
@@ -174,14 +162,6 @@ def test_a_video_is_as_long_as_before(schedule, start):
     assert all(a.time + a.duration == b.time for a, b in pairwise(frames))
     assert frames[-1].time + frames[-1].duration == start + Fraction(10, 25)
     assert sum(frame.duration for frame in frames) == Fraction(10, 25)
-
-
-@pytest.mark.parametrize("schedule", SCHEDULES, ids=str)
-def test_durations_of_images(schedule):
-    """Among images, too, each lasts until the next, and all of them last."""
-    frames, _ = run(regular(10), schedule, holds=False)
-    assert all(a.time + a.duration == b.time for a, b in pairwise(frames))
-    assert frames[-1].duration > 0
 
 
 @pytest.mark.parametrize("holds", [True, False], ids=["video", "images"])
@@ -248,13 +228,6 @@ def test_two_frames_are_needed(count, holds):
     assert sink.frames == []
 
 
-def test_two_frames_are_enough():
-    """The shortest clip of all works."""
-    frames, summary = run(regular(2), ByFactor(Fraction(2)))
-    assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(4)]
-    assert (summary.frames_in, summary.frames_out, summary.frames_made) == (2, 4, 2)
-
-
 def test_remarks_of_both_sides_are_told():
     """What source and sink have to say is in the summary, also what the source says at its very end."""
     _, summary = run(regular(3), ByFactor(Fraction(2)))
@@ -317,13 +290,6 @@ def test_scene_cuts_are_counted_and_not_interpolated(at_cuts):
     assert estimator.pairs == 3
     values = [int(frame.image[0, 0, 0]) for frame in frames[4:9]]
     assert values in ([[10, 10, 10, 20, 20]] if at_cuts == "repeat" else [[10, 12, 15, 18, 20], [10, 13, 15, 17, 20]])
-
-
-def test_cuts_are_not_looked_for_where_nothing_lies_between():
-    """A pair without frames in between is left alone, so it is no cut either."""
-    interpolator = Interpolator(ZeroMotion(), Blend(), cuts=CutsBefore(1, 2, 3))
-    _, summary = run(regular(6), ByFactor(Fraction(1)), interpolator=interpolator)
-    assert summary.scene_cuts == 0
 
 
 @pytest.mark.parametrize("method", ["nlm", "nlm-exhaustive"])
@@ -413,14 +379,6 @@ def test_an_error_of_the_interpolator_surfaces(fail_at):
         run_conversion(FakeSource(regular(20)), interpolator, sink, ByFactor(Fraction(2)))
     assert caught.value is error
     assert len(sink.frames) <= 2 * fail_at + 1 if fail_at >= 0 else not sink.frames
-
-
-def test_an_endless_source_is_stopped():
-    """An error on one side ends the other one, even where that would go on for ever."""
-    error = OnPurposeError()
-    endless = (Frame(np.zeros((*SIZE, 3), np.uint8), Fraction(k), Fraction(1)) for k in itertools.count())
-    with pytest.raises(OnPurposeError):
-        run_conversion(FakeSource(endless), BLEND, FakeSink(fail_at=5, error=error), ByFactor(Fraction(2)))
 
 
 # -------------------------------------------------------------------------------------------------- observer and memory
@@ -594,48 +552,6 @@ def test_video_to_video(tmp_path, snapshot):
     assert after == before
 
 
-@pytest.mark.parametrize("factor", [Fraction(3), Fraction(5, 2), Fraction(1, 2), Fraction(2, 3)])
-def test_other_factors_keep_the_length(tmp_path, factor):
-    """More or fewer frames, the container says the same length as before."""
-    clip = write_clip(tmp_path / "in.mp4", times=range(10))
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), factor=factor, method="nearest", encoding=FAST)
-    assert summary.frames_out == -(-10 * factor // 1)
-    assert times_of(tmp_path / "out.mp4") == [k / (25 * factor) for k in range(summary.frames_out)]
-    assert length_of(tmp_path / "out.mp4") == length_of(clip)
-
-
-@pytest.mark.parametrize("rate", [Fraction(60), Fraction(40), Fraction(24), Fraction(10)])
-def test_rates_keep_the_length(tmp_path, rate):
-    """Also a rate that does not divide the length ends where the source ends."""
-    clip = write_clip(tmp_path / "in.mp4", times=range(10))
-    convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST, rate=OutputRate(fps=rate))
-    assert length_of(tmp_path / "out.mp4") == length_of(clip)
-
-
-def test_film_to_ntsc(tmp_path):
-    """24000/1001 to 60000/1001 is exact: 5 frames for 2, and every second original in its place."""
-    clip = write_clip(tmp_path / "in.mp4", times=range(12), time_base=Fraction(1001, 24000))
-    rate = Fraction(60000, 1001)
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=LOSSLESS, rate=OutputRate(fps=rate))
-    assert summary.frames_out == 30
-    assert times_of(tmp_path / "out.mp4") == [k / rate for k in range(30)]
-    for original, kept in zip(pictures_of(clip)[::2], pictures_of(tmp_path / "out.mp4")[::5], strict=True):
-        assert all(np.array_equal(a, b) for a, b in zip(samples_of(original), samples_of(kept), strict=True))
-    with av.open(str(tmp_path / "out.mp4")) as file:
-        assert file.streams.video[0].average_rate == rate
-
-
-def test_variable_rate_video(tmp_path):
-    """With --keep-timing, uneven frames from a file are halved one by one, up to the end."""
-    times = [0, 3, 4, 9, 10, 16]
-    clip = write_clip(tmp_path / "in.mp4", times=times, end=20, time_base=Fraction(1, 100), sound="aac")
-    convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST, rate=OutputRate(keep_timing=True))
-    halves = [time for a, b in pairwise([*times, 20]) for time in (Fraction(a, 100), Fraction(a + b, 200))]
-    assert times_of(tmp_path / "out.mp4") == halves
-    assert length_of(tmp_path / "out.mp4") == Fraction(20, 100)
-    assert packets_of(tmp_path / "out.mp4", "audio") == packets_of(clip, "audio")
-
-
 def test_video_to_folder(tmp_path):
     """First to last frame as numbered images whose names sort; the decoded originals are exact."""
     clip = write_clip(tmp_path / "in.mp4", times=range(6), codec="ffv1", pixel_format="bgr0", container="matroska")
@@ -681,13 +597,6 @@ def test_folder_to_folder(tmp_path, save_images, snapshot):
         assert np.array_equal(read(tmp_path / "out" / name), image)
         assert read(tmp_path / "out" / name).dtype == np.uint16
     assert snapshot(tmp_path / "in") == before
-
-
-def test_many_images_get_enough_digits(tmp_path, save_images):
-    """Names still sort by time where the output needs more digits than the input has."""
-    save_images(tmp_path / "in", "f{}.png", count=6)
-    convert(str(tmp_path / "in"), str(tmp_path / "out"), method="nearest")
-    assert sorted(os.listdir(tmp_path / "out")) == [f"f{number:02d}.png" for number in range(1, 12)]
 
 
 def test_pattern_to_pattern(tmp_path, save_images):

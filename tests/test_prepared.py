@@ -67,12 +67,6 @@ class FromTheFirstFrame(SilentObserver):
         self._counter.calls = 0
 
 
-def test_pixels_are_the_image_itself():
-    """Not a copy."""
-    image = noise(3, 4)
-    assert FrameCache(image).pixels is image
-
-
 def test_a_function_is_called_once():
     """On the pixels, when it is first asked for; after that the very same result comes back, None and 0 too."""
     for result in (np.zeros(3), None, 0):
@@ -81,43 +75,6 @@ def test_a_function_is_called_once():
         assert counter.calls == 0
         assert all(image.cached(counter) is result for _ in range(3))
         assert counter.calls == 1
-
-
-def test_other_arguments_and_functions_are_other_results():
-    """Each is computed by itself, and none takes the place of another."""
-    plus, times = (
-        Counted(lambda pixels, *numbers: pixels + sum(numbers)),
-        Counted(lambda pixels, number: pixels * number),
-    )
-    image = FrameCache(np.full((1, 1, 1), 5.0, np.float32))
-    for _ in range(2):
-        assert [float(image.cached(plus, *numbers).item()) for numbers in ((), (1,), (2,), (1, 2))] == [5, 6, 7, 8]
-        assert [float(image.cached(times, number).item()) for number in (1, 2)] == [5, 10]
-    assert (plus.calls, times.calls) == (4, 2)
-
-
-def test_images_do_not_share_results():
-    """Equal pixels or not, each image has its own."""
-    counter = Counted(np.sum)
-    one, other = prepared(noise(3, 4), noise(3, 4))
-    assert one.cached(counter) == other.cached(counter)
-    assert counter.calls == 2
-
-
-def test_what_failed_is_tried_again():
-    """An error comes through and is not taken for a result."""
-    image = FrameCache(noise(3, 4))
-    attempts = iter([ZeroDivisionError(), None])
-
-    def fail_at_first(pixels: Any) -> int:
-        error = next(attempts)
-        if error:
-            raise error
-        return 7
-
-    with pytest.raises(ZeroDivisionError):
-        image.cached(fail_at_first)
-    assert image.cached(fail_at_first) == 7
 
 
 @pytest.mark.parametrize("name", PER_FRAME)
@@ -165,15 +122,6 @@ def test_a_conversion_forgets_what_is_behind_it(tmp_path, save_images, monkeypat
     convert(str(tmp_path / "in"), str(tmp_path / "out"), run=RunOptions(threads=2))
     assert 2 <= most <= 6
     assert not alive
-
-
-def test_what_was_forgotten_is_made_again():
-    """The same results, in new arrays."""
-    image = FrameCache(np.arange(6))
-    first = image.cached(np.negative)
-    image.clear()
-    assert image.cached(np.negative) is not first
-    np.testing.assert_array_equal(image.cached(np.negative), first)
 
 
 def test_a_settled_pair_serves_its_neighbours_as_before():

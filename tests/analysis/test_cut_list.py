@@ -85,11 +85,6 @@ def test_a_cut_lies_before_the_frame_that_is_named(rate, way):
     assert found(cuts_of(*texts), 400, rate) == wanted
 
 
-def test_a_time_between_two_frames_is_a_cut_between_them():
-    """Somebody who scrubs to a cut may name any time of the way."""
-    assert found(cuts_of("0.27"), 20, Fraction(25)) == [7]
-
-
 def cuts_in(path: Path, target: Path, cuts: CutList, start: str | None) -> int:
     """How many cuts a conversion comes across."""
     part = Trim(None if start is None else parse_position(start, "--start"))
@@ -119,16 +114,6 @@ def test_a_list_counts_from_the_first_frame_of_the_clip(tmp_path, clip, cut, sta
     assert cuts_in(clip, target, cuts_of(cut), start) == 1
     assert cuts_in(clip, target, cuts_of("17f", "99"), start) == 0
     assert cuts_in(clip, target, cuts_of("3f"), start) == (start is None)
-
-
-def test_cuts_of_images_count_from_their_first(tmp_path, save_images):
-    """A part of a folder knows what number it begins with."""
-    save_images(tmp_path / "in", count=8)
-    method = Interpolator(ZeroMotion(), Blend(), cuts=cuts_of("5f"))
-    for start, count in (("3f", 1), ("5f", 0)):
-        part = Trim(parse_position(start, "--start"))
-        summary = convert(str(tmp_path / "in"), str(tmp_path / start), method=method, decoding=DecodeOptions(trim=part))
-        assert summary.scene_cuts == count
 
 
 def test_the_command_line_takes_a_list(fpsboost_, tmp_path):

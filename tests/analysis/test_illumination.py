@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from truth import affine, as_type, eroded, layers, noise, prepared, translation, waves
+from truth import affine, as_type, layers, noise, prepared, translation, waves
 
 from fpsboost.analysis.illumination import IlluminationModel, estimate_illumination
 from fpsboost.analysis.scene_cuts import CutDetector
-from fpsboost.method_table import interpolate_with_confidence, methods
+from fpsboost.method_table import methods
 
 NLM = methods["nlm"]
 UNLIT = replace(NLM, compensate_illumination=False, cuts=None)
@@ -89,15 +89,6 @@ def test_with_alpha_light_is_constant(channels):
     assert estimate_illumination(*prepared(at(0), at(1))) is None
 
 
-def test_without_a_change_the_frames_are_taken_as_they_are():
-    """Not even copied; nor are they where nobody asks for the light."""
-    still, fading = lit_clip(1), lit_clip(0.5)
-    for interpolator, at in ((NLM, still), (replace(NLM, compensate_illumination=False), fading)):
-        pair = interpolator.pair(*prepared(at(0), at(1)))
-        assert pair.illumination is None
-        assert pair.compensated == (pair.image0, pair.image1)
-
-
 # ------------------------------------------------------------------------------------------------------ what was found
 
 CHANGES = [
@@ -135,16 +126,6 @@ def test_the_light_of_a_moving_picture_is_found(gain, offset, shift):
         assert np.abs(relit - (gain * colours + offset)).max() < 5 / 255
 
 
-@pytest.mark.parametrize("shift", [(0, 0), (6, -4)])
-def test_every_colour_has_its_own_light(shift):
-    """A sunset: blue becomes half, green less, and red more; to 0.005 if nothing moves, else to a twentieth."""
-    gain, offset = [0.5, 0.8, 1.25], [0.1, 0, -0.1]
-    at = lit_clip(gain, offset, shift, seed=2)
-    illumination = estimate_illumination(*prepared(at(0), at(1)))
-    np.testing.assert_allclose(illumination.gain, gain, rtol=0.05 if shift[0] else 0.005)
-    np.testing.assert_allclose(illumination.offset, offset, atol=0.03 if shift[0] else 0.005)
-
-
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_one_broken_pixel_of_a_render_does_not_change_the_light(value):
     """It counts no more than the few pixels around it."""
@@ -175,25 +156,6 @@ def test_light_taken_off_and_put_on_again_is_the_frame(illumination, dtype):
     again = illumination.apply(undone, 1, image.dtype)
     assert again.dtype == dtype
     np.testing.assert_allclose(again, image, rtol=0, atol=2e-6 if dtype is np.float32 else 0)
-
-
-@every_type
-@pytest.mark.parametrize("illumination", LIGHTS)
-def test_at_the_beginning_the_light_is_that_of_the_first_frame(illumination, dtype):
-    """At t = 0 nothing changes, to the last bit."""
-    image = noise(24, 32, 3, dtype)
-    white = 1 if dtype is np.float32 else np.iinfo(dtype).max
-    np.testing.assert_array_equal(
-        illumination.apply(image.astype(np.float32) / np.float32(white), 0, image.dtype), image
-    )
-
-
-@pytest.mark.parametrize("illumination", LIGHTS)
-def test_light_changes_evenly(illumination):
-    """A quarter of the way to its end at a quarter of the time."""
-    image = noise(24, 32, 3, np.float32)
-    start, quarter, end = (illumination.apply(image, t, image.dtype) for t in (0, 0.25, 1))
-    np.testing.assert_allclose(quarter, 0.75 * start + 0.25 * end, rtol=0, atol=1e-6)
 
 
 def test_integers_end_at_black_and_white_and_floats_do_not():
@@ -233,20 +195,6 @@ def test_a_cut_to_black_or_white_is_one():
     for seed in range(10):
         for level in (0, 255):
             assert ends(NLM.pair(*prepared(picture(seed), np.full((90, 120, 3), level, np.uint8))))
-
-
-def test_a_cut_from_black_or_white_is_one():
-    """Nor one in which nothing looks like a picture."""
-    for seed in range(10):
-        for level in (0, 255):
-            assert ends(NLM.pair(*prepared(np.full((90, 120, 3), level, np.uint8), picture(seed))))
-
-
-def test_a_cut_from_fog_is_one():
-    """From a picture of little contrast to another of much, or of other brightness."""
-    for seed in range(10):
-        for contrast, mean in ((0.25, 0.3), (0.12, 0.7)):
-            assert ends(NLM.pair(*prepared(picture(seed, contrast, mean), picture(seed + 100))))
 
 
 @pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (0.25, 0), (0.5, 0.5), (0.2, 0.1)])
@@ -290,15 +238,6 @@ def test_every_type_goes_through_a_fade(gain, offset, channels, dtype):
     assert error(image, at(0.5)) < (0.5 if dtype is np.uint8 else 0.1)
 
 
-def test_floats_brighter_than_white_are_faded_too():
-    """Four times white to twice: right to half a level, and nothing ends at white."""
-    at = lit_clip(0.5, dtype=np.float32)
-    image0, image1, truth = (4 * at(t) for t in (0, 1, 0.5))
-    image = made(replace(NLM, cuts=None), image0, image1)
-    assert image.max() > 2
-    assert error(image, truth) < 0.5
-
-
 @pytest.mark.parametrize(("gain", "offset"), [(1.5, 0), (2, 0), (1, 0.3), (1, 0.6), (1.5, 0.3)])
 def test_a_flash_on_a_still_picture_is_mixed(gain, offset):
     """Into it and out of it, with up to a third of the picture burnt out: at most 0.7 of a level worse than mixing.
@@ -314,29 +253,6 @@ def test_a_flash_on_a_still_picture_is_mixed(gain, offset):
             ):
                 lit, plain = (error(image, (1 - t) * image0 + t * image1, 0) for image in images)
                 assert lit < plain + 0.7
-
-
-@pytest.mark.parametrize(("gain", "offset"), [(0.5, 0), (1.25, 0), (1, 0.2), (0.5, 0.25)])
-def test_swapped_frames_are_the_fade_backwards(gain, offset):
-    """t one way is 1 - t the other way, to two levels, and to a quarter of one on average, up to the edges."""
-    at = lit_clip(gain, offset, seed=1)
-    for t in (0.25, 0.5):
-        forward, backward = made(NLM, at(0), at(1), t), made(NLM, at(1), at(0), 1 - t)
-        difference = np.abs(forward.astype(int) - backward)
-        assert difference[eroded(np.ones(difference.shape[:2], bool), 14)].max() <= 2
-        assert difference.mean() < 0.25
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
-def test_confidence_is_high_through_a_fade(dtype):
-    """The image is the one that `interpolate` makes; gray images without an axis for channels keep their shape."""
-    at = lit_clip(0.5, channels=1, dtype=dtype)
-    fused = interpolate_with_confidence(at(0)[..., 0], at(1)[..., 0], 0.25)
-    np.testing.assert_array_equal(fused.image, made(NLM, at(0), at(1), 0.25)[..., 0])
-    inner = slice(14, -14)
-    assert fused.confidence[inner, inner].mean() > 0.98
-    unlit = interpolate_with_confidence(at(0), at(1), 0.25, method=replace(NLM, compensate_illumination=False))
-    assert unlit.confidence[inner, inner].mean() < 0.1
 
 
 def test_a_fade_over_several_frames_is_one_scene():

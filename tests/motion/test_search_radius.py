@@ -21,7 +21,6 @@ from truth import (
     moving_object,
     needs_scenes,
     noise,
-    prepared,
     translation,
 )
 from twins import shortest_motions
@@ -37,9 +36,8 @@ from fpsboost.kernels.shortest import ShortestMotion, find_shortest
 from fpsboost.kernels.similarity import UNIT, colour_scale
 from fpsboost.method_table import find_method
 from fpsboost.motion.components import contrast_components, padded_planes
-from fpsboost.motion.exhaustive import ExhaustiveSearch
 from fpsboost.motion.rendered import RenderedMotion
-from fpsboost.motion.search_radius import choose_search_radius, expected_motion
+from fpsboost.motion.search_radius import choose_search_radius
 
 LOWEST, HIGHEST = 0.8, 1.6
 """Of the true largest motion plus 20 %."""
@@ -93,14 +91,6 @@ def test_the_radius_is_near_the_constructed_motion(make: Callable[[], Clip]):
     assert LOWEST * true <= choose_search_radius(*clip.prepared) <= HIGHEST * true
 
 
-@pytest.mark.parametrize(("height", "width", "expected"), [(216, 384, 15), (60, 80, 4), (1, 1, 4), (3, 200, 8)])
-def test_still_frames_have_the_least_radius(height, width, expected):
-    """Nothing moves: the report's 20 % on 1/32 of the longer side, and 4 pixels where that is less."""
-    still = noise(height, width)
-    assert expected_motion(*prepared(still, still)) == 0
-    assert choose_search_radius(*prepared(still, still)) == expected
-
-
 def test_vectors_choose_the_radius_of_the_reports_method(tmp_path):
     """The renderer's largest motion plus 20 %, whatever the image does; the field says what was chosen."""
     vectors = VectorFolder(save_translation(tmp_path, 3, (60, 80), 5.5, -1))
@@ -110,12 +100,6 @@ def test_vectors_choose_the_radius_of_the_reports_method(tmp_path):
         assert [field.search_radius for field in estimator.estimate(image0, image1)] == [14, 14]
     with pytest.raises(OptionError, match="whole factor"):
         choose_search_radius(FrameCache(noise(60, 80)), image1, vectors)
-
-
-def test_a_given_radius_stands():
-    """An option beats every estimate, and is what the field says."""
-    field01, field10 = ExhaustiveSearch(search_radius=3).estimate(*prepared(noise(20, 30), noise(20, 30)))
-    assert field01.search_radius == field10.search_radius == 3
 
 
 def test_conversions_know_the_radii_that_were_chosen(tmp_path):

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from truth import accelerating, prepared
 
-from fpsboost.motion.field import MotionField, forward_backward_error, point_places
+from fpsboost.motion.field import MotionField
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.trajectory import accelerations_at_points
 
@@ -85,51 +83,3 @@ def test_vectors_that_do_not_come_back_do_not_count(lost):
     found = accelerations_at_points(fields["onward"], fields["away"], 1, SPACING)
     assert not found[:, 1:7].any()
     np.testing.assert_allclose(found[:, 9:-1], np.broadcast_to([1, 1, 0], (12, 6, 3)), atol=1e-5)
-
-
-def test_vectors_that_leave_the_frame_do_not_count():
-    """What is beyond the frame comes back from nowhere."""
-    fields = exact_fields(0, 1, (40, 0), (0, 0))
-    found = accelerations_at_points(fields, exact_fields(-1, 0, (40, 0), (0, 0))[::-1], 1, SPACING)
-    _, x = point_places(SIZE, SPACING)
-    np.testing.assert_array_equal(found[..., 0], np.broadcast_to((x >= 40) & (x + 40 < SIZE[1]), (12, 16)))
-
-
-@pytest.mark.parametrize("size", [(1, 1), (3, 40), (17, 16), (50, 33)])
-@pytest.mark.parametrize("spacing", [1, 8])
-def test_any_size_has_its_points(size, spacing):
-    """One acceleration for each point; what stands still knows that it has none."""
-    still = MotionField(np.zeros((*size, 2), np.float32), np.ones(size, np.float32))
-    found = accelerations_at_points((still, still), (still, still), 1.0, spacing)
-    assert found.shape == (-(-size[0] // spacing), -(-size[1] // spacing), 3)
-    assert (found[..., 0] == 1).all()
-    assert not found[..., 1:].any()
-
-
-@settings(max_examples=30)
-@given(st.integers(1, 40), st.integers(1, 40), st.sampled_from([1, 2, 4, 8, 32]), st.sampled_from([1, 2, 8, 16]))
-def test_points_say_the_same_as_the_pixels_that_share_them(height, width, spacing, step):
-    """Whatever is asked of motion that many pixels share equals what is asked of each pixel's own."""
-    random, shape = np.random.default_rng([height, width]), (-(-height // spacing), -(-width // spacing))
-    coarse = [
-        MotionField(
-            random.integers(-2, 3, (*shape, 2)).astype(np.float32),
-            random.random(shape, np.float32),
-            spacing=spacing,
-            size=(height, width),
-        )
-        for _ in range(4)
-    ]
-    fine = [MotionField(field.flow, field.similarity) for field in coarse]
-    assert fine[0].shape == coarse[0].shape == (height, width)
-    for of_points, of_pixels in zip(coarse[0].at_points(step), fine[0].at_points(step), strict=True):
-        np.testing.assert_array_equal(of_points, of_pixels)
-    y, x = point_places((height, width), step)
-    vectors = coarse[0].at_points(step)[0]
-    np.testing.assert_array_equal(
-        forward_backward_error(vectors, y, x, coarse[1]), forward_backward_error(vectors, y, x, fine[1])
-    )
-    expected = accelerations_at_points((fine[0], fine[1]), (fine[2], fine[3]), 2, step)
-    for away in (coarse[2:], fine[2:]):  # the neighbouring pair's may be denser
-        found = accelerations_at_points((coarse[0], coarse[1]), (away[0], away[1]), 2, step)
-        np.testing.assert_array_equal(found, expected)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fpsboost.colour import Coding
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import YCbCrImage
 from fpsboost.motion.field import MotionField
-from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.agreement import find_motion, measure_agreement
-from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 
 SIZE = 64, 80
 
@@ -64,16 +60,6 @@ def test_it_is_the_similarity_of_patches(channels):
     assert abs(squares - expected).mean() < 0.01
 
 
-@given(st.integers(0, 60), st.sampled_from([np.uint8, np.float32]), st.sampled_from([1, 3]))
-def test_half_means_the_same_as_for_fused_hypotheses(step, dtype, channels):
-    """Two even frames that differ by some levels are as doubtful by either measure."""
-    unit = 1 if dtype is np.uint8 else 1 / 255
-    image0, image1 = (np.full((*SIZE, channels), level * unit, dtype) for level in (100, 100 + step))
-    pair = FramePair(FrameCache(image0), FrameCache(image1), *ZeroMotion().estimate(*map(FrameCache, (image0, image1))))
-    (fused,) = MultiHypothesis().fuse(pair, [0.5])
-    np.testing.assert_allclose(measure_agreement(pair, 0.5), fused.confidence, atol=2e-3)
-
-
 def test_planes_of_luma_count_like_gray():
     """A difference in luma alone counts as one in gray; at any subsampling."""
     coding = Coding(8, 1, full_range=True, chroma_location="left", pixel_format="yuvj420p")
@@ -101,17 +87,6 @@ def test_the_less_certain_direction_counts():
     images = FrameCache(image), FrameCache(moved)
     right, wrong = constant_motion(8, 0), constant_motion(0, 0)
     assert measure_agreement(FramePair(*images, right, wrong), 0.5)[16:-16, 16:-16].max() < 0.1
-
-
-def test_odd_sizes_and_alpha():
-    """Sides of odd lengths and four channels; what is transparent in both frames agrees in any colour."""
-    image0, image1 = noise(5, channels=4)[:33, :41], noise(6, channels=4)[:33, :41]
-    image0[..., 3] = image1[..., 3] = 0
-    pair = FramePair(FrameCache(image0), FrameCache(image1), *ZeroMotion().estimate(*map(FrameCache, (image0, image1))))
-    measured = measure_agreement(pair, 0.5)
-    assert measured.shape == (33, 41)
-    assert measured.dtype == np.float32
-    assert (measured == 1).all()
 
 
 def test_numbers_that_are_none_have_a_confidence():

@@ -12,7 +12,6 @@ import pytest
 from truth import noise, waves
 
 from fpsboost.conversion import convert
-from fpsboost.frame import Frame
 from fpsboost.io.part import Part
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -21,7 +20,7 @@ from fpsboost.method_table import find_method
 from fpsboost.observer import LowestMatch, Summary
 from fpsboost.parts.join import join
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import making_frames, run_conversion
+from fpsboost.streaming import making_frames
 from fpsboost.timing.position import format_time, parse_position
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor
@@ -92,29 +91,6 @@ def test_it_is_found_whoever_decides_about_cuts(cuts, tmp_path):
     (tmp_path / "cuts.txt").write_text("100f\n")
     policy = None if cuts is None else read_cuts(str(tmp_path / "cuts.txt"))
     assert lowest(summary_of(PAN, interpolator=replace(BLEND, cuts=policy))) == lowest(summary_of(PAN))
-
-
-def test_slow_motion_moves_it():
-    """Its time is that of the output."""
-    once, slow = lowest(summary_of(PAN)), lowest(summary_of(PAN, stretch=Fraction(2)))
-    assert (slow.number, slow.time) == (once.number, 2 * once.time)
-
-
-class Unwanted:
-    """Sink that takes frames at their own times only."""
-
-    needs_confidence = needs_motion = holds_last_frame = False
-
-    def __init__(self) -> None:
-        self.remarks: list[str] = []
-
-    def write(self, frame: Frame) -> None: ...
-
-
-def test_nothing_made_is_nothing_uncertain():
-    """As where frames are kept as they are."""
-    source = ArraySource(iter(PAN), Fraction(25))
-    assert run_conversion(source, BLEND, Unwanted(), ByFactor(Fraction(1))).lowest_match is None  # type: ignore[arg-type]
 
 
 def test_parts_that_are_joined_know_it(tmp_path):

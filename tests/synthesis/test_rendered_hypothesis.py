@@ -103,13 +103,6 @@ def test_vectors_of_a_motion_that_is_not_there_change_little(tmp_path):
     assert error(fused(vectors, still, still).image, still) < 0.002
 
 
-def test_surfaces_that_leave_the_frame_in_both_are_not_followed(tmp_path):
-    """Where neither frame shows what the vectors lead to, the image is the one without vectors."""
-    still = noise(*SIZE)
-    vectors = VectorFolder(save_translation(tmp_path, 3, SIZE, 500, 0))
-    np.testing.assert_array_equal(fused(vectors, still, still).image, fused(None, still, still).image)
-
-
 @pytest.mark.parametrize("channels", [2, 4])
 def test_colours_that_alpha_hides_do_not_bleed(tmp_path, channels):
     """A moving hole keeps its alpha, and the colours around it are theirs alone."""
@@ -145,10 +138,3 @@ def test_frames_that_have_no_vectors_are_named(tmp_path):
         fused(VectorFolder(save_translation(tmp_path / "a", 3, SIZE, 0, 0)), still, still, 2, 0.25)
     with pytest.raises(InputError, match="8x6 pixels, and the frames have 64x48"):
         fused(VectorFolder(save_translation(tmp_path / "b", 3, (6, 8), 0, 0)), still, still)
-
-
-def test_the_rest_of_a_method_is_as_without_vectors(tmp_path):
-    """Its estimator and its options stay, also when vectors are taken away for compiling."""
-    method = find_method("nlm", VectorFolder(save_translation(tmp_path, 3, SIZE, 0, 0)))
-    assert method.estimator == find_method("nlm").estimator
-    assert method.synthesizer.without_vectors() == find_method("nlm").synthesizer

@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from truth import Clip, affine, as_type, frozen, moving_object, noise, translation, waves
+from truth import Clip, as_type, frozen, moving_object, noise, translation, waves
 from vector_truth import constant, save_object, save_translation, save_vectors
 
 from fpsboost.cli import app
@@ -22,7 +22,7 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.images.exr import write_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.vectors.folder import VectorFolder
-from fpsboost.method_table import configure, find_method, interpolate, vector_methods
+from fpsboost.method_table import find_method, interpolate, vector_methods
 from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.scene_assisted import SceneAssisted
@@ -80,15 +80,6 @@ def test_slanting_translations_are_exact_but_for_two_corners(tmp_path):
         assert not wrong.any()
 
 
-def test_fractions_of_a_pixel_are_mixed_from_four(tmp_path):
-    """A smooth texture is right to a few levels of 255."""
-    clip = affine(40, 50, shift=(3.3, -1.7))
-    vectors = VectorFolder(save_translation(tmp_path, 5, (40, 50), 3.3 / 4, -1.7 / 4))
-    for number, image in enumerate(between(SceneAssisted(vectors), clip), 1):
-        error = np.abs(image.astype(float) - clip.at(number / 4))
-        assert error.mean() < 1.5
-
-
 def test_each_frame_has_vectors_of_its_own(tmp_path):
     """What speeds up is where the in-between frame says, not half-way: x = 0, 2, 8 at output frames 0, 1, 2."""
     canvas = noise(20, 60)
@@ -142,15 +133,6 @@ def test_the_tolerance_of_depth(tmp_path):
         synthesizer = SceneAssisted(VectorFolder(tmp_path / "v", tmp_path / "d"), depth_tolerance=tolerance)
         (image,) = made(synthesizer, image0, image1, 2, [0.5])
         assert (image == expected).all(), (depths, tolerance)
-
-
-def test_where_both_lie_outside_both_are_mixed(tmp_path):
-    """The outermost pixels go on."""
-    image0, image1 = (np.full((6, 8, 1), value, np.uint8) for value in (40, 80))
-    for number in range(3):
-        save_vectors(tmp_path / f"{number}.exr", constant(6, 8, 1e30, 0), constant(6, 8, -50, 1e30))
-    (image,) = made(SceneAssisted(VectorFolder(tmp_path)), image0, image1, 2, [0.5])
-    assert (image == 60).all()
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
@@ -213,16 +195,6 @@ def test_methods_need_vectors_and_others_take_none(tmp_path):
         find_method("blend", vectors)
     with pytest.raises(OptionError, match=r"nlm, .*reproject-image, reproject-scene"):
         find_method("magic")
-
-
-def test_options_reach_the_methods(tmp_path):
-    """The search of the one, the tolerance of the other."""
-    vectors = VectorFolder(save_translation(tmp_path, 3, (6, 8), 0, 0))
-    image_based, scene_assisted = (find_method(name, vectors) for name in vector_methods)
-    assert configure(image_based, "", {"search": "brute-force"}).synthesizer.search == "brute-force"
-    assert configure(scene_assisted, "", {"depth_tolerance": 0.1}).synthesizer.depth_tolerance == 0.1
-    with pytest.raises(OptionError, match="`search` does not apply"):
-        configure(scene_assisted, "reproject-scene", {"search": "brute-force"})
 
 
 HEIGHT, WIDTH, MOTION = 48, 64, (3, -2)

@@ -61,11 +61,3 @@ def test_colours_that_alpha_hides_do_not_bleed(dtype):
     made, white = warped(image, image, half, -half, 0.5).astype(float) / np.iinfo(dtype).max, np.iinfo(dtype).max
     np.testing.assert_allclose(made[:, 8], np.broadcast_to([0.2, 0.6, 0.2, 0.25], (8, 4)), atol=1 / 255)
     np.testing.assert_allclose(made[:, 9:], np.broadcast_to([1, 0, 1, 0], (8, 7, 4)), atol=1 / white)
-
-
-def test_what_is_no_number_stays_in_its_place():
-    """One such pixel spoils nothing around it."""
-    image = noise(9, 11, 3, np.float32).copy()
-    image[4, 5, 1] = np.nan
-    made = warped(image, image, np.full((9, 11, 2), 0.5), np.full((9, 11, 2), -0.5), 0.5)
-    assert np.isfinite(made).all()

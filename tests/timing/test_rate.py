@@ -28,7 +28,7 @@ from fpsboost.motion.zero import ZeroMotion
 from fpsboost.observer import Summary
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing.rate import FrameIntervals, OutputRate
+from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import MAX_FILLED, ByFactor, ByRate, Step, count_frames
 
 MILLISECOND = Fraction(1, 1000)
@@ -213,15 +213,6 @@ def test_milliseconds_mean_the_rate_that_was_rounded(start, factor):
     assert summary.remarks == []
 
 
-def test_a_phone_that_jitters_keeps_its_frames():
-    """Ticks of 1/600 s, some intervals a tick short: all originals pass, and nobody is told that the rate varies."""
-    intervals = [20] * 20 + [19] + [20] * 20 + [21] + [20] * 20
-    times = [Fraction(sum(intervals[:k]), 600) for k in range(len(intervals) + 1)]
-    frames, summary = play(info_of(Fraction(30), Fraction(1, 600)), times, times[-1] + Fraction(1, 30), OutputRate())
-    assert [frame.original for frame in frames[::2]] == list(range(len(times)))
-    assert summary.remarks == []
-
-
 def test_a_variable_rate_becomes_constant_and_is_said():
     """Even times, each frame mixed by its true time, as long as the source, and a remark that says so."""
     times = [Fraction(t, 100) for t in (0, 4, 8, 18, 22, 30, 34)]
@@ -238,15 +229,6 @@ def test_a_variable_rate_becomes_constant_and_is_said():
     assert play(info, times, Fraction(38, 100), OutputRate(fps=Fraction(60)))[1].remarks == []
 
 
-def test_two_frames_at_one_place_become_one():
-    """Where two frames lie closer than the clock can mean, the first is shown, and times still increase."""
-    times = [Fraction(t, 1000) for t in (0, 39, 40, 80, 120)]
-    frames, summary = play(info_of(Fraction(25), MILLISECOND), times, Fraction(160, 1000), OutputRate())
-    assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(8)]
-    assert [frame.original for frame in frames[::2]] == [0, 1, 3, 4]
-    assert summary.frames_in == 5
-
-
 def test_across_a_pause_the_picture_is_repeated():
     """Three seconds without a frame: no motion is made up for them, the picture stands, and that is said."""
     times = [Fraction(k, 25) for k in range(5)] + [3 + Fraction(k, 25) for k in range(5, 10)]
@@ -261,13 +243,6 @@ def test_across_a_pause_the_picture_is_repeated():
     )
 
 
-def test_a_second_without_a_frame_is_still_interpolated():
-    """Up to a second, or ten frames of a slow clip, is no pause."""
-    assert not ByRate.forgiving(Fraction(60), Fraction(30), MILLISECOND).is_pause(Fraction(1))
-    assert not ByRate.forgiving(Fraction(4), Fraction(2), MILLISECOND).is_pause(Fraction(5))
-    assert ByRate.forgiving(Fraction(4), Fraction(2), MILLISECOND).is_pause(Fraction(501, 100))
-
-
 def test_a_damaged_time_does_not_fill_the_disk():
     """Days without a frame become one long frame and a remark; what comes after keeps its times."""
     gap = 100 * MAX_FILLED
@@ -276,18 +251,6 @@ def test_a_damaged_time_does_not_fill_the_disk():
     assert len(frames) == 9 + 10
     assert frames[8].duration == gap - Fraction(4, 25)
     assert any("59999.8 s" in remark and "as one long frame" in remark for remark in summary.remarks)
-
-
-def test_the_rhythm_of_a_clip():
-    """The shortest and longest interval, and where that begins, seconds after the first frame."""
-    frame_intervals = FrameIntervals()
-    for tick in (100, 104, 110, 113):
-        frame_intervals.note(Fraction(tick, 100), Fraction(1))
-    assert (frame_intervals.shortest, frame_intervals.longest, frame_intervals.begin) == (
-        Fraction(3, 100),
-        Fraction(6, 100),
-        Fraction(4, 100),
-    )
 
 
 # --------------------------------------------------------------------------------------------------------- slow motion
@@ -323,18 +286,6 @@ def test_slow_motion_keeps_the_rate_and_lasts_longer(pace, rate, stretch, start)
     assert all(time == number / FILM * stretch for time, number in passed)
 
 
-@pytest.mark.parametrize("factor", [Fraction(5, 2), Fraction(7, 3), Fraction(4)])
-@pytest.mark.parametrize("keep_timing", [False, True])
-def test_the_clock_of_slow_motion_holds_every_time(factor, keep_timing):
-    """Every stretched time is a whole number of ticks."""
-    pace, info = OutputRate(factor, keep_timing=keep_timing, slow_motion=True), info_of(Fraction(25), Fraction(1, 100))
-    schedule = pace.schedule(info)
-    tick = pace.timing(info, schedule).time_base
-    steps = [*schedule.steps(0, Fraction(0), Fraction(0), Fraction(1, 25))]
-    steps += schedule.steps(1, Fraction(0), Fraction(1, 25), Fraction(9, 100))
-    assert all((step.time * factor / tick).denominator == 1 for step in steps)
-
-
 def test_slow_motion_of_a_file(tmp_path):
     """Four times as long at the same rate, subtitles and chapters in step, sound left out and said."""
     clip = write_clip(
@@ -348,15 +299,6 @@ def test_slow_motion_of_a_file(tmp_path):
         assert [(p.pts, p.duration) for p in file.demux(subtitles=0) if p.size] == [(400, 800)]
         assert [(each["start"], each["end"]) for each in file.chapters()] == [(0, 800 * 10**6)]
         assert not file.streams.audio
-
-
-def test_a_part_in_slow_motion(fpsboost_, tmp_path):
-    """--start and --end are those of the source; --fps says the rate where --slow-motion takes the factor."""
-    write_clip(tmp_path / "in.mp4", times=range(50), sound="aac")
-    part = ("--start", "0.4", "--end", "1.2", "--slow-motion", "--factor", "5/2", "--fps", "50")
-    result = fpsboost_("in.mp4", "out.mp4", *part, "-m", "nearest", "--preset", "ultrafast")
-    assert result.code == 0
-    assert times_of(tmp_path / "out.mp4") == [Fraction(k, 50) for k in range(100)]
 
 
 # --------------------------------------------------------------------------------------------------------------- files

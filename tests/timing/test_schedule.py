@@ -97,14 +97,6 @@ def test_a_rate_hits_every_tick_of_its_own_clock(rate, start, gaps):
     assert [(k, step.time, step.t) for k, step in all_steps(ByRate(rate), times)] == expected
 
 
-def test_an_equal_rate_changes_nothing():
-    """Only source frames, each at its time."""
-    times = [Fraction(k * 1001, 24000) for k in range(50)]
-    for schedule in (ByFactor(Fraction(1)), ByRate(Fraction(24000, 1001))):
-        steps = [(step.time, step.t) for _, step in all_steps(schedule, times)]
-        assert steps == [(time, 0) for time in times[:-1]]
-
-
 @given(factors, st.sampled_from([24, 25, 600, 1000, 12800, 24000, 30000]), st.lists(st.integers(1, 90), max_size=6))
 def test_the_time_base_holds_every_time_of_a_factor(factor, ticks, gaps):
     """Where 32 bits suffice, every output time is a whole number of ticks."""
@@ -122,18 +114,6 @@ def test_the_time_base_holds_every_time_of_a_rate(rate, ticks, start):
     out = ByRate(rate).time_base(Fraction(1, ticks))
     assert out.denominator <= MAX_TICKS_PER_SECOND
     assert all(((Fraction(start, ticks) + k / rate) / out).denominator == 1 for k in range(5))
-
-
-def test_the_time_base_never_exceeds_32_bits():
-    """A clock too fine for containers falls back to a coarser one that they can hold."""
-    assert ByFactor(Fraction(997)).time_base(Fraction(1, 2**31 - 1)) == Fraction(1, 2**31 - 1)
-    assert ByRate(Fraction(60000, 1001)).time_base(Fraction(1, 2**31 - 1)) == Fraction(1, 60000)
-
-
-def test_rates_follow_the_schedule():
-    """A factor multiplies the rate; a rate is itself."""
-    assert ByFactor(Fraction(5, 2)).rate(Fraction(24000, 1001)) == Fraction(60000, 1001)
-    assert ByRate(Fraction(60)).rate(Fraction(24)) == 60
 
 
 @pytest.mark.parametrize(
@@ -238,11 +218,6 @@ def test_every_frame_is_shown_until_the_next_and_the_last_to_the_end(schedule, c
         run_conversion(Clip(count, rate), methods["nearest"], sink, schedule)
     ends = [frame.time + frame.duration for frame in sink.frames]
     assert ends == [*(frame.time for frame in sink.frames[1:]), count / rate]
-
-
-def test_no_count_is_expected_of_a_source_that_does_not_say():
-    """Nothing is guessed."""
-    assert count_frames(ByFactor(Fraction(2)), Clip(5, Fraction(25), declared=False).info, True) is None
 
 
 @given(factors, st.integers(0, 50))

@@ -185,14 +185,6 @@ def test_samples_go_with_a_shutter():
         OutputRate(shutter_samples=5)
 
 
-def test_the_schedule_is_otherwise_that_of_the_frames():
-    """Rate and time base are not multiplied."""
-    schedule = ByRate(Fraction(60))
-    sampled = ExposureSchedule(schedule, HALF)
-    assert sampled.rate(Fraction(24)) == 60
-    assert sampled.time_base(Fraction(1, 24)) == schedule.time_base(Fraction(1, 24))
-
-
 def test_images_are_blurred_at_their_own_rate(tmp_path):
     """With a factor of 1 it is motion blur alone: one image for each, the source's own among them."""
     (tmp_path / "in").mkdir()
@@ -229,12 +221,3 @@ def test_vectors_say_nothing_of_times_between_frames():
     method = find_method("nlm", VectorFolder(str(SCENES / "texture" / "vectors")))
     with pytest.raises(OptionError, match="vectors"):
         convert(str(SCENES / "texture"), "out", method=method, rate=OutputRate(shutter=180))
-
-
-def test_a_pause_that_is_not_filled_has_no_samples():
-    """Of a pause of more than ten minutes one output frame is left, also with motion blur."""
-    schedule = ByRate.forgiving(Fraction(50), Fraction(25), Fraction(1, 1000))
-    frames = [Frame(np.full((8, 8, 3), 9, np.uint8), Fraction(time), Fraction(1, 25)) for time in (0, 700, 701)]
-    plain, _ = exposed(frames, schedule, None)
-    blurred, _ = exposed(frames, schedule, HALF)
-    assert [frame.time for frame in blurred] == [frame.time for frame in plain]
