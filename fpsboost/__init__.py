@@ -43,10 +43,9 @@ if TYPE_CHECKING:
     from fpsboost.run_options import RunOptions
     from fpsboost.streaming import Entry, OutputRange, run_conversion
     from fpsboost.synthesis import InterpolatedImage, Synthesizer
-    from fpsboost.timing.position import Position
+    from fpsboost.timing.position import Position, Trim
     from fpsboost.timing.rate import FrameIntervals, OutputRate
     from fpsboost.timing.schedule import ByFactor, ByRate, Schedule
-    from fpsboost.timing.trim import Trim
 
 from fpsboost.version import __version__
 
@@ -164,7 +163,7 @@ _homes = {
     "SourceMoment": "observer",
     "Summary": "observer",
     "Synthesizer": "synthesis",
-    "Trim": "timing.trim",
+    "Trim": "timing.position",
     "YCbCrImage": "image",
     "choose_frames": "rerender.frame_choice",
     "convert": "conversion",

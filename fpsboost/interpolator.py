@@ -8,8 +8,9 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from itertools import repeat
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, TypeVar, get_args
+from typing import Any, Generic, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,9 @@ from fpsboost.image import SAMPLE_BITS, Image, as_array, view
 from fpsboost.kernels.compiling import compiled_aside
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
-from fpsboost.motion.field import MotionField
+from fpsboost.motion.field import MotionField, ZeroMotion
 from fpsboost.motion.rendered import RenderedVectors, UsesVectors
 from fpsboost.motion.trajectory import Neighbour
-from fpsboost.motion.zero import ZeroMotion
 from fpsboost.pair import Layered, Pair, as_bgr
 from fpsboost.synthesis import FramePair, FusesHypotheses, InterpolatedImage, Synthesizer
 from fpsboost.synthesis.agreement import measure_agreement
@@ -38,7 +38,6 @@ from fpsboost.synthesis.warp import Extrapolate
 from fpsboost.threads import available_cores
 
 AtCuts = Literal["repeat", "blend", "extrapolate"]
-
 
 Item = TypeVar("Item")
 
@@ -56,25 +55,15 @@ CUT_WARNINGS: Mapping[AtCuts, str] = MappingProxyType(
 """Warnings on what was done with two images across a cut."""
 
 
-class InBetween(NamedTuple):
-    """Frames between two frames, and whether a scene ends there."""
+class InBetween(NamedTuple, Generic[Item]):
+    """Frames between two frames, with or without their confidence, and whether a scene ends there."""
 
-    images: Iterator[FrameImage]
+    images: Iterator[Item]
     scene_cut: bool
 
 
-class ConfidentInBetween(NamedTuple):
-    """Frames between two frames with their confidence, and whether a scene ends there."""
-
-    images: Iterator[InterpolatedImage]
-    scene_cut: bool
-
-
-Made = tuple[FrameImage, NDArray[Any] | None]
+Interpolated = tuple[FrameImage, NDArray[Any] | None]
 """In-between image, and its confidence if it was asked for and anything is known of it."""
-
-Synthesize = Callable[[Synthesizer, FramePair, Layered | None, Sequence[float]], Iterator[Made]]
-"""Function that generates the images of a synthesizer, with or without their confidence."""
 
 
 @dataclass(frozen=True)
@@ -179,13 +168,13 @@ class Interpolator:
         SceneCutWarning
             There is a cut, and a time lies between the two.
         """
-        judged = replace(self, cuts=cuts)
-        pair = judged.pair(FrameCache(image0), FrameCache(image1))
-        images, scene_cut = judged.between(pair, times)
-        made = [as_array(image) for image in images]
+        interpolator = replace(self, cuts=cuts)
+        pair = interpolator.pair(FrameCache(image0), FrameCache(image1))
+        images, scene_cut = interpolator.between(pair, times)
+        arrays = [as_array(image) for image in images]
         if scene_cut and any(0 < t < 1 for t in times):
             warnings.warn(CUT_WARNINGS[self.at_cuts], SceneCutWarning, stacklevel=2)
-        return made
+        return arrays
 
     def pair(self, image0: FrameCache, image1: FrameCache, duration: Fraction | float = 1) -> Pair:
         """Return two frames as `between` takes them; see `Pair`."""
@@ -204,7 +193,7 @@ class Interpolator:
         times: Sequence[float | Fraction],
         before: Pair | None = None,
         after: Pair | None = None,
-    ) -> InBetween:
+    ) -> InBetween[FrameImage]:
         """Interpolate like `interpolate`, but one image at a time and along curved trajectories; report a scene cut.
 
         Parameters
@@ -224,8 +213,8 @@ class Interpolator:
         OptionError
             A time lies outside of [0, 1].
         """
-        made = self._made(pair, times, before, after, _without_confidence)
-        return InBetween((image for image, _ in made), pair.is_cut(before, after))
+        images = self._images(pair, _checked(times), before, after, with_confidence=False)
+        return InBetween((image for image, _ in images), pair.is_cut(before, after))
 
     def between_with_confidence(
         self,
@@ -233,7 +222,7 @@ class Interpolator:
         times: Sequence[float | Fraction],
         before: Pair | None = None,
         after: Pair | None = None,
-    ) -> ConfidentInBetween:
+    ) -> InBetween[InterpolatedImage]:
         """Make the same images as `between`, with the confidence of every pixel.
 
         It is the synthesizer's own if it has one; see `fpsboost.synthesis.FusesHypotheses`. Otherwise it is the
@@ -247,33 +236,19 @@ class Interpolator:
 
         Returns
         -------
-        ConfidentInBetween
+        InBetween
 
         Raises
         ------
         OptionError
             A time lies outside of [0, 1].
         """
-        made = self._made(pair, times, before, after, _with_confidence)
         size = pair.image0.pixels.shape[:2]
         images = (
             InterpolatedImage(image, np.zeros(size, np.float32) if confidence is None else confidence)
-            for image, confidence in made
+            for image, confidence in self._images(pair, _checked(times), before, after, with_confidence=True)
         )
-        return ConfidentInBetween(images, pair.is_cut(before, after))
-
-    def _made(
-        self,
-        pair: Pair,
-        times: Sequence[float | Fraction],
-        before: Pair | None,
-        after: Pair | None,
-        synthesize: Synthesize,
-    ) -> Iterator[Made]:
-        for t in times:
-            if not 0 <= t <= 1:
-                raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
-        return self._images(pair, times, before, after, synthesize)
+        return InBetween(images, pair.is_cut(before, after))
 
     def _images(
         self,
@@ -281,20 +256,21 @@ class Interpolator:
         times: Sequence[float | Fraction],
         before: Pair | None,
         after: Pair | None,
-        synthesize: Synthesize,
-    ) -> Iterator[Made]:
+        *,
+        with_confidence: bool,
+    ) -> Iterator[Interpolated]:
         inner = [float(t) for t in times if 0 < t < 1]
-        made = self._synthesize(pair, inner, before, after, synthesize) if inner else iter(())
+        images = self._synthesize(pair, inner, before, after, with_confidence=with_confidence) if inner else iter(())
         for t in times:
             if 0 < t < 1:
-                yield next(made)
+                yield next(images)
             else:
                 image = (pair.image1 if t == 1 else pair.image0).image.copy()
                 yield image, np.ones(image.shape[:2], np.float32)
 
     def _synthesize(
-        self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None, synthesize: Synthesize
-    ) -> Iterator[Made]:
+        self, pair: Pair, times: list[float], before: Pair | None, after: Pair | None, *, with_confidence: bool
+    ) -> Iterator[Interpolated]:
         is_discontinuous = pair.is_discontinuous(before, after)
         # the pairs beyond these two are not known here
         before = None if before is None or before.is_discontinuous(after=pair) else before
@@ -304,22 +280,22 @@ class Interpolator:
             fields = _extrapolate(pair, before, after) if onward else ZeroMotion().estimate(pair.image0, pair.image1)
             image0, image1 = (as_bgr(pair.image0), as_bgr(pair.image1)) if onward else (pair.image0, pair.image1)
             frame_pair = FramePair(image0, image1, *fields)
-            return _without_confidence(CUT_SYNTHESIZERS[self.at_cuts], frame_pair, pair.layered, times)
+            return _generate(CUT_SYNTHESIZERS[self.at_cuts], frame_pair, pair.layered, times)
         # the next pair's motion first: the thread that makes its frames waits for it
         following = _neighbour(after, pair) if self.curved else None
         fields = pair.fields
         neighbours = (_neighbour(before, pair), following) if self.curved else ()
         frame_pair = FramePair(*pair.compensated, *fields, *neighbours)
-        made = synthesize(self.synthesizer, frame_pair, pair.layered, times)
+        images = _generate(self.synthesizer, frame_pair, pair.layered, times, with_confidence=with_confidence)
         if pair.layered is not None:  # mixed as the frames are, so that sums of layers stay sums
-            return made
+            return images
         if pair.illumination is not None:
-            made = _with_illumination(made, times, pair.illumination, pair.image0.pixels.dtype)
+            images = _with_illumination(images, times, pair.illumination, pair.image0.pixels.dtype)
         if self.match_grain:
-            made = _with_grain(made, times, pair)
+            images = _with_grain(images, times, pair)
         if pair.illumination is None and self.overlays and (before or after):
-            made = _with_overlay(made, times, pair, before or pair, after or pair)
-        return made
+            images = _with_overlay(images, times, pair, before or pair, after or pair)
+        return images
 
     def with_vectors(self, change: Callable[[Any], RenderedVectors]) -> tuple[Interpolator, list[str]]:
         """Change a renderer's vectors, if there are any, such as to match them with the output's frames.
@@ -393,15 +369,39 @@ def with_neighbours(items: Iterable[Item]) -> Iterator[tuple[Item | None, Item, 
         yield before, item, None
 
 
+def _checked(times: Sequence[float | Fraction]) -> Sequence[float | Fraction]:
+    """Return times between two frames, or raise OptionError if one is not."""
+    for t in times:
+        if not 0 <= t <= 1:
+            raise OptionError(f"A time between two frames must lie in [0, 1], not at {t}.")
+    return times
+
+
 def _generate(
-    synthesizer: Synthesizer, frame_pair: FramePair, layered: Layered | None, times: Sequence[float]
-) -> Iterator[FrameImage]:
-    """Generate images, with the layers that the frames have."""
-    if layered is None:
-        return synthesizer.synthesize(frame_pair, times)
-    if not isinstance(synthesizer, MixesLayers):
-        raise OptionError("The method makes no layers beside the picture; choose nlm, or give `passes='beauty'`.")
-    return synthesizer.synthesize_layers(frame_pair, layered, times)
+    synthesizer: Synthesizer,
+    frame_pair: FramePair,
+    layered: Layered | None,
+    times: Sequence[float],
+    *,
+    with_confidence: bool = False,
+) -> Iterator[Interpolated]:
+    """Generate images, with the layers that the frames have, and with their confidence if it is asked for."""
+    images: Iterator[FrameImage]
+    if layered is not None:
+        if not isinstance(synthesizer, MixesLayers):
+            raise OptionError("The method makes no layers beside the picture; choose nlm, or give `passes='beauty'`.")
+        images = synthesizer.synthesize_layers(frame_pair, layered, times)
+    elif with_confidence and isinstance(synthesizer, FusesHypotheses):
+        yield from synthesizer.fuse(frame_pair, times)
+        return
+    else:
+        images = synthesizer.synthesize(frame_pair, times)
+    confidences: Iterator[NDArray[Any] | None] = repeat(None, len(times))
+    if with_confidence and isinstance(synthesizer, FusesHypotheses):
+        confidences = (fused.confidence for fused in synthesizer.fuse(frame_pair, times))
+    elif with_confidence:
+        confidences = (measure_agreement(frame_pair, t) for t in times)
+    yield from zip(images, confidences, strict=True)
 
 
 def _extrapolate(pair: Pair, before: Pair | None, after: Pair | None) -> tuple[MotionField, MotionField]:
@@ -425,51 +425,31 @@ def _neighbour(neighbour: Pair | None, pair: Pair) -> Neighbour | None:
     return Neighbour(*neighbour.fields, float(neighbour.duration / pair.duration))
 
 
-def _without_confidence(
-    synthesizer: Synthesizer, frame_pair: FramePair, layered: Layered | None, times: Sequence[float]
-) -> Iterator[Made]:
-    for image in _generate(synthesizer, frame_pair, layered, times):
-        yield image, None
-
-
-def _with_confidence(
-    synthesizer: Synthesizer, frame_pair: FramePair, layered: Layered | None, times: Sequence[float]
-) -> Iterator[Made]:
-    if layered is None and isinstance(synthesizer, FusesHypotheses):
-        yield from synthesizer.fuse(frame_pair, times)
-        return
-    if isinstance(synthesizer, FusesHypotheses):
-        confidences: Iterator[NDArray[Any]] = (fused.confidence for fused in synthesizer.fuse(frame_pair, times))
-    else:
-        confidences = (measure_agreement(frame_pair, t) for t in times)
-    yield from zip(_generate(synthesizer, frame_pair, layered, times), confidences, strict=True)
-
-
 def _with_illumination(
-    made: Iterator[Made],
+    images: Iterator[Interpolated],
     times: Sequence[float],
     illumination: IlluminationModel,
     dtype: np.dtype[Any],
-) -> Iterator[Made]:
-    for (image, confidence), t in zip(made, times, strict=True):
+) -> Iterator[Interpolated]:
+    for (image, confidence), t in zip(images, times, strict=True):
         yield illumination.apply(as_array(image), t, dtype), confidence
 
 
-def _with_grain(made: Iterator[Made], times: Sequence[float], pair: Pair) -> Iterator[Made]:
+def _with_grain(images: Iterator[Interpolated], times: Sequence[float], pair: Pair) -> Iterator[Interpolated]:
     place = pair.image0.source_position
     number = 0 if place is None else place.number
-    for (image, confidence), t in zip(made, times, strict=True):
+    for (image, confidence), t in zip(images, times, strict=True):
         yield match_grain(view(image).picture, pair.grain, t, (number, int(np.float64(t).view(np.uint64)))), confidence
 
 
 def _with_overlay(
-    made: Iterator[Made], times: Sequence[float], pair: Pair, before: Pair, after: Pair
-) -> Iterator[Made]:
+    images: Iterator[Interpolated], times: Sequence[float], pair: Pair, before: Pair, after: Pair
+) -> Iterator[Interpolated]:
     overlay = find_overlay(pair.image0, pair.image1, before.image0, after.image1, pair.fields[0])
     if overlay is None:
-        yield from made
+        yield from images
         return
-    for (image, confidence), t in zip(made, times, strict=True):
+    for (image, confidence), t in zip(images, times, strict=True):
         keep_overlay(view(image).picture, pair.image0.pixels, pair.image1.pixels, t, overlay)
         if confidence is not None:  # found still over four frames
             confidence[overlay] = 1

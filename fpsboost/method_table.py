@@ -20,17 +20,16 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.nlm import CoarseToFine
 from fpsboost.motion.opencv import Dis, Farneback, TvL1
 from fpsboost.motion.rendered import RenderedMotion, RenderedVectors, UsesVectors
-from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import InterpolatedImage
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
 from fpsboost.synthesis.scene_assisted import SceneAssisted
-from fpsboost.synthesis.splat import Splat
-from fpsboost.synthesis.warp import Warp
+from fpsboost.synthesis.warp import Splat, Warp
 
 plain_interpolator = partial(Interpolator, curved=False, compensate_illumination=False, overlays=False)
 """Interpolator without this package's additions, for methods that reproduce published or other methods."""

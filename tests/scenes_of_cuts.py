@@ -233,17 +233,6 @@ def rapid(random: np.random.Generator) -> Clip:
     return joined("rapid", *(make_shot(random).frames(int(each)) for each in lengths))
 
 
-def at_the_ends(random: np.random.Generator) -> Clip:
-    """The first pair and the last are cuts."""
-    return joined("at the ends", *(make_shot(random).frames(each) for each in (1, 4, 1)))
-
-
-def beside_duplicates(random: np.random.Generator) -> Clip:
-    """Every frame shown twice; the cut lies between two of them."""
-    shots = ([frame for frame in make_shot(random).frames(3) for _ in range(2)] for _ in range(3))
-    return joined("beside duplicates", *shots)
-
-
 def slides(random: np.random.Generator) -> Clip:
     """A talk's slides: each stands still for a third of a second, and all share a white ground, a header and a foot."""
     header = colour(random, 0.1, 0.8)
@@ -317,32 +306,6 @@ def zoom(random: np.random.Generator) -> Clip:
     return Clip("zooms", make_shot(random, path=path).frames(6), set())
 
 
-def shake(random: np.random.Generator) -> Clip:
-    """A hand or an explosion: every frame up to a tenth of the width elsewhere."""
-    moves = random.uniform(-1, 1, (20, 2)) * (0.1 * WIDTH, 0.1 * HEIGHT)
-
-    def path(t: float) -> tuple[float, float, float, float]:
-        x, y = (np.interp(t, np.arange(-4, 16), moves[:, axis]) for axis in range(2))
-        return float(x), float(y), 1.0, 0.0
-
-    return Clip("shakes", make_shot(random, path=path).frames(10), set())
-
-
-def passing(random: np.random.Generator) -> Clip:
-    """Something large crosses in a few frames and covers half of the picture and more."""
-    look = (edges if random.random() < 0.5 else people)(random)[:HEIGHT, :]
-    size, speed = int(random.uniform(0.4, 1.1) * WIDTH), random.uniform(0.15, 0.4) * WIDTH
-    shade = colour(random)
-
-    def actor(t: float, image: Array) -> None:
-        left = int(speed * (t - 2)) - size
-        begin, end = max(0, left), min(WIDTH, left + size)
-        if begin < end:
-            image[8:, begin:end] = 0.4 * look[8:, begin - left : end - left] + 0.6 * np.float32(shade)
-
-    return Clip("passing", make_shot(random, actor=actor).frames(12), set())
-
-
 def fast(random: np.random.Generator, **how: Any) -> Shot:
     """A camera that pans by a tenth to a quarter of the width with every frame, and hardly faster or slower."""
     speed, heading = random.uniform(0.1, 0.25) * WIDTH, random.choice((0, np.pi)) + random.uniform(-0.3, 0.3)
@@ -378,26 +341,6 @@ def tracking(random: np.random.Generator) -> Shot:
     return make_shot(random, place=(start, 240), path=path, actor=actor, shutter=0.6, bars=0)
 
 
-def thin(random: np.random.Generator) -> Shot:
-    """Branches, wires and spokes in front of something that moves otherwise."""
-    count = int(random.integers(8, 30))
-    ends = random.uniform((-40, -20, -40, -20), (WIDTH + 40, HEIGHT + 20, WIDTH + 40, HEIGHT + 20), (count, 4))
-    move = random.uniform(-6, 6, (2,))
-    shades = [colour(random, 0, 0.5) for _ in range(count)]
-    turn = random.uniform(-0.25, 0.25)
-
-    def actor(t: float, image: Array) -> None:
-        for (x0, y0, x1, y1), shade in zip(ends, shades, strict=True):
-            first = int(x0 + move[0] * t), int(y0 + move[1] * t)
-            cv2.line(image, first, (int(x1 + move[0] * t), int(y1 + move[1] * t)), shade, 1, cv2.LINE_AA)
-        for spoke in range(9):
-            angle = 2 * np.pi * spoke / 9 + turn * t
-            rim = int(WIDTH / 2 + 30 * np.cos(angle)), int(HEIGHT / 2 + 30 * np.sin(angle))
-            cv2.line(image, (WIDTH // 2, HEIGHT // 2), rim, (0.1, 0.1, 0.1), 1, cv2.LINE_AA)
-
-    return make_shot(random, actor=actor)
-
-
 def one_shot_or_more(name: str, make: Callable[[np.random.Generator], Shot]) -> Callable[[np.random.Generator], Clip]:
     """Shots of one kind with cuts between them, or one of them alone."""
 
@@ -407,35 +350,19 @@ def one_shot_or_more(name: str, make: Callable[[np.random.Generator], Shot]) -> 
     return clip
 
 
-def few_frames(random: np.random.Generator) -> Clip:
-    """Two frames or three in all, of every kind of shot, with a cut or without."""
-    makers = make_shot, fast, tracking, thin
-    length = int(random.integers(2, 4))
-    first, second = (makers[random.integers(len(makers))](random) for _ in range(2))
-    cut = int(random.integers(length)) if random.random() < 0.5 else length
-    shots = [first.frames(cut), second.frames(length - cut)]
-    return joined(f"{length} frames", *(shot for shot in shots if shot))
-
-
 KINDS = (
     hard_cuts,
     equally_bright,
     other_angles,
     rapid,
-    at_the_ends,
-    beside_duplicates,
     slides,
     through_black,
     dissolve,
     flash,
     whip_pan,
     zoom,
-    shake,
-    passing,
     one_shot_or_more("fast pans", fast),
     one_shot_or_more("among trees", tracking),
-    one_shot_or_more("thin structure", thin),
-    few_frames,
 )
 
 

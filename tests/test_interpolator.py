@@ -24,7 +24,7 @@ from fpsboost.method_table import (
     methods,
 )
 from fpsboost.motion.exhaustive import ExhaustiveSearch
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Nearest
 from fpsboost.synthesis.reproject import Reproject
 

@@ -29,7 +29,7 @@ from fpsboost.interpolator import Interpolator
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.method_table import methods
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.observer import Summary
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import run_conversion

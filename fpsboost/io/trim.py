@@ -13,8 +13,7 @@ from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
 from fpsboost.io import ClosesOnExit, FrameSource, RandomAccess, SharesIndex
-from fpsboost.timing.position import Position
-from fpsboost.timing.trim import Trim
+from fpsboost.timing.position import Position, Trim
 
 if TYPE_CHECKING:
     from fpsboost.io.video.frame_index import FrameIndex

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.frame import check_pair
+from fpsboost.frame_cache import FrameCache
 from fpsboost.kernels.points import find_gradients, measure_forward_backward_errors
 
 
@@ -140,3 +142,18 @@ def motion_gradients(vectors: NDArray[Any], spacing: int) -> NDArray[Any]:
     gradients = np.empty((*vectors.shape, 2), np.float32)
     find_gradients(vectors, np.float32(spacing), gradients)
     return gradients
+
+
+@dataclass(frozen=True)
+class ZeroMotion:
+    """Zero motion of every pixel, as used by `blend` and `nearest`."""
+
+    takes_planes: ClassVar[bool] = True
+
+    def estimate(self, image0: FrameCache, image1: FrameCache) -> tuple[MotionField, MotionField]:
+        """Return zero motion in both directions; see `fpsboost.motion.MotionEstimator.estimate`."""
+        check_pair(image0.pixels, image1.pixels)
+        height, width = image0.pixels.shape[:2]
+        nothing, alike = np.zeros((1, 1, 2), np.float32), np.ones((1, 1), np.float32)
+        still = MotionField(nothing, alike, spacing=max(height, width), size=(height, width))
+        return still, still

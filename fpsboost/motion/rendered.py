@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
-from fpsboost.motion.field import MotionField
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import MotionField, ZeroMotion
 
 
 class FrameVectors(NamedTuple):

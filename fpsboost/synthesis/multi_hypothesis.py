@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised, premultiplied
 from fpsboost.errors import OptionError
-from fpsboost.image import Image, Pixels, as_array, view
+from fpsboost.image import Image, Pixels, as_array, as_image, colour_unseen, rounding_offset, view
 from fpsboost.kernels.candidates import (
     VALUES_PER_MOTION,
     Candidates,
@@ -47,7 +47,6 @@ from fpsboost.motion.trajectory import ONE_SIDED_WEIGHT, TWO_SIDED_WEIGHT, accel
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.layers import Mixed, Planes, Sources, find_sources, mix_layers
 from fpsboost.synthesis.rendered_hypothesis import SurfaceMotion, find_surface_motion
-from fpsboost.synthesis.rounding import as_image, colour_unseen, rounding_offset
 
 CANDIDATE_CAPACITY = 48
 """Maximum number of distinct motions collected per node."""

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.frame import Image
+from fpsboost.image import rounding_offset
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
 from fpsboost.synthesis import FramePair
-from fpsboost.synthesis.rounding import rounding_offset
 
 SourceSearch = Literal["iterative", "brute-force"]
 

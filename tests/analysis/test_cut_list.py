@@ -17,11 +17,10 @@ from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.run_options import RunOptions
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing.position import Position, parse_position
-from fpsboost.timing.trim import Trim
+from fpsboost.timing.position import Position, Trim, parse_position
 
 SCENES = """Timecode List:,00:00:00.417
 Scene Number,Start Frame,Start Timecode,Start Time (seconds),End Frame,End Timecode,End Time (seconds)

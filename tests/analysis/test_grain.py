@@ -20,7 +20,7 @@ from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.image import YCbCrImage
 from fpsboost.interpolator import Interpolator
 from fpsboost.method_table import methods
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.streaming import OutputRange, run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.schedule import ByFactor

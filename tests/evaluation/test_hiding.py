@@ -15,8 +15,7 @@ from video_truth import write_clip
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hiding, parse_range
 from fpsboost.io.video.decode_options import DecodeOptions
-from fpsboost.timing.position import parse_position
-from fpsboost.timing.trim import Trim
+from fpsboost.timing.position import Trim, parse_position
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from video_truth import scene
 
 from fpsboost import Encoding, Interpolator, OutputRate, convert, methods, stream
 from fpsboost.io.video.ycc import from_bgr, plane_arrays
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.pair import Pair
 from fpsboost.synthesis.blend import Blend
 

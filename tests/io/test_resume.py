@@ -34,7 +34,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.sink import VideoSink
 from fpsboost.io.video.source import VideoSource
 from fpsboost.method_table import find_method, methods
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.observer import Summary
 from fpsboost.streaming import OutputRange, run_conversion
 from fpsboost.synthesis.blend import Blend

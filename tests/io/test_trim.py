@@ -21,10 +21,9 @@ from fpsboost.io.trim import TrimmedSource, trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis.blend import Blend
-from fpsboost.timing.position import Position, parse_position
-from fpsboost.timing.trim import Trim
+from fpsboost.timing.position import Position, Trim, parse_position
 
 BLEND = Interpolator(ZeroMotion(), Blend(), cuts=None, compensate_illumination=False)
 FAST = Encoding(preset="ultrafast")

@@ -17,9 +17,9 @@ from fpsboost.motion import MotionEstimator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion
 from fpsboost.motion.exhaustive import ExhaustiveSearch
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.nlm import CoarseToFine, pyramid
 from fpsboost.motion.opencv import Dis, Farneback, TvL1
-from fpsboost.motion.zero import ZeroMotion
 
 estimators: dict[str, MotionEstimator] = {
     "nlm": CoarseToFine(),

@@ -32,9 +32,8 @@ from fpsboost.observer import SilentObserver, Summary
 from fpsboost.parts.join import join
 from fpsboost.parts.manifest import MANIFEST_NAME, Manifest, as_json, from_json
 from fpsboost.run_options import RunOptions
-from fpsboost.timing.position import Position
+from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.trim import Trim
 
 FAST = Encoding(preset="ultrafast")
 FACTOR = 16

@@ -15,8 +15,8 @@ from fpsboost.errors import InputError, OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.motion.rendered import UsesVectors
-from fpsboost.motion.zero import ZeroMotion
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 

@@ -23,7 +23,7 @@ from fpsboost.io.images.exr import write_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, interpolate, vector_methods
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.scene_assisted import SceneAssisted
 

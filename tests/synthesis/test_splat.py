@@ -10,7 +10,7 @@ from fpsboost.errors import OptionError
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair
 from fpsboost.synthesis.blend import Blend
-from fpsboost.synthesis.splat import Splat
+from fpsboost.synthesis.warp import Splat
 
 
 def field(motion, similarity) -> MotionField:

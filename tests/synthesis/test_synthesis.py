@@ -9,15 +9,13 @@ import pytest
 from truth import Clip, affine, eroded, layers, moving_object, prepared, translation
 
 from fpsboost.errors import OptionError
-from fpsboost.image import view
+from fpsboost.image import rounding_offset, view
 from fpsboost.motion.field import MotionField
 from fpsboost.synthesis import FramePair, Synthesizer
 from fpsboost.synthesis.blend import Blend, Nearest
 from fpsboost.synthesis.multi_hypothesis import MultiHypothesis
 from fpsboost.synthesis.reproject import Reproject
-from fpsboost.synthesis.rounding import rounding_offset
-from fpsboost.synthesis.splat import Splat
-from fpsboost.synthesis.warp import Warp
+from fpsboost.synthesis.warp import Splat, Warp
 
 synthesizers: dict[str, Synthesizer] = {
     "fuse": MultiHypothesis(),

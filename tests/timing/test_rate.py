@@ -24,7 +24,7 @@ from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.observer import Summary
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend

@@ -20,7 +20,7 @@ from fpsboost.frame import Frame
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method, methods
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.run_options import RunOptions
 from fpsboost.streaming import OutputRange, run_conversion
 from fpsboost.synthesis.blend import Blend

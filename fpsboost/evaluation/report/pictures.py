@@ -15,8 +15,7 @@ from fpsboost.evaluation.hidden_frames import Interval, Sample
 from fpsboost.evaluation.metrics import absolute_error, as_shown
 from fpsboost.evaluation.report.self_contained import LOSSLESS, as_heat, encode, not_too_wide
 from fpsboost.frame import Image
-from fpsboost.motion.field import point_places
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion, point_places
 from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, FusesHypotheses
 

@@ -8,8 +8,8 @@ from typing import Literal, get_args
 
 from fpsboost.errors import OptionError, check_choice
 from fpsboost.options import option
+from fpsboost.timing.position import Trim
 from fpsboost.timing.schedule import parse_rate
-from fpsboost.timing.trim import Trim
 
 SizeChange = Literal["stop", "scale"]
 Decoder = Literal["ffmpeg", "opencv"]

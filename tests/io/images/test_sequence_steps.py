@@ -30,9 +30,8 @@ from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.observer import Summary
 from fpsboost.probing import probe
-from fpsboost.timing.position import parse_position
+from fpsboost.timing.position import Trim, parse_position
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.trim import Trim
 
 HEIGHT, WIDTH = 12, 16
 BLEND = replace(methods["blend"], cuts=None)

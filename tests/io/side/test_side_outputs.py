@@ -38,7 +38,7 @@ from fpsboost.io.new_output import StagedFiles
 from fpsboost.io.vectors.flow import colour_wheel, flow_picture, read_flow
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
-from fpsboost.motion.zero import ZeroMotion
+from fpsboost.motion.field import ZeroMotion
 from fpsboost.streaming import run_conversion
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.schedule import ByFactor

@@ -19,8 +19,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.encoding import encodes_alpha
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import SMPTE170M, from_bgr, to_bgra
-from fpsboost.timing.position import parse_position
-from fpsboost.timing.trim import Trim
+from fpsboost.timing.position import Trim, parse_position
 
 VP9 = {"auto-alt-ref": "0", "lossless": "1", "cpu-used": "8", "deadline": "realtime"}
 VP8 = {"auto-alt-ref": "0", "crf": "4", "b": "2000000", "deadline": "realtime", "cpu-used": "8"}

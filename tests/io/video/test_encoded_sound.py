@@ -17,8 +17,7 @@ from video_truth import add_pictures, copy_packets, mux_in_order, packets_of, wr
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.timing.position import Position
-from fpsboost.timing.trim import Trim
+from fpsboost.timing.position import Position, Trim
 
 RATE = 48000
 SAMPLES = RATE + 1234

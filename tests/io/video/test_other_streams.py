@@ -20,8 +20,7 @@ from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.tags import at_rate, frames_later
 from fpsboost.probing import probe
 from fpsboost.run_options import RunOptions
-from fpsboost.timing.position import parse_position
-from fpsboost.timing.trim import Trim
+from fpsboost.timing.position import Trim, parse_position
 
 FAST = Encoding(preset="ultrafast")
 LINES = [(0, 100, b"one <b>bold</b> word"), (120, 80, "zwei\nZäune".encode()), (300, 90, b"three")]

@@ -23,8 +23,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.frame_index import TickTimes, read_index
 from fpsboost.io.video.source import VideoSource
 from fpsboost.streaming import beginning
-from fpsboost.timing.position import parse_position
-from fpsboost.timing.trim import Trim
+from fpsboost.timing.position import Trim, parse_position
 
 FAST = {"preset": "ultrafast"}
 B_FRAMES = {**FAST, "bf": "2", "g": "6", "sc_threshold": "0"}

@@ -18,9 +18,8 @@ from fpsboost.conversion import convert
 from fpsboost.errors import OptionError, OutputError
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.observer import SilentObserver, Summary
-from fpsboost.timing.position import Position
+from fpsboost.timing.position import Position, Trim
 from fpsboost.timing.rate import OutputRate
-from fpsboost.timing.trim import Trim
 
 RATE = 48000
 CLICKS = (0.4, 1.0, 1.6)
