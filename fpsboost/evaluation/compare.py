@@ -9,7 +9,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from importlib.metadata import version
 from itertools import pairwise
@@ -46,23 +46,6 @@ class Observer(Protocol):
     def advance(self) -> None:
         """Count one more frame."""
         ...
-
-
-@dataclass(frozen=True)
-class _Overview:
-    """Findings of the first reading of a clip."""
-
-    kind: str
-    hidden: list[int]
-    times: list[float]
-    cuts: list[int]
-    repeats: list[int]
-    doubtful: list[int]
-    clip_frames: int
-    shares: dict[str, float]
-    areas: _Areas
-    rate: Fraction
-    """Frames per second, over all intervals."""
 
 
 class _Areas:
@@ -145,35 +128,27 @@ def compare(
     advice = "free some space there, or name another folder with TMPDIR"
     with explained(OutputError, "write to", tempfile.gettempdir(), advice), tempfile.TemporaryFile() as file:
         observer.begin("reading", None)
-        overview = _look(path, hiding.intervals(path, input_fps), _Areas(file), observer, vectors, cuts)
+        areas = _Areas(file)
+        overview, rate = _look(path, hiding, input_fps, areas, observer, vectors, cuts)
         results = []
         for name, contestant in contestants.items():
             observer.begin(name, len(overview.hidden))
             # the true frames are read beside: a method may read far ahead
             truths = hiding.intervals(path, input_fps)
-            made = contestant.interpolate(hiding.intervals(path, input_fps))
-            frames = list(_scored(made, truths, overview, observer, meters := Meters(metrics, overview.rate)))
+            interpolated = contestant.interpolate(hiding.intervals(path, input_fps))
+            frames = list(_scored(interpolated, truths, areas, observer, meters := Meters(metrics, rate)))
             measured = meters.values(len(frames))
             frames = [replace(frame, metrics=row) for frame, row in zip(frames, measured, strict=True)]
             results.append(MethodResult(name, contestant.describe(), frames))
-    return Comparison(
-        path,
-        overview.kind,
-        hiding,
-        overview.hidden,
-        overview.cuts,
-        overview.shares,
-        results,
-        dict(skipped or {}),
-        _made_with(),
-        rendered,
-        others,
-        cut_options,
-        overview.times,
-        overview.repeats,
-        overview.doubtful,
-        overview.clip_frames,
-        tuple(metrics),
+    return replace(
+        overview,
+        methods=results,
+        skipped=dict(skipped or {}),
+        made_with=_made_with(),
+        rendered=rendered,
+        others=others,
+        cut_options=cut_options,
+        metrics=tuple(metrics),
     )
 
 
@@ -194,15 +169,16 @@ def _made_with() -> dict[str, str]:
 
 def _look(
     path: str,
-    intervals: Iterable[Interval],
+    hiding: Hiding,
+    input_fps: Fraction | None,
     areas: _Areas,
     observer: Observer,
     vectors: VectorFolder | None,
     policy: CutPolicy | None,
-) -> _Overview:
-    """Find the areas, and which hidden frames count; raise InputError if none does."""
+) -> tuple[Comparison, Fraction]:
+    """Return a comparison without methods, and the frames per second; raise InputError if no hidden frame counts."""
     passed: list[_Passed] = []
-    pairs = _true_pairs(_passing(intervals, areas, observer, vectors, passed), policy)
+    pairs = _true_pairs(_passing(hiding.intervals(path, input_fps), areas, observer, vectors, passed), policy)
     across_cuts = {
         number
         for before, (numbers, pair), after in with_neighbours(pairs)
@@ -220,17 +196,22 @@ def _look(
         for number, share in zip(each.hidden, each.shares, strict=True)
         if number not in left_out
     ]
-    return _Overview(
+    comparison = Comparison(
+        path,
         passed[-1].kind,
+        hiding,
         hidden,
-        [float(t) for each in passed for t in each.times],
         cuts,
-        [number for each in passed for number in each.repeats],
-        doubtful,
-        passed[-1].last - passed[0].first + 1,
-        dict(zip(AREAS, np.mean(shares, axis=0).tolist(), strict=True)),
-        areas,
-        sum(len(each.hidden) + 1 for each in passed) / sum((each.seconds for each in passed), Fraction(0)),
+        shares=dict(zip(AREAS, np.mean(shares, axis=0).tolist(), strict=True)),
+        methods=[],
+        skipped={},
+        times=[float(t) for each in passed for t in each.times],
+        repeats=[number for each in passed for number in each.repeats],
+        doubtful=doubtful,
+        clip_frames=passed[-1].last - passed[0].first + 1,
+    )
+    return comparison, sum(len(each.hidden) + 1 for each in passed) / sum(
+        (each.seconds for each in passed), Fraction(0)
     )
 
 
@@ -311,23 +292,23 @@ def _check_some_count(path: str, hidden: int, cuts: int, doubtful: int) -> None:
 
 
 def _scored(
-    made: Iterator[InterpolatedFrame],
+    interpolated: Iterator[InterpolatedFrame],
     truths: Iterator[Interval],
-    overview: _Overview,
+    areas: _Areas,
     observer: Observer,
     meters: Meters,
 ) -> Iterator[FrameResult]:
-    for index, (frame, truth) in enumerate(zip(made, meters.passing(truths), strict=True)):
+    for index, (frame, truth) in enumerate(zip(interpolated, meters.passing(truths), strict=True)):
         meters.add(truth.truth, frame.image)
         error = absolute_error(truth.truth, frame.image)
-        areas = dict(zip(AREAS, overview.areas.of(index), strict=True))
+        of_frame = dict(zip(AREAS, areas.of(index), strict=True))
         yield FrameResult(
             frame.number,
             score(truth.truth, frame.image),
             frame.seconds,
             frame.cpu_seconds,
-            {name: _mean_where(error, area) for name, area in areas.items()},
-            {name: _mean_where(error, ~area) for name, area in areas.items()},
+            {name: _mean_where(error, area) for name, area in of_frame.items()},
+            {name: _mean_where(error, ~area) for name, area in of_frame.items()},
             frame.search_radius,
         )
         observer.advance()

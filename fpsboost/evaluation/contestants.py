@@ -193,8 +193,10 @@ class Minterpolate:
         shown, factor = first.shown0.array, len(first.hidden) + 1
         places: list[tuple[int, int]] = []
         begin, begin_cpu = time.perf_counter(), seconds_of_children()
-        with tempfile.TemporaryFile() as made, tempfile.TemporaryFile() as complaints:
-            with self._start(shown, factor, made, complaints) as process:  # ends its input and waits, whatever happens
+        with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as complaints:
+            with self._start(
+                shown, factor, output, complaints
+            ) as process:  # ends its input and waits, whatever happens
                 _feed(process, shown)
                 for index, interval in enumerate(chain([first], arriving)):
                     places += [(hidden.number, index * factor + k) for k, hidden in enumerate(interval.hidden, start=1)]
@@ -209,20 +211,20 @@ class Minterpolate:
             for number, place in places:
                 if wanted is not None and number not in wanted:
                     continue
-                made.seek(place * size)
-                data = made.read(size)
+                output.seek(place * size)
+                data = output.read(size)
                 if len(data) < size:
                     raise InputError(f"ffmpeg's minterpolate made no frame {number}; leave it out with `methods`.")
                 image = _like(np.frombuffer(data, np.uint8).reshape(*shown.shape[:2], 3), shown)
                 yield InterpolatedFrame(number, image, seconds / len(places), cpu_seconds / len(places))
 
-    def _start(self, shown: Image, factor: int, made: IO[bytes], complaints: IO[bytes]) -> subprocess.Popen[bytes]:
+    def _start(self, shown: Image, factor: int, output: IO[bytes], complaints: IO[bytes]) -> subprocess.Popen[bytes]:
         height, width = shown.shape[:2]
         # the filter holds two frames back and never makes the last interval: the last frame is repeated behind the end
         chain = f"format=yuv444p,tpad=stop=2:stop_mode=clone,minterpolate=fps={factor}:{self.options},format=bgr24"
         raw = ["-f", "rawvideo", "-pix_fmt", "bgr24"]
         command = ["ffmpeg", "-loglevel", "error", *raw, "-s", f"{width}x{height}", "-r", "1", "-i", "-", "-vf", chain]
-        return subprocess.Popen([*command, *raw, "-"], stdin=subprocess.PIPE, stdout=made, stderr=complaints)
+        return subprocess.Popen([*command, *raw, "-"], stdin=subprocess.PIPE, stdout=output, stderr=complaints)
 
 
 def _feed(process: subprocess.Popen[bytes], image: Image) -> None:
@@ -237,10 +239,10 @@ def _like(image: NDArray[Any], shown: Image) -> Image:
     """Return 8-bit colours as an image of the clip's own type; alpha, which the filter does not know, is opaque."""
     white = 1 if shown.dtype == np.float32 else np.iinfo(shown.dtype).max
     values = image.astype(np.float32) * (white / 255)
-    made = np.full_like(shown, white)
+    result = np.full_like(shown, white)
     colours = min(shown.shape[2], 3) if shown.shape[2] != 2 else 1
-    made[..., :colours] = (values if shown.dtype == np.float32 else np.rint(values))[..., :colours]
-    return made
+    result[..., :colours] = (values if shown.dtype == np.float32 else np.rint(values))[..., :colours]
+    return result
 
 
 def seconds_of_children() -> float:

@@ -314,8 +314,8 @@ class Sample(NamedTuple):
 
     def interpolate(self, contestant: Contestant) -> Image:
         """Interpolate it exactly as in a comparison, unless the method looks farther than the window."""
-        (made,) = contestant.interpolate(self.window, {self.hidden.number})
-        return made.image
+        (frame,) = contestant.interpolate(self.window, {self.hidden.number})
+        return frame.image
 
 
 def read_samples(path: str, hiding: Hiding, numbers: Sequence[int], input_fps: Fraction | None = None) -> list[Sample]:
@@ -340,7 +340,7 @@ def interpolate_some(
 
     `Sample.interpolate` is quicker, and enough for a method that does not look far.
     """
-    return {made.number: made.image for made in contestant.interpolate(hiding.intervals(path, input_fps), numbers)}
+    return {frame.number: frame.image for frame in contestant.interpolate(hiding.intervals(path, input_fps), numbers)}
 
 
 def parse_range(text: str) -> tuple[int, int | None]:

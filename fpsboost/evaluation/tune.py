@@ -250,9 +250,9 @@ class _Tuner:
         interpolator.compile_for(self.samples[0].hidden.truth)
         errors, cpu_seconds = [], []
         for each in self.samples:
-            (made,) = InterpolatorContestant(interpolator).interpolate(each.window, {each.hidden.number})
-            errors.append(score(each.hidden.truth, made.image).mse)
-            cpu_seconds.append(made.cpu_seconds)
+            (frame,) = InterpolatorContestant(interpolator).interpolate(each.window, {each.hidden.number})
+            errors.append(score(each.hidden.truth, frame.image).mse)
+            cpu_seconds.append(frame.cpu_seconds)
             self.observer.advance()
         return Trial(options, mean(errors), mean(cpu_seconds))
 

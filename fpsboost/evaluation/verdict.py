@@ -93,8 +93,8 @@ def judge(comparison: Comparison) -> Verdict:
     """Judge a comparison of one method at least; the terminal, the data and the page all say this."""
     psnr = {each.name: [frame.scores.psnr for frame in comparison.counted(each)] for each in comparison.methods}
     means = {name: float(np.mean(values)) for name, values in psnr.items()}
-    made = (comparison.clip_frames - 1) * comparison.hiding.skip
-    seconds = {each.name: comparison.mean_seconds(each)[1] * made for each in comparison.methods}
+    count = (comparison.clip_frames - 1) * comparison.hiding.skip
+    seconds = {each.name: comparison.mean_seconds(each)[1] * count for each in comparison.methods}
     prices = {name: math.inf if math.isnan(each) else each for name, each in seconds.items()}
     best, *others = sorted(means, key=lambda name: (-means[name], prices[name]))
     ahead = [difference(name, psnr[best], psnr[name]) for name in others]

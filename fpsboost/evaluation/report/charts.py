@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.transforms import Bbox, BboxBase
 from numpy.typing import NDArray
 
 from fpsboost.evaluation.report.styles import MARKERS, Style, break_name
@@ -247,8 +248,7 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
     is_labelled = True
     pixels = axes.transData.transform([(dot.x, dot.y) for dot in dots])
     scale = axes.figure.dpi / 72
-    room = axes.figure.bbox.width, axes.figure.bbox.height
-    taken = [_Rectangle(x, y, 15 * scale, 15 * scale) for x, y in pixels]
+    taken = [_box(x, y, 15 * scale, 15 * scale) for x, y in pixels]
     for dot, (x, y) in sorted(zip(dots, pixels.tolist(), strict=True), key=lambda each: -each[1][1]):
         lines = break_name(dot.name)
         width, height = WIDTH * text * max(map(len, lines)) * scale, LINE * len(lines) * text * scale
@@ -256,14 +256,13 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
         above = height / 2 + 8 * scale
         places = [(aside, 0.0), (aside, above), (aside, -above), (0.0, above), (0.0, -above), (-aside, 0.0)]
         places += [(aside, 2 * above), (aside, -2 * above), (-aside, above), (-aside, -above)]
-        rectangles = [_Rectangle(x + dx, y + dy, width, height) for dx, dy in places]
-        free = [each for each in rectangles if each.lies_in(*room) and not any(each.meets(other) for other in taken)]
+        boxes = {place: _box(x + place[0], y + place[1], width, height) for place in places}
+        free = [place for place, box in boxes.items() if _fits(box, axes.figure.bbox) and not box.count_overlaps(taken)]
         if not free:
             is_labelled = False
             continue
-        chosen = free[0]
-        taken.append(chosen)
-        offset = (chosen.x - x) / scale, (chosen.y - y) / scale
+        taken.append(boxes[free[0]])
+        offset = free[0][0] / scale, free[0][1] / scale
         axes.annotate(
             "\n".join(lines),
             (dot.x, dot.y),
@@ -277,27 +276,14 @@ def _label(axes: Axes, dots: Sequence[Dot], text: float) -> bool:
     return is_labelled
 
 
-class _Rectangle(NamedTuple):
-    """Centre and size."""
+def _box(x: float, y: float, width: float, height: float) -> Bbox:
+    """Return a box around a centre."""
+    return Bbox.from_bounds(x - width / 2, y - height / 2, width, height)
 
-    x: float
-    y: float
-    width: float
-    height: float
 
-    def lies_in(self, width: float, height: float) -> bool:
-        return (
-            self.x - self.width / 2 > 0
-            and self.x + self.width / 2 < width
-            and self.y - self.height / 2 > 0
-            and self.y + self.height / 2 < height
-        )
-
-    def meets(self, other: _Rectangle) -> bool:
-        return (
-            abs(self.x - other.x) < (self.width + other.width) / 2
-            and abs(self.y - other.y) < (self.height + other.height) / 2
-        )
+def _fits(box: Bbox, around: BboxBase) -> bool:
+    """Return whether a box lies in another one."""
+    return all(around.contains(*corner) for corner in (box.min, box.max))
 
 
 def _finish(figure: Figure, axes: Axes, name: str, form: Form) -> Chart:

@@ -174,12 +174,12 @@ def _view_frames(
     shown: list[ShownFrame] = []
     motion: MotionView | None = None
     for each, sample in zip(chosen, read_samples(*clip, input_fps), strict=True):
-        made = {
+        frames = {
             name: far[name][each.number] if name in far else sample.interpolate(contestants[name]) for name in names
         }
-        shown.append(ShownFrame(_title(each, names[0]), view_frame(sample, made)))
+        shown.append(ShownFrame(_title(each, names[0]), view_frame(sample, frames)))
         if len(shown) == 1:
-            motion = view_motion(sample, made, contestants)
+            motion = view_motion(sample, frames, contestants)
     return shown, motion
 
 

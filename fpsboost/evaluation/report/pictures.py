@@ -133,11 +133,11 @@ class MotionView:
     doubts: list[tuple[Picture, Picture]]
 
 
-def view_frame(sample: Sample, made: Mapping[str, Image]) -> FrameView:
+def view_frame(sample: Sample, frames: Mapping[str, Image]) -> FrameView:
     """Find the spots of a frame that are worth a closer look, and encode them as every method, by name, has them."""
     truth = sample.hidden.truth
-    images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(made.items()))]
-    errors = [absolute_error(truth, image) for image in made.values()]
+    images = [("truth", None, truth), *((name, index, image) for index, (name, image) in enumerate(frames.items()))]
+    errors = [absolute_error(truth, image) for image in frames.values()]
     strips = []
     for letter, spot in zip("AB", find_spots(errors), strict=False):
         window = np.s_[spot.y : spot.y + spot.size, spot.x : spot.x + spot.size]
@@ -154,10 +154,12 @@ def view_frame(sample: Sample, made: Mapping[str, Image]) -> FrameView:
     return FrameView(sample.hidden.number, strips)
 
 
-def view_motion(sample: Sample, made: Mapping[str, Image], contestants: Mapping[str, Contestant]) -> MotionView | None:
+def view_motion(
+    sample: Sample, frames: Mapping[str, Image], contestants: Mapping[str, Contestant]
+) -> MotionView | None:
     """Draw the motion of every method around a hidden frame, and the doubts; None if no method estimates motion."""
     interval = _interval_of(sample)
-    places = {name: index for index, name in enumerate(made)}
+    places = {name: index for index, name in enumerate(frames)}
     pairs = {
         name: _pair(contestant, interval)
         for name, contestant in contestants.items()
@@ -188,7 +190,7 @@ def view_motion(sample: Sample, made: Mapping[str, Image], contestants: Mapping[
         edge=edge,
         stretch=stretch,
         fields=fields,
-        doubts=list(_doubts(sample, made, contestants, pairs)),
+        doubts=list(_doubts(sample, frames, contestants, pairs)),
     )
 
 
@@ -208,9 +210,9 @@ def _pair(contestant: Contestant, interval: Interval) -> Pair:
 
 
 def _doubts(
-    sample: Sample, made: Mapping[str, Image], contestants: Mapping[str, Contestant], pairs: Mapping[str, Pair]
+    sample: Sample, frames: Mapping[str, Image], contestants: Mapping[str, Contestant], pairs: Mapping[str, Pair]
 ) -> Iterator[tuple[Picture, Picture]]:
-    for index, name in enumerate(made):
+    for index, name in enumerate(frames):
         contestant = contestants[name]
         if name not in pairs or not isinstance(contestant, InterpolatorContestant):
             continue
@@ -218,7 +220,7 @@ def _doubts(
         if isinstance(synthesizer, FusesHypotheses):
             frame_pair = FramePair(*pairs[name].compensated, *pairs[name].fields)
             confidence = next(synthesizer.fuse(frame_pair, [float(sample.hidden.t)])).confidence
-            error = absolute_error(sample.hidden.truth, made[name])
+            error = absolute_error(sample.hidden.truth, frames[name])
             doubt, wrong = (not_too_wide(as_heat(each)) for each in (1 - confidence, error / MAX_DRAWN_ERROR))
             yield Picture(name, index, encode(doubt)), Picture(name, index, encode(wrong), float(error.mean()))
 
