@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from fpsboost.analysis.duplicates import DuplicateDetector
     from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
     from fpsboost.colour import Coding
+    from fpsboost.contracts import FrameSink, FrameSource
     from fpsboost.conversion import convert, convert_job, stream
     from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError, SceneCutWarning
     from fpsboost.frame import ClipInfo, Frame, PairMotion
     from fpsboost.image import YCbCrImage
     from fpsboost.interpolator import Interpolator
-    from fpsboost.io import FrameSink, FrameSource
     from fpsboost.io.memory_limit import MemoryLimit
     from fpsboost.io.part import Part
     from fpsboost.io.side.options import SideOutputs

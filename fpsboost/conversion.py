@@ -9,10 +9,11 @@ from fractions import Fraction
 
 import cv2
 
+from fpsboost.contracts import FrameSource
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import FrameSource, Resumable
+from fpsboost.io import Resumable
 from fpsboost.io.fingerprint import fingerprint_job
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from fpsboost.analysis.scene_cuts import counts_frames
+from fpsboost.contracts import FrameSource
 from fpsboost.errors import OptionError
 from fpsboost.frame import Image
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import DescribedSource, FrameSource
+from fpsboost.io import DescribedSource
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import NumberedImages
 from fpsboost.io.opening import check_images, open_source

@@ -14,11 +14,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from fpsboost.analysis.duplicates import SourceFrame, group_duplicates, group_singly
+from fpsboost.contracts import FrameSource
 from fpsboost.errors import FpsboostError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
-from fpsboost.io import FrameSource, Stoppable
+from fpsboost.io import Stoppable
 from fpsboost.io.animation.source import is_animation
 from fpsboost.io.opening import TargetRequirements, open_source
 from fpsboost.io.output import Output, StreamInfo

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from fpsboost import DecodeOptions, Interpolator, RunOptions, methods
-from fpsboost.io import DescribedSource, FrameSink
+from fpsboost.contracts import FrameSink
+from fpsboost.io import DescribedSource
 from fpsboost.io.output import Output
 from fpsboost.io.target import Target
 from fpsboost.timing.rate import OutputRate

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from fpsboost.analysis.duplicates import DuplicateDetector, Picture, SourceFrame, find_pictures
+from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError, OptionError, check_choice
 from fpsboost.frame import ClipInfo, Frame, FrameImage, Image
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator
-from fpsboost.io import FrameSource
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.trim import trim_source
 from fpsboost.io.video.decode_options import DecodeOptions

@@ -12,25 +12,11 @@ from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
-from fpsboost.contracts import Cancellable, FrameSink, FrameSource, HasBeginning, TakesSideData
+from fpsboost.contracts import FrameSource
 
 if TYPE_CHECKING:  # --help does not wait for NumPy
     from fpsboost.io.output import StreamInfo
     from fpsboost.io.video.frame_index import FrameIndex
-
-__all__ = [
-    "Cancellable",
-    "ClosesOnExit",
-    "DescribedSource",
-    "FrameSink",
-    "FrameSource",
-    "HasBeginning",
-    "RandomAccess",
-    "Resumable",
-    "SharesIndex",
-    "Stoppable",
-    "TakesSideData",
-]
 
 
 class DescribedSource(FrameSource, Protocol):

@@ -21,7 +21,7 @@ IDENTIFYING_BYTES = 1 << 16
 
 @dataclass(frozen=True)
 class JobFingerprint:
-    """Inputs and options of an output, by which a later run can tell whether it would make the same.
+    """Inputs and options of an output, by which a later run can tell whether it would write the same.
 
     Parameters
     ----------
@@ -57,11 +57,6 @@ def fingerprint_options(state_of: Callable[[Iterable[Path]], str] | None = None,
     **values : object
         Options by their names.
 
-    Raises
-    ------
-    OSError
-        A file's state cannot be read.
-
     Examples
     --------
     >>> fingerprint_options(factor=2, fps=None)
@@ -83,26 +78,14 @@ def _facts(name: str, value: Any, state_of: Callable[[Iterable[Path]], str]) -> 
 
 
 def fingerprint_files(files: Iterable[Path]) -> str:
-    """Return a digest of names, sizes and modification times, which changes if a file is replaced.
-
-    Raises
-    ------
-    OSError
-        A file's state cannot be read.
-    """
+    """Return a digest of names, sizes and modification times, which changes if a file is replaced."""
     states = [(file.name, file.stat()) for file in files]
     listed = json.dumps([(name, state.st_size, state.st_mtime_ns) for name, state in states])
     return hashlib.sha256(listed.encode()).hexdigest()
 
 
 def identify_files(files: Iterable[Path]) -> str:
-    """Return a digest of sizes, beginnings and ends, which are the same for copies of the files on other machines.
-
-    Raises
-    ------
-    OSError
-        A file cannot be read.
-    """
+    """Return a digest of sizes, beginnings and ends, which are the same for copies of the files on other machines."""
     digest = hashlib.sha256()
     for path in files:
         with path.open("rb") as file:
@@ -123,14 +106,7 @@ def fingerprint_job(source: DescribedSource, job: Any, *, resume: bool) -> JobFi
     job : dataclass
         Everything else that shapes the output.
     resume : bool
-        Resume an earlier run.
-
-    Raises
-    ------
-    OptionError
-        `resume` is asked for and the source is a pipe.
-    InputError
-        The source's files are not there any more.
+        Resume an earlier run; raises `OptionError` if the source is a pipe.
     """
     files = source.stream_info.files
     if not files:

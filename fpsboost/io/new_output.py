@@ -18,18 +18,7 @@ ADVICE = "check the free space and the permissions"
 
 
 def check_writable(path: Path, name: str, inputs: Collection[Path], overwrite: bool) -> None:
-    """Raise `OutputError` unless a file can be written under this path.
-
-    Parameters
-    ----------
-    path : Path
-    name : str
-        Name of the file in messages.
-    inputs : collection of Path
-        Files that are being read.
-    overwrite : bool
-        Allow an existing file to be replaced.
-    """
+    """Raise `OutputError` unless a file, named `name` in messages, can be written and is none of the inputs."""
     if path.is_dir():
         raise OutputError(f"{name} is a folder; name a file in it.")
     if not path.parent.is_dir():
@@ -98,7 +87,7 @@ class StagedFiles:
     path : str
         Folder or pattern, as the user gave it, for messages.
     folder : Path
-        Where the files belong; made if it is not there.
+        Folder of the files, created if it does not exist.
     namings : sequence of Numbering
         How the files are named. Existing files of these names are replaced with `overwrite`, those that are not
         written again too, and anything else in the folder stays.
@@ -151,25 +140,14 @@ class StagedFiles:
         return [path for naming in self._namings for _, path in naming.find(any_padding=self._alone)]
 
     def open(self) -> Self:
-        """Take the hidden folder for this run.
-
-        Raises
-        ------
-        OutputError
-            Another run writes there, or it cannot be written.
-        """
+        """Take the hidden folder for this run."""
         with explained(OutputError, "write to", self._path, ADVICE):
             self._staging.open()
             self._staging.staged.mkdir()
         return self
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file of the hidden folder.
-
-        Raises
-        ------
-        OutputError
-        """
+        """Write a file of the hidden folder."""
         with explained(OutputError, "write", self._folder / name, ADVICE):
             write_safely(self._staging.staged / name, data)
         self._names.append(name)

@@ -23,12 +23,7 @@ INDEX_NAME = ".index.npz"
 
 @dataclass(frozen=True)
 class Part:
-    """One of the parts that a conversion is cut into.
-
-    Parameters
-    ----------
-    number, count : int
-        The part's number, counted from 1, and how many there are.
+    """One of the parts that a conversion is cut into: its number, counted from 1, and how many there are.
 
     Raises
     ------
@@ -88,11 +83,6 @@ def part_folder(output: str, part: Part) -> Path:
 class PartFolder:
     """Folder in which a part of an output is written.
 
-    Parameters
-    ----------
-    output : Output
-        With a part.
-
     Attributes
     ----------
     files : Path
@@ -128,14 +118,7 @@ class PartFolder:
         return self._staging.remarks
 
     def open(self) -> None:
-        """Lock the hidden folder for this run, with the files of an earlier run that this one resumes.
-
-        Raises
-        ------
-        OutputError
-            Another run writes there, or the job differs.
-        OSError
-        """
+        """Lock the hidden folder for this run, with the files of an earlier run that this one resumes."""
         self._part.folder.parent.mkdir(exist_ok=True)
         try:
             self._staging.open()
@@ -145,12 +128,7 @@ class PartFolder:
             raise
 
     def publish(self) -> None:
-        """Give the complete files their final place.
-
-        Raises
-        ------
-        OSError
-        """
+        """Give the complete files their final place."""
         self._part.complete(self.files)
         sync(self.files)
         if self._part.folder.exists():
@@ -158,15 +136,7 @@ class PartFolder:
         self._staging.publish(self._part.folder)
 
     def leave(self, error: BaseException | None, frames: int) -> None:
-        """Release the hidden folder; keep finished frames that a later run can resume from.
-
-        Parameters
-        ----------
-        error : BaseException or None
-            Exception that ends the run.
-        frames : int
-            Number of finished frames.
-        """
+        """Release the hidden folder; after an error, keep the number of finished frames if a later run can resume."""
         self._staging.leave(error, frames, self._part.frames)
         remove_if_empty(self._part.folder.parent)
 

@@ -87,7 +87,6 @@ class StagingDirectory:
         ------
         OutputError
             Another run writes there, or the job differs from the one that the folder belongs to.
-        OSError
         """
         try:
             self._acquire()
@@ -109,12 +108,7 @@ class StagingDirectory:
             raise
 
     def publish(self, path: Path) -> None:
-        """Give the staged output, complete and synced to disk, its final name.
-
-        Raises
-        ------
-        OSError
-        """
+        """Give the staged output, complete and synced to disk, its final name."""
         write_safely(self.folder / COMPLETE, b"")
         rename_safely(self.staged, path)
 
@@ -128,7 +122,7 @@ class StagingDirectory:
         error : BaseException or None
             Exception that ends the run.
         frames, expected : int, int or None
-            Number of finished frames, and of frames expected.
+            Number of finished frames, and of all.
         stays : bool
             Keep the folder in any case.
         """
@@ -260,12 +254,7 @@ def note_on_resuming(frames: int, expected: int | None) -> str:
 
 
 def write_safely(path: Path, data: bytes) -> None:
-    """Write a file atomically, even in case of a power cut.
-
-    Raises
-    ------
-    OSError
-    """
+    """Write a file atomically, even in case of a power cut."""
     part = path.with_name(path.name + ".part")
     with part.open("wb") as file:
         file.write(data)
@@ -275,31 +264,13 @@ def write_safely(path: Path, data: bytes) -> None:
 
 
 def rename_safely(here: Path, there: Path) -> None:
-    """Rename a file whose content is synced to disk, and sync its name.
-
-    Raises
-    ------
-    OSError
-    """
+    """Rename a file whose content is synced to disk, and sync its name."""
     os.replace(here, there)
     sync(there.parent)
 
 
 def move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], None] | None = None) -> None:
-    """Move every file, replacing what is there unless `move` does not, or none where one cannot be moved.
-
-    Parameters
-    ----------
-    moves : sequence of (Path, Path)
-        From where to where.
-    move : callable, optional
-        Moves one file; `os.replace` by default.
-
-    Raises
-    ------
-    OSError
-        One cannot be moved; all are back then.
-    """
+    """Move files from the first paths to the second, by `os.replace` or `move`; if one cannot be moved, none is."""
     try:
         for here, there in moves:
             (move or os.replace)(here, there)
@@ -312,12 +283,7 @@ def move_all(moves: Sequence[tuple[Path, Path]], move: Callable[[Path, Path], No
 
 
 def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are written to disk.
-
-    Raises
-    ------
-    OSError
-    """
+    """Wait until a file, or the names in a folder, are written to disk."""
     if path.is_dir() and os.name == "nt":  # Windows writes names at once and opens no folders
         return
     number = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)

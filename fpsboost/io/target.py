@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Self
 
+from fpsboost.contracts import FrameSink
 from fpsboost.errors import OptionError, OutputError, explained
-from fpsboost.io import FrameSink
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
 from fpsboost.io.images.numbered import ImageSink
@@ -39,13 +39,7 @@ class Target:
 
     @classmethod
     def parse(cls, path: str) -> Self:
-        """Return the target that a path names.
-
-        Raises
-        ------
-        OptionError
-            It names nothing that can be written.
-        """
+        """Return the target that a path names, or raise `OptionError` if it can be none."""
         if not path:
             raise OptionError("The name of the output is empty; name a video, a folder or a pattern of images.")
         if path in PIPES:

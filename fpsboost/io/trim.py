@@ -7,12 +7,13 @@ from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Protocol, overload, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
-from fpsboost.io import ClosesOnExit, FrameSource, RandomAccess, SharesIndex
+from fpsboost.io import ClosesOnExit, RandomAccess, SharesIndex
 from fpsboost.timing.position import Position, Trim
 
 if TYPE_CHECKING:
@@ -98,14 +99,7 @@ def trim_source(
 
 
 class TimesOfPart(Sequence[Fraction]):
-    """Times of a part of a clip, which count from its first frame and are made when they are asked for.
-
-    Parameters
-    ----------
-    times : sequence of Fraction
-        Times of all frames of the clip, seconds.
-    first, last : int
-        Number of the part's first frame, and of the one after its last.
+    """Times of the frames `first` to before `last` of a clip, from the first of them, computed when they are asked for.
 
     Examples
     --------
@@ -119,13 +113,7 @@ class TimesOfPart(Sequence[Fraction]):
     def __len__(self) -> int:
         return len(self._numbers)
 
-    @overload
-    def __getitem__(self, index: int) -> Fraction: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[Fraction]: ...
-
-    def __getitem__(self, index: int | slice) -> Fraction | list[Fraction]:
+    def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return [self[number] for number in range(len(self))[index]]
         return self._times[self._numbers[index]] - self._times[self._numbers[0]]

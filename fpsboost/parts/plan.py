@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from fpsboost.analysis.scene_cuts import counts_frames
+from fpsboost.contracts import FrameSource
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame
-from fpsboost.io import FrameSource, RandomAccess, SharesIndex
+from fpsboost.io import RandomAccess, SharesIndex
 from fpsboost.io.output import OutputPart
 from fpsboost.io.part import INDEX_NAME, MAX_PARTS, Part, part_files, part_folder
 from fpsboost.io.staging import write_safely

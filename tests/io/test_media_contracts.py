@@ -15,9 +15,9 @@ from animation_truth import write_animation
 from conversion_options import open_output
 from video_truth import packets_of, scene, write_clip, write_stream
 
+from fpsboost.contracts import FrameSink, FrameSource
 from fpsboost.errors import FpsboostError, InputError, OutputError
 from fpsboost.frame import Frame
-from fpsboost.io import FrameSink, FrameSource
 from fpsboost.io.opening import open_source
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding

@@ -14,9 +14,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fpsboost.contracts import Cancellable, FrameSink
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame, PairMotion
-from fpsboost.io import Cancellable, FrameSink
 from fpsboost.io.images.exr import encode_exr
 from fpsboost.io.images.files import IMAGE_SUFFIXES, encode_image, extension_of
 from fpsboost.io.images.numbered import VIDEO_DIGITS, ImageSink

@@ -24,10 +24,10 @@ from video_truth import QUARTER_TURN, pictures_of, samples_of, scene, stream_of,
 
 import fpsboost
 from fpsboost.cli import app, progress
+from fpsboost.contracts import Cancellable
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import YCbCrImage
-from fpsboost.io import Cancellable
 from fpsboost.io.opening import open_source
 from fpsboost.io.output import Output
 from fpsboost.io.target import Target

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from video_truth import copy_packets, samples_of, spoil_packets, write_clip
 
+from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError
 from fpsboost.frame import Frame
-from fpsboost.io import FrameSource, RandomAccess
+from fpsboost.io import RandomAccess
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.trim import TrimmedSource
 from fpsboost.io.video.capture import ArraySource
