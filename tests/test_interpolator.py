@@ -173,48 +173,6 @@ def test_what_crosses_a_background_is_wrong_only_along_its_outline(background, t
     assert off.mean() < off_by(mixed(clip.image0, clip.image1, t), clip.at(t)).mean() / 3
 
 
-@pytest.mark.parametrize("motion", [{"shift": (5.3, -2.2)}, {"zoom": 1.05, "degrees": 2}])
-def test_brightness_does_not_step(motion):
-    """The mean of a frame in between lies between its neighbours' to a tenth of a level, and at the truth within."""
-    clip = affine(96, 128, **motion)
-    inner = slice(14, -14)
-    low, high = sorted([clip.image0.mean(), clip.image1.mean()])
-    for t in (0.25, 0.5, 0.75):
-        made = default(clip.image0, clip.image1, t)
-        assert low - 0.1 <= made.mean() <= high + 0.1
-        assert made[inner, inner].mean() == pytest.approx(clip.at(t)[inner, inner].mean(), abs=0.05)
-
-
-@pytest.mark.parametrize("gain", [0.85, 0.7])
-def test_moving_through_a_fade(gain):
-    """While everything becomes darker by up to a third, motion is still followed: a third of what mixing is off by."""
-    y, x = np.mgrid[0:96, 0:128].astype(float)
-
-    def at(t):
-        return as_type((0.1 + 0.6 * waves(x - 4.5 * t, y + 2.5 * t)) * (1 + (gain - 1) * t), np.uint8)
-
-    made, plain = (off_by(make(at(0), at(1)), at(0.5)).mean() for make in (default, mixed))
-    assert made < plain / 3
-
-
-@pytest.mark.parametrize(("shift", "behind"), [(3, 0), (3, 3), (5, 5), (6, 6)])
-def test_a_fence_does_not_tear(shift, behind):
-    """Bars twelve pixels apart, passing a background or together with it: right where mixing is not, in every row."""
-    y, x = np.mgrid[0:96, 0:144].astype(float)
-
-    def at(t):
-        place = (x - t * shift) % 12
-        bar = np.maximum(np.minimum(place, 4 - place).clip(-0.5, 0.5) + 0.5, (place - 11.5).clip(0, 1))[..., np.newaxis]
-        return as_type((0.1 + 0.6 * waves(x - t * behind, y)) * (1 - bar) + bar * [0.15, 0.2, 0.9], np.uint8)
-
-    inner = slice(12, -12), slice(26, -26)
-    made, plain = (off_by(make(at(0), at(1)), at(0.5))[inner] for make in (default, mixed))
-    assert made.mean() < plain.mean() / 2.5
-    rows = made.mean(axis=1)
-    assert rows.max() < 15
-    assert np.ptp(rows) < 6
-
-
 @pytest.mark.parametrize("t", [0.25, 0.5, 0.75])
 @pytest.mark.parametrize("shift", [(24, 0), (0, 20)])
 def test_a_smooth_ball_that_jumps_is_seen_once_and_in_its_place(shift, t):
@@ -277,15 +235,6 @@ def test_what_is_no_number_stays_in_its_place(value):
     off = off_by(default(image0, clip.image1), clip.at(0.5))[away]
     assert np.isfinite(off).all()
     assert off.max() < 0.05
-
-
-@pytest.mark.parametrize("channels", [1, 2, 3, 4])
-def test_any_number_of_channels_is_followed(channels):
-    """Gray, colour and alpha: a tenth of what mixing is off by."""
-    clip = affine(96, 128, shift=(5.3, -2.6), channels=channels, seed=2)
-    inner = slice(12, -12)
-    made, plain = (off_by(make(clip.image0, clip.image1), clip.at(0.5))[inner, inner] for make in (default, mixed))
-    assert made.mean() < plain.mean() / 10
 
 
 # -------------------------------------------------------------------------------------------------------- curved paths

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator
@@ -20,7 +19,7 @@ import numpy as np
 import pytest
 from conversion_options import grouped
 from truth import accelerating, prepared
-from video_truth import packets_of, pictures_of, samples_of, spoil_packets, write_clip
+from video_truth import packets_of, pictures_of, samples_of, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import InputError, OptionError, OutputError
@@ -207,15 +206,6 @@ def test_variable_intervals_become_even_with_a_rate():
     times = [Fraction(t, 100) for t in (0, 3, 4, 9, 10, 30, 31)]
     frames, _ = run(make_frames(times, Fraction(38, 100)), ByRate(Fraction(50)))
     assert [frame.time for frame in frames] == [Fraction(k, 50) for k in range(19)]
-
-
-def test_a_last_frame_of_unknown_length_lasts_one_interval():
-    """Where the source does not say how long its last frame is shown, the nominal rate does."""
-    source = regular(4)
-    source[-1] = replace(source[-1], duration=Fraction(0))
-    frames, _ = run(source, ByFactor(Fraction(2)))
-    assert len(frames) == 8
-    assert frames[-1].time + frames[-1].duration == Fraction(4, 25)
 
 
 @pytest.mark.parametrize("count", [0, 1])
@@ -599,16 +589,6 @@ def test_folder_to_folder(tmp_path, save_images, snapshot):
     assert snapshot(tmp_path / "in") == before
 
 
-def test_pattern_to_pattern(tmp_path, save_images):
-    """One sequence out of a folder that holds more, to names and a format that the user says."""
-    images = save_images(tmp_path, "left_{:03d}.tif", 4, np.uint16)
-    save_images(tmp_path, "right_{:03d}.tif", 4, np.uint16)
-    convert(str(tmp_path / "left_%03d.tif"), str(tmp_path / "new_####.png"), method=BLEND)
-    found = sorted(path for path in tmp_path.iterdir() if path.suffix == ".png")
-    assert [path.name for path in found] == [f"new_{number:04d}.png" for number in range(1, 8)]
-    assert all(np.array_equal(read(path), image) for path, image in zip(found[::2], images, strict=True))
-
-
 def test_sample_with_a_cut(tmp_path):
     """The repository's own clip: 72 frames, one cut, sound in step."""
     summary = convert(str(ORBIT), str(tmp_path / "out.mp4"), method="blend", encoding=FAST)
@@ -628,15 +608,6 @@ def test_every_method_converts(tmp_path, save_images, method):
     assert all((image.shape, image.dtype) == (images[0].shape, images[0].dtype) for image in written)
     assert np.array_equal(written[0], images[0])
     assert np.array_equal(written[2], images[1])
-
-
-def test_damage_is_told(tmp_path):
-    """A clip with broken packets is converted as far as it goes, and the summary says so."""
-    clip = write_clip(tmp_path / "in.mp4", times=range(30))
-    spoil_packets(clip, [8, 9])
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=FAST)
-    assert any(re.search(r"in\.mp4 is damaged", remark) for remark in summary.remarks)
-    assert (tmp_path / "out.mp4").exists()
 
 
 def broken_image(folder: Path) -> None:

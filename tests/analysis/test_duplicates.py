@@ -99,16 +99,6 @@ def test_uneven_times_keep_their_rhythm():
 
 
 @pytest.mark.parametrize("method", ["nlm", "blend"])
-def test_to_keep_them_is_to_interpolate_each_pair(method):
-    """With duplicates kept, a repeat passes as it is, and between two alike lies a third."""
-    source = held([2, 2, 2])
-    frames, summary = run(source, method=method, looks_for_duplicates=False)
-    assert [frame.original for frame in frames[::2][: len(source)]] == [frame.original for frame in source]
-    np.testing.assert_array_equal(frames[1].image, source[0].image)
-    assert summary.frames_made == len(frames) - len(source)
-
-
-@pytest.mark.parametrize("method", ["nlm", "blend"])
 def test_a_clip_without_duplicates_is_the_same_either_way(method):
     """Bit by bit."""
     source = held([1] * 5)
@@ -170,13 +160,6 @@ def test_frames_are_found_however_long_they_are_held():
     """Twos, threes, fours and what a capture missed."""
     for cadence in ([2, 2, 2], [3, 3, 3], [4, 4], [1, 1, 2, 1], [6, 1], [3, 2, 3, 2]):
         assert lengths(held(cadence)) == [*cadence, 1]
-
-
-def test_no_more_frames_wait_than_allowed():
-    """At any rate, as the detector says."""
-    frames = [Frame(frame.image, frame.time / 100) for frame in held([8, 9, 2])]
-    assert lengths(frames) == [8, *[1] * 9, 2, 1]
-    assert lengths(frames, DuplicateDetector(most=9)) == [8, 9, 2, 1]
 
 
 @pytest.mark.parametrize(("channels", "dtype"), [(1, np.uint8), (4, np.uint8), (3, np.uint16), (3, np.float32)])

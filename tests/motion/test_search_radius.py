@@ -26,7 +26,6 @@ from truth import (
 from twins import shortest_motions
 from vector_truth import save_translation
 
-from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.io.vectors.folder import VectorFolder
@@ -100,16 +99,6 @@ def test_vectors_choose_the_radius_of_the_reports_method(tmp_path):
         assert [field.search_radius for field in estimator.estimate(image0, image1)] == [14, 14]
     with pytest.raises(OptionError, match="whole factor"):
         choose_search_radius(FrameCache(noise(60, 80)), image1, vectors)
-
-
-def test_conversions_know_the_radii_that_were_chosen(tmp_path):
-    """The summary has them, for --verbose; other methods have none."""
-    for number in range(3):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), np.roll(noise(48, 64), 6 * number, axis=1))
-    chosen = convert(str(tmp_path), str(tmp_path / "out"), method="nlm-exhaustive").search_radii
-    assert chosen
-    assert all(8 <= radius <= 12 for radius in chosen)
-    assert not convert(str(tmp_path), str(tmp_path / "blended"), method="blend").search_radii
 
 
 @given(st.integers(0, 2**32), st.integers(0, 2), st.sampled_from([2, 4]))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
-from truth import Clip, affine, eroded, layers, moving_object, prepared, translation
+from truth import Clip, affine, eroded, layers, moving_object, translation
 
 from fpsboost.errors import OptionError
 from fpsboost.image import rounding_offset, view
@@ -137,16 +137,6 @@ def test_fusing_finds_the_right_motion_among_wrong_ones():
         assert np.abs(image.astype(float) - clip.at(t))[inner].mean() < 0.7
 
 
-@pytest.mark.parametrize("search", ["iterative", "brute-force"])
-def test_reprojection_is_right_to_the_pixel(search):
-    """Nearest pixels only, so half a pixel of error; still far better than mixing the frames."""
-    clip = affine(60, 72, zoom=1.05, shift=(4, 3))
-    inner = eroded(np.ones((60, 72), bool), 8)
-    for t, image, mixed in zip(TIMES, made(Reproject(search), clip), made(Blend(), clip), strict=True):
-        ours, theirs = (np.abs(each.astype(float) - clip.at(t))[inner].mean() for each in (image, mixed))
-        assert ours < theirs / 2
-
-
 @along_motion
 def test_an_object_is_in_its_place_and_what_it_uncovers_is_filled(synthesizer):
     """Object and background are exact but for some pixels near the outline."""
@@ -200,22 +190,6 @@ def test_votes_reach_from_node_to_node(spacing):
     assert MultiHypothesis(node_spacing=spacing, support_radius=spacing).node_spacing == spacing
     with pytest.raises(OptionError, match=rf"support_radius must be at least {spacing} pixels"):
         MultiHypothesis(node_spacing=spacing, support_radius=spacing - 0.1)
-
-
-def test_blend_mixes_in_time():
-    """A quarter of the way there: a quarter of the new frame."""
-    image0, image1 = np.full((3, 4, 3), 40, np.uint8), np.full((3, 4, 3), 80, np.uint8)
-    still = MotionField(np.zeros((3, 4, 2), np.float32), np.ones((3, 4), np.float32))
-    images = Blend().synthesize(FramePair(*prepared(image0, image1), still, still), [0.25, 0.5])
-    assert [int(image[0, 0, 0]) for image in images] == [50, 60]
-
-
-def test_nearest_repeats_the_nearer_frame():
-    """The earlier one at the middle."""
-    clip = translation(4, 5, 1, 0)
-    images = made(Nearest(), clip, [0.1, 0.5, 0.501, 0.9])
-    expected = [clip.image0, clip.image0, clip.image1, clip.image1]
-    np.testing.assert_array_equal(images, expected)
 
 
 def test_rounding_and_range_follow_the_type():

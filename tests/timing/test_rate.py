@@ -16,7 +16,7 @@ import pytest
 from conversion_options import grouped
 from hypothesis import given
 from hypothesis import strategies as st
-from video_truth import pictures_of, samples_of, scene, write_clip
+from video_truth import pictures_of, scene, write_clip
 
 from fpsboost.conversion import convert
 from fpsboost.errors import OptionError
@@ -309,35 +309,6 @@ def times_of(path: Path) -> list[Fraction]:
     pictures = pictures_of(path)
     assert all(picture.pts is not None and picture.time_base for picture in pictures)
     return [(picture.pts or 0) * Fraction(picture.time_base or 1) for picture in pictures]
-
-
-@pytest.mark.parametrize("name", ["in.mkv", "in.flv", "in.mp4", "in.avi", "in.ts", "in.h264"])
-def test_film_in_any_container_keeps_its_pictures(tmp_path, name):
-    """23.976 frames a second, in exact ticks, milliseconds, or no times at all: constant, originals untouched."""
-    clip = write_clip(
-        tmp_path / name, times=range(12), time_base=1 / FILM, container="h264" if name.endswith("h264") else None
-    )
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=LOSSLESS)
-    times = times_of(tmp_path / "out.mp4")
-    assert [time - times[0] for time in times] == [k / (2 * FILM) for k in range(24)]
-    assert summary.frames_made == 12
-    assert not any("varies" in remark for remark in summary.remarks)
-    for original, kept in zip(pictures_of(clip), pictures_of(tmp_path / "out.mp4")[::2], strict=True):
-        assert all(np.array_equal(a, b) for a, b in zip(samples_of(original), samples_of(kept), strict=True))
-
-
-def test_a_variable_file_comes_out_constant(tmp_path):
-    """From a file with its header's words: the usual rate times the factor, the length of the source, and a note."""
-    times = [0, 4, 8, 12, 16, 46, 50, 54, 58, 62]
-    clip = write_clip(tmp_path / "in.mp4", times=times, end=66, time_base=Fraction(1, 100), rate=Fraction(25))
-    with VideoSource(clip) as source:
-        assert source.info.rate == 25
-        assert source.info.duration == Fraction(66, 100)
-    summary = convert(str(clip), str(tmp_path / "out.mp4"), method="nearest", encoding=LOSSLESS)
-    assert times_of(tmp_path / "out.mp4") == [Fraction(k, 50) for k in range(33)]
-    assert summary.remarks[0].startswith(
-        f"{clip} varies from 3.333 to 25 frames per second; the output is constant at 50"
-    )
 
 
 def with_times(path: Path, times: list[int]) -> Path:
