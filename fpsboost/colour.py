@@ -79,10 +79,6 @@ def colour_components(image: NDArray[Any]) -> NDArray[Any]:
 
     Values above white are compressed; see `compress_highlights`.
 
-    Parameters
-    ----------
-    image : (H, W, C) uint8, uint16 or float32
-
     Returns
     -------
     (H, W, 3) float32

@@ -26,7 +26,7 @@ from fpsboost.observer import SilentObserver, Summary
 from fpsboost.parts.plan import plan_part, share_index
 from fpsboost.preparation import ConversionJob, closing_remarks, exposed, opened_clip, prepare
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import OutputRange, making_frames, run_conversion
+from fpsboost.streaming import OutputRange, interpolate_frames, run_conversion
 from fpsboost.threads import available_cores
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import count_frames
@@ -215,7 +215,7 @@ def stream(
     requirements = TargetRequirements(linear=interpolator.takes_layers)
     with _as_source(source, _fraction(input_fps), requirements, needs_rate=fps is not None) as opened:
         schedule = rate.schedule(opened.info)
-        making = making_frames(
+        making = interpolate_frames(
             opened,
             interpolator,
             schedule,

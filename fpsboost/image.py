@@ -475,10 +475,6 @@ def as_array(image: Image | ImageView) -> Image:
 def check_pair(image0: Image | ImageView, image1: Image | ImageView) -> None:
     """Raise `InputError` unless both are valid images of one size and type.
 
-    Parameters
-    ----------
-    image0, image1 : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-
     Raises
     ------
     InputError

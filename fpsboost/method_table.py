@@ -117,10 +117,6 @@ def configure(interpolator: Interpolator, method: str, options: Mapping[str, Any
     options : mapping of str to value
         Field names of the estimator or of the synthesizer.
 
-    Returns
-    -------
-    Interpolator
-
     Raises
     ------
     OptionError

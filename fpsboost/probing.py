@@ -230,10 +230,6 @@ def probe(path: str, input_fps: Fraction | None = None, stream: int | None = Non
     stream : int, optional
         Number of a video file's stream; by default the one that a conversion takes.
 
-    Returns
-    -------
-    Probe
-
     Raises
     ------
     OptionError, InputError

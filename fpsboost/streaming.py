@@ -140,7 +140,7 @@ def run_conversion(
     summary = Summary(completed_frames=outputs.skip)
     observer = observer or SilentObserver()
     with (
-        making_frames(
+        interpolate_frames(
             source,
             interpolator,
             schedule,
@@ -173,7 +173,7 @@ class Needs(NamedTuple):
 
 
 @contextmanager
-def making_frames(
+def interpolate_frames(
     source: FrameSource,
     interpolator: Interpolator,
     schedule: Schedule,

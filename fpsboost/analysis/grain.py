@@ -120,10 +120,6 @@ def measure_grain(image0: Pixels, image1: Pixels, field01: MotionField, field10:
     image0, image1 : (H, W, C) uint8, uint16 or float32, or YCbCrImage
     field01, field10 : MotionField
         Motion between them.
-
-    Returns
-    -------
-    PairGrain
     """
     planes0, planes1 = _planes(image0), _planes(image1)
     blocks = [

@@ -106,10 +106,6 @@ class BlockMatching:
 def colour_values(image: Image) -> NDArray[Any]:
     """Return the colours as comparable numbers, multiplied by alpha if there is alpha; see `white_of`.
 
-    Parameters
-    ----------
-    image : (H, W, C) uint8, uint16 or float32
-
     Returns
     -------
     (H, W, 1) or (H, W, 3), contiguous, uint8, uint16 or float32

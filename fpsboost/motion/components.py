@@ -36,10 +36,6 @@ def contrast_components(image: Pixels) -> Components:
 
     The report's plain colours are insensitive to low contrast at v = 0.25; these components are not.
 
-    Parameters
-    ----------
-    image : (H, W, C) uint8, uint16 or float32, or YCbCrImage
-
     Returns
     -------
     (H, W, 3) float32

@@ -20,7 +20,7 @@ from fpsboost.method_table import find_method
 from fpsboost.observer import LowestMatch, Summary
 from fpsboost.parts.join import join
 from fpsboost.run_options import RunOptions
-from fpsboost.streaming import making_frames
+from fpsboost.streaming import interpolate_frames
 from fpsboost.timing.position import format_time, parse_position
 from fpsboost.timing.rate import OutputRate
 from fpsboost.timing.schedule import ByFactor
@@ -47,7 +47,7 @@ def summary_of(images: list[np.ndarray[Any, Any]], **options: Any) -> Summary:
     """The summary of a conversion of images in memory to twice the rate, 25 frames a second at first."""
     summary = Summary()
     interpolator = options.pop("interpolator", BLEND)
-    making = making_frames(
+    making = interpolate_frames(
         ArraySource(iter(images), Fraction(25)),
         interpolator,
         ByFactor(Fraction(2)),
