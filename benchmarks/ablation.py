@@ -34,8 +34,8 @@ from scoring import (
 from fpsboost.colour import colour_components
 from fpsboost.errors import FpsboostError
 from fpsboost.evaluation.metrics import means
-from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image
 from fpsboost.interpolator import InBetween, Interpolator
 from fpsboost.kernels.candidates import list_candidates
 from fpsboost.kernels.jit import LANES

@@ -19,7 +19,7 @@ from rich.table import Table
 from scoring import find_clips, make_hidden, one_thread, read_clip, wide_console
 
 from fpsboost import methods
-from fpsboost.frame import Image
+from fpsboost.image import Image
 
 METHODS = "nlm,nlm-fast,dis,dis-warp,nlm-exhaustive,block,blend"
 """The first three fuse hypotheses; of the others, confidence is the agreement of both frames."""

@@ -21,8 +21,8 @@ from fpsboost.evaluation.further_metrics import Meters, summarise
 from fpsboost.evaluation.further_metrics import metrics as further_metrics
 from fpsboost.evaluation.hidden_frames import Hiding, Interval
 from fpsboost.evaluation.metrics import low_percentile, mean, means, score
-from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image, as_array
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.io.images.files import IMAGE_SUFFIXES
 from fpsboost.io.opening import open_source

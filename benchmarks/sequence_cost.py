@@ -12,8 +12,7 @@ import time
 from scoring import make_between, one_thread, read_frames
 
 from fpsboost.colour import Coding
-from fpsboost.frame import Image
-from fpsboost.image import YCbCrImage
+from fpsboost.image import Image, YCbCrImage
 from fpsboost.io.video.ycc import BT709, from_bgr, in_planes
 from fpsboost.method_table import find_method
 

@@ -40,7 +40,7 @@ from stages import WHOLE, copy_bandwidth, profile_sequence
 
 from fpsboost.colour import colour_components
 from fpsboost.errors import FpsboostError, OptionError
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.method_table import methods
 from fpsboost.motion.full_search import search_by_passes, search_fused
 

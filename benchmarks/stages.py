@@ -18,8 +18,8 @@ from unittest.mock import patch
 import numpy as np
 from scoring import make_between
 
-from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 
 INTERPOLATOR, NLM, SYNTHESIS = "fpsboost.interpolator", "fpsboost.motion.nlm", "fpsboost.synthesis.multi_hypothesis"

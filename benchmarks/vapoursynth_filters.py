@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 from scoring import SAMPLE, find_clips, read_frames
 
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.integrations.vapoursynth import interpolate
 
 BLOCK = 16

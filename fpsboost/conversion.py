@@ -11,7 +11,7 @@ import cv2
 
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import Resumable
 from fpsboost.io.fingerprint import fingerprint_job

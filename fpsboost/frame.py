@@ -47,23 +47,8 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from fpsboost.colour import has_alpha
-from fpsboost.image import Image, Pixels, as_array, check_pair, describe, type_names, view
+from fpsboost.image import Image, Pixels, as_array, view
 from fpsboost.layered import FrameImage
-
-__all__ = [
-    "ClipInfo",
-    "Frame",
-    "FrameImage",
-    "Image",
-    "PairMotion",
-    "Pixels",
-    "as_array",
-    "check_pair",
-    "describe",
-    "has_alpha",
-    "type_names",
-]
 
 
 class PairMotion(NamedTuple):

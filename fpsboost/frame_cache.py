@@ -8,8 +8,8 @@ from functools import cached_property
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
-from fpsboost.frame import FrameImage, Image, Pixels, as_array
-from fpsboost.image import view
+from fpsboost.image import Image, Pixels, as_array, view
+from fpsboost.layered import FrameImage
 
 Result = TypeVar("Result")
 
@@ -121,7 +121,7 @@ class FrameCache:
 
     @property
     def array(self) -> Image:
-        """The pixels, which must be an array; see `fpsboost.frame.as_array`."""
+        """The pixels, which must be an array; see `fpsboost.image.as_array`."""
         return as_array(self.pixels)
 
     def cached(self, function: Callable[..., Result], *arguments: Hashable) -> Result:

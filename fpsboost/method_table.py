@@ -14,8 +14,8 @@ import numpy as np
 
 from fpsboost.analysis.scene_cuts import CutPolicy
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image, as_array
 from fpsboost.interpolator import Interpolator
 from fpsboost.motion.block import BlockMatching
 from fpsboost.motion.codec import CodecMotion

@@ -10,7 +10,7 @@ from fractions import Fraction
 from fpsboost.analysis.scene_cuts import counts_frames
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io import DescribedSource
 from fpsboost.io.images.files import read_image

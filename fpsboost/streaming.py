@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from fpsboost.analysis.duplicates import DuplicateDetector, FrameGroup, SourceFrame, group_duplicates, group_singly
 from fpsboost.contracts import Cancellable, FrameSink, FrameSource, HasBeginning, TakesSideData
 from fpsboost.errors import InputError, OptionError
-from fpsboost.frame import ClipInfo, Frame, FrameImage, PairMotion
+from fpsboost.frame import ClipInfo, Frame, PairMotion
 from fpsboost.frame_cache import FrameCache, SourcePosition
 from fpsboost.interpolator import Interpolator, with_neighbours
+from fpsboost.layered import FrameImage
 from fpsboost.observer import LowestMatch, Observer, SilentObserver, SourceMoment, Summary
 from fpsboost.pair import Pair
 from fpsboost.synthesis.exposure import Exposure

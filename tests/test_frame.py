@@ -7,7 +7,7 @@ import pytest
 from truth import noise
 
 from fpsboost.errors import FpsboostError, InputError, OptionError, OutputError
-from fpsboost.frame import check_pair, describe
+from fpsboost.image import check_pair, describe
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

@@ -14,9 +14,9 @@ from video_truth import pictures_of, samples_of, write_clip
 from fpsboost import Encoding, InputError, convert, methods
 from fpsboost.analysis.duplicates import DuplicateDetector, brightness
 from fpsboost.colour import Coding
-from fpsboost.frame import Frame, as_array, check_pair
+from fpsboost.frame import Frame
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import YCbCrImage
+from fpsboost.image import YCbCrImage, as_array, check_pair
 from fpsboost.interpolator import with_neighbours
 from fpsboost.io.video.source import VideoSource
 from fpsboost.io.video.ycc import PLANAR_FORMATS, bgr_of, from_bgr, in_planes, picture_of

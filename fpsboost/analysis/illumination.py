@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised
-from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image
 from fpsboost.motion.components import contrast_components, small_copy
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import search_fused

@@ -27,8 +27,8 @@ from fpsboost.evaluation.hidden_frames import Hiding, Interval
 from fpsboost.evaluation.metrics import absolute_error, score
 from fpsboost.evaluation.regions import AREAS, Regions, find_regions
 from fpsboost.evaluation.results import Comparison, FrameResult, MethodResult
-from fpsboost.frame import describe
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import describe
 from fpsboost.interpolator import with_neighbours
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import methods

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from fpsboost.colour import normalised
 from fpsboost.errors import InputError, OptionError
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
-from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image, as_array
 from fpsboost.interpolator import Interpolator, with_neighbours
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.pair import Pair

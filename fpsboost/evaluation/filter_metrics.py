@@ -19,7 +19,7 @@ import numpy as np
 from fpsboost.colour import has_alpha
 from fpsboost.errors import InputError
 from fpsboost.evaluation.metrics import composite_on_black
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.io.video.ycc import assumed_color_space, from_bgr
 
 HIGHEST = 120.0

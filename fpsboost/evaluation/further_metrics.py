@@ -15,7 +15,7 @@ from fpsboost.errors import OptionError
 from fpsboost.evaluation.filter_metrics import VmafMeter, XpsnrMeter, missing_filter
 from fpsboost.evaluation.hidden_frames import Hidden, Interval
 from fpsboost.evaluation.metrics import as_shown, mean
-from fpsboost.frame import Image
+from fpsboost.image import Image
 
 ALWAYS = ("psnr", "psnr_p5", "ssim", "mae", "mse")
 """Metrics that every comparison has; naming one changes nothing."""

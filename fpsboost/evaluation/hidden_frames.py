@@ -17,12 +17,14 @@ import numpy as np
 from fpsboost.analysis.duplicates import DuplicateDetector, Picture, SourceFrame, find_pictures
 from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError, OptionError, check_choice
-from fpsboost.frame import ClipInfo, Frame, FrameImage, Image
+from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.image import Image
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.opening import PIPES, TargetRequirements, open_source
 from fpsboost.io.trim import trim_source
 from fpsboost.io.video.decode_options import DecodeOptions
+from fpsboost.layered import FrameImage
 from fpsboost.streaming import beginning
 from fpsboost.timing.schedule import ByRate, rising_time
 

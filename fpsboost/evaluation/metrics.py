@@ -16,7 +16,7 @@ from skimage.metrics import mean_squared_error, structural_similarity
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import InputError
-from fpsboost.frame import Image
+from fpsboost.image import Image
 
 LEVELS = 255
 MIN_MSE = 1e-12

@@ -41,11 +41,11 @@ from fpsboost import (
     YCbCrImage,
 )
 from fpsboost.colour import luma_weights
-from fpsboost.frame import FrameImage, Image, as_array
 from fpsboost.frame_cache import FrameCache, Results, SourcePosition
-from fpsboost.image import view
+from fpsboost.image import Image, as_array, view
 from fpsboost.io.video.ycc import PLANAR_FORMATS, assumed_color_space, bgr_of, from_bgr, in_planes
 from fpsboost.kernels.compiling import told_of_compiling
+from fpsboost.layered import FrameImage
 from fpsboost.method_table import find_method
 from fpsboost.pair import Pair
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, normalised
 from fpsboost.errors import OptionError, check_choice
-from fpsboost.frame import Image, check_pair
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image, check_pair
 from fpsboost.kernels.block import SearchPlan, match_blocks
 from fpsboost.motion.field import MotionField
 

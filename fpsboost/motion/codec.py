@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import colour_components
 from fpsboost.errors import OptionError, check_choice
-from fpsboost.frame import Image, check_pair
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image, check_pair
 from fpsboost.motion.block import colour_values, white_of
 from fpsboost.motion.field import MotionField
 

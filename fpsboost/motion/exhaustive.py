@@ -13,8 +13,8 @@ from typing import ClassVar, Literal, get_args
 
 from fpsboost.colour import colour_components
 from fpsboost.errors import OptionError, check_choice
-from fpsboost.frame import check_pair
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import check_pair
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.full_search import Window, search_by_passes, search_fused
 from fpsboost.motion.rendered import RenderedVectors

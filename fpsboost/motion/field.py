@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.frame import check_pair
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import check_pair
 from fpsboost.kernels.points import find_gradients, measure_forward_backward_errors
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError
-from fpsboost.frame import Pixels, check_pair
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Pixels, check_pair
 from fpsboost.motion.field import MotionField, ZeroMotion
 
 

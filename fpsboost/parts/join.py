@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from fpsboost.errors import InputError, OptionError, explained
-from fpsboost.frame import Pixels
+from fpsboost.image import Pixels
 from fpsboost.io.images.numbered import ImageSink
 from fpsboost.io.part import part_files
 from fpsboost.io.target import Target

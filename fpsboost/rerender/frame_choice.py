@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from fpsboost import InputError, Interpolator, MemoryLimit, OptionError
-from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Image, as_array
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.sequence import NumberedImages

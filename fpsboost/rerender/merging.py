@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from fpsboost import InputError, Layer, LayeredImage, MemoryLimit, OptionError, OutputError
 from fpsboost.colour import has_alpha
 from fpsboost.errors import explained
-from fpsboost.frame import FrameImage, Image, as_array, describe
-from fpsboost.image import view
+from fpsboost.image import Image, as_array, describe, view
 from fpsboost.io.images.exr_header import parse_exr_header
 from fpsboost.io.images.files import IMAGE_SUFFIXES, content_of, decode_image, encode_image, extension_of, needs_float
 from fpsboost.io.images.metadata import can_pass, metadata_of
@@ -29,6 +28,7 @@ from fpsboost.io.images.passes import ALL, Passes, encode_like
 from fpsboost.io.images.sequence import list_files
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.staging import write_safely
+from fpsboost.layered import FrameImage
 from fpsboost.rerender.options import MergeOptions
 from fpsboost.rerender.plan_file import PlannedFrame, RerenderPlan
 from fpsboost.rerender.regions import Rectangle

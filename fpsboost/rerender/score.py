@@ -20,8 +20,8 @@ from scipy.optimize import isotonic_regression
 
 from fpsboost import Frame, Interpolator
 from fpsboost.colour import compared_colours, has_alpha, normalised
-from fpsboost.frame import Image, as_array
 from fpsboost.frame_cache import FrameCache, SourcePosition
+from fpsboost.image import Image, as_array
 from fpsboost.interpolator import with_neighbours
 from fpsboost.pair import Pair
 from fpsboost.rerender.regions import TileGrid

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
-from fpsboost.frame import FrameImage, Pixels
 from fpsboost.frame_cache import FrameCache
+from fpsboost.image import Pixels
+from fpsboost.layered import FrameImage
 from fpsboost.motion.field import MotionField
 from fpsboost.motion.trajectory import Neighbour
 

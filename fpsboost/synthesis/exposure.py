@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import has_alpha, srgb_encoded
-from fpsboost.frame import Image
+from fpsboost.image import Image
 
 MIN_ALPHA = np.float32(1e-4)
 """Weight of the colour of fully transparent pixels: it counts only where nothing else does."""

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import OptionError, check_choice
-from fpsboost.frame import Image
-from fpsboost.image import rounding_offset
+from fpsboost.image import Image, rounding_offset
 from fpsboost.kernels.reproject import bin_landings, fetch_both, search_iteratively, search_nearest_landing
 from fpsboost.synthesis import FramePair
 

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import premultiplied
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
 from fpsboost.frame_cache import FrameCache
-from fpsboost.image import as_image
+from fpsboost.image import Image, as_image
 from fpsboost.motion.rendered import FrameVectors, RenderedVectors, frame_number, output_frame_between
 from fpsboost.synthesis import FramePair, InterpolatedImage
 from fpsboost.synthesis.agreement import measure_agreement_along

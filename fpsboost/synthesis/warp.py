@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from fpsboost.colour import premultiplied
 from fpsboost.errors import OptionError
-from fpsboost.frame import Image
-from fpsboost.image import as_image, rounding_offset
+from fpsboost.image import Image, as_image, rounding_offset
 from fpsboost.kernels.reproject import fetch_both
 from fpsboost.kernels.splat import splat
 from fpsboost.synthesis import FramePair

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from fpsboost.colour import Coding
-from fpsboost.frame import FrameImage
 from fpsboost.image import YCbCrImage
 from fpsboost.kernels.compiling import told_of_compiling
-from fpsboost.layered import Layer, LayeredImage
+from fpsboost.layered import FrameImage, Layer, LayeredImage
 from fpsboost.method_table import configure, methods
 from fpsboost.parts.self_test import self_test
 from fpsboost.synthesis.blend import Blend

@@ -13,7 +13,7 @@ from fpsboost.evaluation.metrics import as_shown
 from fpsboost.evaluation.report.pictures import find_loss
 from fpsboost.evaluation.report.self_contained import LOSSLESS, MAX_WIDTH, PlayerData, as_webp, data_uri, not_too_wide
 from fpsboost.evaluation.results import Comparison
-from fpsboost.frame import Image
+from fpsboost.image import Image
 
 MAX_PIXELS = 24_000_000
 """Number of pixels in all pictures that a page plays; those of large frames are reduced before."""

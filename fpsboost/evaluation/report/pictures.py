@@ -14,7 +14,7 @@ from fpsboost.evaluation.contestants import Contestant, InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Interval, Sample
 from fpsboost.evaluation.metrics import absolute_error, as_shown
 from fpsboost.evaluation.report.self_contained import LOSSLESS, as_heat, encode, not_too_wide
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.motion.field import ZeroMotion, point_places
 from fpsboost.pair import Pair
 from fpsboost.synthesis import FramePair, FusesHypotheses

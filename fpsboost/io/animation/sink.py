@@ -14,7 +14,8 @@ from typing import BinaryIO, Self
 import numpy as np
 
 from fpsboost.errors import OutputError, explained
-from fpsboost.frame import Frame, Image, describe
+from fpsboost.frame import Frame
+from fpsboost.image import Image, describe
 from fpsboost.io.animation.writers import AnimationWriter, types
 from fpsboost.io.new_output import check_writable
 from fpsboost.io.output import Output

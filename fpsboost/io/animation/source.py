@@ -15,7 +15,8 @@ import av
 import numpy as np
 
 from fpsboost.errors import InputError, explained
-from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.image import Image
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import StreamInfo

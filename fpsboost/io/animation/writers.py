@@ -19,7 +19,7 @@ import av.filter
 import numpy as np
 
 from fpsboost.errors import OutputError
-from fpsboost.frame import Image, describe
+from fpsboost.image import Image, describe
 from fpsboost.io.animation.source import MAX_DELAY_TERM, PNG_SIGNATURE, SHORTEST_GIF_DELAY, WEBP_ANIMATED
 
 OPAQUE = 128

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OutputError, explained
-from fpsboost.frame import ClipInfo, Image, describe, type_names
+from fpsboost.frame import ClipInfo
+from fpsboost.image import Image, describe, type_names
 from fpsboost.io.images.exr import decode_channels, encode_exr
 from fpsboost.io.images.exr_header import ExrHeader, parse_exr_header
 from fpsboost.io.images.exr_layers import contents_of

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from fpsboost.frame import Frame, Image
+from fpsboost.frame import Frame
+from fpsboost.image import Image
 from fpsboost.io.images.exr_header import ExrHeader, parse_exr_header
 from fpsboost.io.images.exr_layers import contents_of
 from fpsboost.io.images.files import check_format, content_of, encode_image, extension_of, losses

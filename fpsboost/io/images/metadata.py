@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.io.images import tiff_tags, webp_chunks
 from fpsboost.io.images.exact_reads import DamagedError
 from fpsboost.io.images.exr_header import MAGIC, parse_exr_header

@@ -21,8 +21,9 @@ from typing import Self
 
 from fpsboost.colour import displayed_colours
 from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
-from fpsboost.frame import ClipInfo, Frame, Image, as_array, describe
+from fpsboost.frame import ClipInfo, Frame
 from fpsboost.frame_cache import SourcePosition
+from fpsboost.image import Image, as_array, describe
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.images.files import (
     IMAGE_SUFFIXES,

@@ -9,13 +9,13 @@ from typing import Any, Self
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError
-from fpsboost.frame import FrameImage, as_array
+from fpsboost.image import as_array
 from fpsboost.io.images.exr import decode_channels, encode_exr_like
 from fpsboost.io.images.exr_header import ExrHeader, Precision, parse_exr_header
 from fpsboost.io.images.exr_layers import ExrContents, LayerNames, contents_of
 from fpsboost.io.images.files import picture_channels, picture_of
 from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.layered import Layer, LayeredImage
+from fpsboost.layered import FrameImage, Layer, LayeredImage
 
 ALL, BEAUTY = "all", "beauty"
 """Which passes are made, unless some are named."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.colour import normalised
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.io.vectors.convention import Direction, StoredVectors, VectorConvention
 from fpsboost.io.vectors.folder import VectorFolder
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, check_choice, explained
-from fpsboost.frame import Pixels
+from fpsboost.image import Pixels
 from fpsboost.io.images.exr import find_layer, read_exr
 from fpsboost.io.images.sequence import (
     FileSequence,

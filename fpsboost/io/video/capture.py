@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 
 from fpsboost.errors import InputError
-from fpsboost.frame import ClipInfo, Frame, Image, check_pair
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.image import Image, check_pair
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import StreamInfo

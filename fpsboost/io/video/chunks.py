@@ -21,8 +21,9 @@ import numpy as np
 from av.packet import PacketSideData, PktSideDataT
 
 from fpsboost.errors import OutputError
-from fpsboost.frame import Frame, Image, describe
+from fpsboost.frame import Frame
 from fpsboost.heap import return_free_memory
+from fpsboost.image import Image, describe
 from fpsboost.io.output import Output
 from fpsboost.io.staging import rename_safely
 from fpsboost.io.video.encoder import VideoEncoder

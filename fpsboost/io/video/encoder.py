@@ -19,7 +19,8 @@ from av.video.frame import PictureType
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import OutputError
-from fpsboost.frame import Frame, Pixels
+from fpsboost.frame import Frame
+from fpsboost.image import Pixels
 from fpsboost.io.output import Output
 from fpsboost.io.video.encoding import EXACT_TIME_BASE_CONTAINERS, needs_hardware
 from fpsboost.io.video.pixel_choice import choose_pixel_format

@@ -15,7 +15,7 @@ import numpy as np
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
-from fpsboost.frame import Image
+from fpsboost.image import Image
 from fpsboost.io.video.demuxer import Demuxer
 from fpsboost.io.video.remarks import Damage, counted, interlaced_remark, lost_alpha_remark
 from fpsboost.io.video.traits import VideoTraits

@@ -23,7 +23,8 @@ from av.codec.codec import PixFmtLoss, find_best_pix_fmt_of_list
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError, OptionError, OutputError, ReaderGoneError
-from fpsboost.frame import ClipInfo, Frame, Pixels, describe
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.image import Pixels, describe
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import Output, StreamInfo

@@ -17,7 +17,8 @@ import av.error
 from av.video.reformatter import VideoReformatter
 
 from fpsboost.errors import InputError
-from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.image import Image
 from fpsboost.io import ClosesOnExit
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.output import StreamInfo, VideoFile

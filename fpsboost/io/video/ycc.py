@@ -18,8 +18,8 @@ from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
 from fpsboost.colour import Coding, bgr_to_ycc, luma_weights
-from fpsboost.frame import Frame, Image
-from fpsboost.image import YCbCrImage, view
+from fpsboost.frame import Frame
+from fpsboost.image import Image, YCbCrImage, view
 
 SMPTE170M, BT709, RGB, UNSPECIFIED = 6, 1, 0, 2  # AVColorSpace
 FULL_RANGE, LIMITED_RANGE = 2, 1  # AVColorRange

@@ -14,7 +14,8 @@ from video_truth import pictures_of, scene, write_clip
 
 import fpsboost
 from fpsboost.errors import InputError, OutputError
-from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.image import Image
 from fpsboost.io.animation.sink import AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.memory_limit import MemoryLimit

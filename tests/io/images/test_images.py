@@ -17,7 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpsboost.errors import InputError, OptionError, OutputError
-from fpsboost.frame import ClipInfo, Frame, Image
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.image import Image
 from fpsboost.io.images import numbered as images
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.numbered import ImageFile, ImageSink, ImageSource
