@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
@@ -116,22 +117,24 @@ def _codecs() -> Iterator[Finding]:
 
 
 def _machine() -> Iterator[Finding]:
+    import cv2  # noqa: PLC0415
+
     from fpsboost.io.memory_limit import available_memory  # noqa: PLC0415
-    from fpsboost.kernels.machine import processor  # noqa: PLC0415
     from fpsboost.threads import available_cores  # noqa: PLC0415
 
-    name, features = processor()
-    yield Finding("machine", "processor", f"{name}, {', '.join(features) or 'no vector instructions'}")
+    features = [name.strip("*") for name in cv2.getCPUFeaturesLine().split() if not name.endswith("?")]
+    processor = platform.processor() or platform.machine()
+    yield Finding("machine", "processor", f"{processor}, {', '.join(features) or 'no vector instructions'}")
     cores = available_cores()
     yield Finding("machine", "cores", f"{cores} of {os.cpu_count()}; as many pairs of frames side by side")
     yield Finding("machine", "free memory", f"{available_memory() / 1e9:.1f} GB")
 
 
 def _kernels() -> Iterator[Finding]:
-    from fpsboost.kernels.machine import cache_folder  # noqa: PLC0415
+    from fpsboost.kernels.block import match_blocks  # noqa: PLC0415
 
-    folder = cache_folder()
-    files = [path for kind in ("*.kernel", "*.nb[ci]") for path in folder.glob(kind) if path.is_file()]
+    folder = Path(match_blocks.dispatcher.stats.cache_path)
+    files = [path for path in folder.glob("*.nb[ci]") if path.is_file()]
     size = sum(path.stat().st_size for path in files)
     yield Finding("kernels", "compiled", f"{len(files)} files, {size / 1e6:.1f} MB")
     writable = os.access(folder, os.W_OK)

@@ -1,4 +1,7 @@
-"""Compilation of kernels that the cache does not hold yet: notification of it, and a second process for it."""
+"""Compilation of kernels that the cache does not hold yet: notification of it, and a second process for it.
+
+Importing this does not import numba, which methods without kernels never need.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, cast
 
-from fpsboost.kernels.deferred import compiler
+listeners: list[Callable[[], None]] = []
+"""Functions to call when a kernel is compiled, in the thread that compiles."""
 
 RUN_TASK = """
 import gc, os, pickle, sys
@@ -21,6 +25,12 @@ pickle.load(sys.stdin.buffer)()
 os._exit(0)
 """
 """Program of the second process. It ends at once: to take down what compiling has built up would take a second."""
+
+
+def tell_listeners() -> None:
+    """Call the listeners."""
+    for listener in tuple(listeners):
+        listener()
 
 
 @contextmanager
@@ -38,12 +48,11 @@ def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
         if waiting:
             waiting.pop()()
 
-    compiler.hear()
-    compiler.listeners.append(listen)
+    listeners.append(listen)
     try:
         yield
     finally:
-        compiler.listeners.remove(listen)
+        listeners.remove(listen)
 
 
 @contextmanager

@@ -5,35 +5,33 @@ vectorised, and nothing is contracted (see `fpsboost.kernels.fma`). Where a sum 
 instruction, the kernel says so itself. No entry points for C are compiled, as nothing calls them. Every kernel runs in
 one thread and releases Python's global interpreter lock, so that pairs of frames can be processed in parallel (see
 `fpsboost.threads`).
-
-What kernels use of numba they import from here, and get it from `fpsboost.kernels.deferred` and
-`fpsboost.kernels.machine_code`, so that numba is only imported when something is to be compiled.
 """
 
 from __future__ import annotations
 
-import os
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from functools import update_wrapper
+from pathlib import Path
+from typing import Any
 
-if TYPE_CHECKING or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
-    from numba import njit, types
-    from numba.core import cgutils
-    from numba.extending import intrinsic, overload
-else:
-    from fpsboost.kernels.deferred import cgutils, intrinsic, overload, types
-    from fpsboost.kernels.machine_code import njit
+import numba
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
+
+from fpsboost.kernels.compiling import listeners, tell_listeners
 
 __all__ = ["BORROWING", "FINITE_JIT", "JIT", "LANES", "cgutils", "intrinsic", "njit", "overload", "types"]
 
-JIT = {"nogil": True, "error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
+JIT: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
 
-FINITE_JIT = {**JIT, "fastmath": {"nsz", "nnan", "ninf"}}
+FINITE_JIT: dict[str, Any] = {**JIT, "fastmath": {"nsz", "nnan", "ninf"}}
 """For inner loops whose values are known to be finite: minimum and maximum become single instructions.
 
 What a NaN or an infinity would become is not defined then, nor is the sign of a zero.
 """
 
-BORROWING = {"_nrt": False}
+BORROWING: dict[str, Any] = {"_nrt": False}
 """For kernels that make no arrays, nor does what they call: references to the arrays of their callers are not counted.
 
 Counting is most of the code of a kernel that passes many arrays on, before it is found to be superfluous.
@@ -42,3 +40,50 @@ Counting is most of the code of a kernel that passes many arrays on, before it i
 LANES = 16
 """Group size, pixels: rows are processed in whole groups, as a scalar remainder loop would cost as much as ten
 vectors."""
+
+Function = Callable[..., Any]
+
+
+class Kernel:
+    """Function to call from Python, compiled for every combination of types and kept in numba's cache.
+
+    Listeners are called before its first compilation. If the cache has it, but for other types or from other sources,
+    they are called after the compilation, as numba does not say beforehand what its cache lacks.
+    """
+
+    def __init__(self, function: Function, options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        try:
+            self.dispatcher = numba.njit(cache=True, **options)(function)
+        except RuntimeError:  # no folder can be written; every process compiles
+            self.dispatcher = numba.njit(**options)(function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the kernel; the first call for some types compiles it or loads it from the cache."""
+        if not listeners:
+            return self.dispatcher(*arguments)
+        is_new, compiled = not (self.dispatcher.signatures or self._is_cached()), self._compiled()
+        if is_new:
+            tell_listeners()
+        result = self.dispatcher(*arguments)
+        if not is_new and self._compiled() > compiled:
+            tell_listeners()
+        return result
+
+    def _is_cached(self) -> bool:
+        """Return whether the cache has the kernel for any types."""
+        folder, name = self.dispatcher.stats.cache_path, self.py_func.__name__
+        module = Path(self.py_func.__code__.co_filename).stem
+        return folder is not None and any(Path(folder).glob(f"{module}.*{name}-*.nbi"))
+
+    def _compiled(self) -> int:
+        """Return for how many combinations of types this process has compiled the kernel."""
+        return sum(self.dispatcher.stats.cache_misses.values())
+
+
+def njit(*, cache: bool = False, **options: Any) -> Callable[[Function], Any]:
+    """Decorate a function like `numba.njit`; with `cache` it becomes a `Kernel`, which no other kernel can call."""
+    if not cache or numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return numba.njit(**options)
+    return lambda function: Kernel(function, options)

@@ -36,7 +36,7 @@ def prefetch_rows(flat, place, stride, plane):
         place += stride
 
 
-@njit(cache=True, **FINITE_JIT)
+@njit(**FINITE_JIT)
 def refine_points(pair, step, tail, damping, largest, steps, known, flow):
     """Refine the vector of every point by least-squares steps on its window.
 

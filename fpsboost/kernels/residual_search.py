@@ -53,7 +53,7 @@ def compare_row(flat, start0, start1, radius, count, max_similarity, share, most
     return True
 
 
-@njit(cache=True, **FINITE_JIT)
+@njit(**FINITE_JIT)
 def measure_point_similarity(pair, step, patch_radius, flow, known):
     """Measure the similarity of the small patches at both ends of every point's motion.
 
@@ -93,7 +93,7 @@ def measure_point_similarity(pair, step, patch_radius, flow, known):
             known[row, point] = np.float32(total) * share
 
 
-@njit(cache=True, **FINITE_JIT)
+@njit(**FINITE_JIT)
 def search_residuals(pair, step, max_offset, patch_radius, known, elsewhere, min_similarity, better, flow):
     """Replace the motion of unexplained points by motion to unexplained positions of the other frame.
 

@@ -84,7 +84,7 @@ def add_path_costs(begin, apart, length, aside, parallel, labels, room, smoothne
                 )
 
 
-@njit(cache=True, **FINITE_JIT)
+@njit(**FINITE_JIT)
 def choose_labels(count, motions, similarity, ties, smoothness, slope, costs, flow, chosen):
     """Choose the label of every node with the lowest cost, aggregated over its neighbours; the first of several.
 

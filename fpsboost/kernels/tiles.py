@@ -174,7 +174,7 @@ def find_expected(points, step, expected, spacing, likely, kept):
             kept[p, q] = -1
 
 
-@njit(cache=True, **FINITE_JIT)
+@njit(**FINITE_JIT)
 def search_tiles(pair, proposals, step, refine_radius, max_offset, patch_radius, row_step, lists):
     """Find the most similar offsets at every point of a frame.
 

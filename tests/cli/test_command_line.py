@@ -16,13 +16,14 @@ import cv2
 import numpy as np
 import pytest
 from command_line import SUMMARY, Result, assert_refused, environment
-from numba import config, njit
+from numba import config
 from video_truth import packets_of, pictures_of, spoil_packets, write_clip
 
 import fpsboost
 from fpsboost.cli import app, progress
 from fpsboost.cli.compare import choose
 from fpsboost.interpolator import Interpolator
+from fpsboost.kernels.jit import Kernel
 from fpsboost.method_table import methods, vector_methods
 from fpsboost.timing.schedule import parse_number, parse_rate
 
@@ -135,9 +136,10 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
     """Once, as soon as the first begins; not where all come from the cache, however long that takes."""
 
     def compile_two(interpolator: Interpolator, image: np.ndarray) -> None:
-        for kernel in (njit(lambda x: x + 1), njit(lambda x: x + 2)):
+        for kernel in (Kernel(lambda x: x + 1, {}), Kernel(lambda x: x + 2, {})):
             kernel(1)
 
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(progress.Reporter, "_say_compiling", SAY_COMPILING)
     monkeypatch.setattr(Interpolator, "compile_for", compile_two)
     result = fpsboost_("in.mp4", "out.mp4", *CHEAP)
@@ -145,7 +147,7 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
     assert "Compiling" in result.lines[0]
 
     kernel = tmp_path / "kernel.py"
-    kernel.write_text("from numba import njit\n@njit(cache=True)\ndef kernel(x):\n    return x + 1\n")
+    kernel.write_text("from fpsboost.kernels.jit import njit\n@njit(cache=True)\ndef kernel(x):\n    return x + 1\n")
     spec = importlib.util.spec_from_file_location("kernel", kernel)
     lines = []
     for _ in range(2):
@@ -161,7 +163,7 @@ def test_compiling_is_said_when_kernels_are_compiled_and_only_then(fpsboost_, cl
 def test_it_can_be_stopped_while_modules_are_imported(clip, tmp_path, tmp_path_factory, number, module):
     """One sentence and exit code 130, whichever module is about to be imported when it happens.
 
-    numba is imported in the middle of the conversion, as no kernel is kept; compiling may have been announced by then.
+    Compiling may have been announced by then.
     """
     code = f"""if True:
         import os, sys
@@ -211,8 +213,6 @@ def test_it_can_be_stopped_while_llvm_calls_back(clip, tmp_path):
     code = f"""if True:
         import os, sys
         from numba.core.codegen import JITCodeLibrary
-        from fpsboost.kernels import machine_code
-        machine_code.KeptKernel = machine_code.Kernel
         keep = JITCodeLibrary._object_compiled_hook
         def keep_and_stop(module, code):
             os.kill(os.getpid(), {int(signal.SIGINT)})

@@ -1,4 +1,4 @@
-"""Compilation in a second process: started by the first compilation only, waited for, and never in the way."""
+"""Compilation of kernels: told of in time, and in a second process that is started once and never in the way."""
 
 from __future__ import annotations
 
@@ -7,21 +7,54 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numba
 import numpy as np
 import pytest
-from numba.core import event
 
 from fpsboost import methods
 from fpsboost.interpolator import _rehearse_synthesis
-from fpsboost.kernels.compiling import compiled_aside, told_of_compiling
-from fpsboost.kernels.deferred import COMPILE_EVENT, compiler
+from fpsboost.kernels.compiling import compiled_aside, tell_listeners, told_of_compiling
+from fpsboost.kernels.jit import JIT, Kernel
+
+compiles = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
 
-def compile_something() -> None:
-    """Send the event of a compilation."""
-    with compiler.ready(), event.trigger_event(COMPILE_EVENT):
-        pass
+def double(values):
+    values *= 2
+
+
+@compiles
+def test_listeners_hear_of_what_the_cache_lacks(tmp_path, monkeypatch):
+    """The first compilation, another one for other types, and none for what an earlier process has compiled."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    told = []
+
+    def run(kernel: Kernel, dtype: str) -> int:
+        values = np.ones(3, dtype)
+        with told_of_compiling(lambda: told.append(dtype)):
+            kernel(values)
+        assert (values == 2).all()
+        return len(told)
+
+    kernel = Kernel(double, JIT)
+    assert [run(kernel, each) for each in ("f4", "f4", "i4", "i4")] == [1, 1, 2, 2]
+    again = Kernel(double, JIT)
+    assert [run(again, each) for each in ("f4", "i4", "f8")] == [2, 2, 3]
+
+
+@compiles
+def test_a_kernel_runs_where_nothing_can_be_cached():
+    """Every process compiles it; here it has no file beside which it could be kept."""
+    names: dict[str, Any] = {}
+    exec("def double(values): values *= 2", names)
+    kernel, values, told = Kernel(names["double"], JIT), np.ones(3), []
+    with told_of_compiling(lambda: told.append(True)):
+        kernel(values)
+        kernel(values)
+    assert (values == 4).all()
+    assert told == [True]
 
 
 @pytest.fixture
@@ -40,24 +73,9 @@ def started(monkeypatch):
 def test_the_task_has_run_at_the_end(tmp_path):
     """In one other process, however many kernels are compiled here."""
     with compiled_aside(partial(Path.touch, tmp_path / "done", exist_ok=False)):
-        compile_something()
-        compile_something()
+        tell_listeners()
+        tell_listeners()
     assert (tmp_path / "done").exists()
-
-
-def test_the_process_is_started_before_numba_is_imported():
-    """Which takes as long here as there."""
-    code = """
-import sys
-import numpy as np
-from fpsboost.kernels import compiling, machine_code
-from fpsboost.kernels.shrink import shrink
-
-machine_code.folder = lambda: None
-with compiling.told_of_compiling(lambda: sys.exit("numba" in sys.modules)):
-    shrink(np.zeros((8, 8), np.uint8), np.zeros((4, 4, 1), np.float32))
-"""
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_nothing_is_started_if_nothing_is_compiled(started):
@@ -72,21 +90,21 @@ def test_nothing_is_started_where_python_is_part_of_another_program(started, mon
     for executable in ("/usr/bin/vspipe", "", None):
         monkeypatch.setattr(sys, "executable", executable)
         with compiled_aside(partial(time.sleep, 600)):
-            compile_something()
+            tell_listeners()
     assert not started
 
 
 def test_a_task_that_cannot_be_sent_is_left_out(started):
     """As with an estimator of the caller's own that cannot be pickled."""
     with compiled_aside(lambda: None):
-        compile_something()
+        tell_listeners()
     assert not started
 
 
 def test_a_task_that_fails_is_ignored():
     """Its kernels are compiled here."""
     with compiled_aside(partial(Path.touch, Path("no", "such", "folder"))):
-        compile_something()
+        tell_listeners()
 
 
 def test_the_process_is_stopped_by_an_error_here(started):
@@ -94,7 +112,7 @@ def test_the_process_is_stopped_by_an_error_here(started):
 
     def stop() -> None:
         with compiled_aside(partial(time.sleep, 600)):
-            compile_something()
+            tell_listeners()
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
