@@ -414,23 +414,6 @@ def test_two_at_once(tmp_path, clip):
     assert os.listdir(tmp_path) == ["out.mp4"]
 
 
-def test_without_a_job_nothing_stays(tmp_path, clip):
-    """A sink that nobody can go on with leaves no trace, however much was finished."""
-    with VideoSource(clip) as source:
-        timing = OutputTiming(source.info.rate, source.info.time_base)
-        sink = VideoSink(output_of(tmp_path / "out.mp4", source, timing, encoding=FAST), chunk_frames=5)
-
-        def write_and_stop() -> None:
-            with sink:
-                for frame in source:
-                    sink.write(frame)
-                raise StoppedError
-
-        with pytest.raises(StoppedError):
-            write_and_stop()
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize("given", [(0, 2), (-1, -1), (1, 0), (-219043332147, -219043332146)])
 def test_no_picture_is_decoded_after_it_is_shown(given):
     """As mp4 cannot hold it: x265 may say so of two pictures, or give both one time."""

@@ -22,6 +22,7 @@ from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource
 from fpsboost.motion.field import ZeroMotion
+from fpsboost.observer import Summary
 from fpsboost.synthesis.blend import Blend
 from fpsboost.timing.position import Position, Trim, parse_position
 
@@ -34,6 +35,13 @@ def trim(start: str | None = None, end: str | None = None) -> Trim:
     """As the command line makes it."""
     places = [None if text is None else parse_position(text, "--x") for text in (start, end)]
     return Trim(*places)
+
+
+def convert_part(source: Path, target: Path, start: str | None, end: str | None = None, **options: Any) -> Summary:
+    """Convert a part of a clip."""
+    decoding = DecodeOptions(trim=trim(start, end), input_fps=options.pop("input_fps", None))
+    options = {"method": BLEND, **options}
+    return convert(str(source), str(target), encoding=options.pop("encoding", FAST), decoding=decoding, **options)
 
 
 # -------------------------------------------------------------------------------------------------- how it is written
@@ -55,11 +63,6 @@ def trim(start: str | None = None, end: str | None = None) -> Trim:
 def test_times_are_read_as_people_write_them(text, seconds):
     """Seconds, minutes and hours, exactly."""
     assert parse_position(text, "--start") == Position(seconds)
-
-
-def test_frames_are_numbers_with_an_f():
-    """Counted from 0."""
-    assert parse_position("120f", "--start") == Position(Fraction(120), is_frame=True)
 
 
 @pytest.mark.parametrize("text", ["", "f", "-1", "-5f", "1.5f", "1:60", "1:75:00", "1:2:3:4", "1,5", "abc", "1e9", "٣"])
@@ -168,9 +171,7 @@ def test_a_start_behind_the_end_is_an_error(tmp_path, snapshot, name, start):
     clip = write_clip(tmp_path / name, times=range(30))
     before = snapshot(tmp_path)
     with pytest.raises(InputError, match=rf"{name} has ended where `start=.*` would be; name an earlier one"):
-        convert(
-            str(clip), str(tmp_path / "out.mp4"), method=BLEND, encoding=FAST, decoding=DecodeOptions(trim=trim(start))
-        )
+        convert_part(clip, tmp_path / "out.mp4", start)
     assert snapshot(tmp_path) == before
 
 
@@ -183,9 +184,7 @@ def test_damage_in_the_range_is_told_though_the_rest_is_not_read(tmp_path):
     assert packet.pos is not None
     data[packet.pos : packet.pos + packet.size] = b"\xff" * packet.size
     clip.write_bytes(bytes(data))
-    summary = convert(
-        str(clip), str(tmp_path / "o.mp4"), method=BLEND, encoding=FAST, decoding=DecodeOptions(trim=trim(None, "1"))
-    )
+    summary = convert_part(clip, tmp_path / "o.mp4", None, "1")
     assert any("in.mp4 is damaged" in remark for remark in summary.remarks)
 
 
@@ -250,13 +249,7 @@ def clicks(path: Path) -> list[float]:
 )
 def test_sound_stays_in_step(tmp_path, flashing, name, start, end):
     """Every click of the part comes with its flash, to a sample or the container's millisecond, and no other one."""
-    convert(
-        str(flashing),
-        str(tmp_path / name),
-        method="nearest",
-        encoding=FAST,
-        decoding=DecodeOptions(trim=trim(start, end)),
-    )
+    convert_part(flashing, tmp_path / name, start, end, method="nearest")
     seen, heard = flashes(tmp_path / name), clicks(tmp_path / name)
     assert len(seen) == len(heard) >= 2
     assert all(abs(float(flash) - click) < 0.0015 for flash, click in zip(seen, heard, strict=True))
@@ -266,13 +259,7 @@ def test_sound_stays_in_step(tmp_path, flashing, name, start, end):
 def test_packets_of_sound_are_those_that_overlap(tmp_path):
     """Copied bit for bit, from the packet that the pictures begin in to the one that they end in."""
     clip = write_clip(tmp_path / "in.mp4", times=range(100), sound="aac")
-    convert(
-        str(clip),
-        str(tmp_path / "out.mp4"),
-        method="nearest",
-        encoding=FAST,
-        decoding=DecodeOptions(trim=trim("1", "3")),
-    )
+    convert_part(clip, tmp_path / "out.mp4", "1", "3", method="nearest")
     length = Fraction(1024, 48000)
     overlapping = [(t - 1, data) for t, data in packets_of(clip, "audio") if t + length > 1 and t < 3]
     assert packets_of(tmp_path / "out.mp4", "audio") == overlapping
@@ -283,13 +270,7 @@ def test_packets_of_sound_are_those_that_overlap(tmp_path):
 
 def test_chapters_of_the_part(tmp_path, flashing):
     """Those that overlap it, cut to it."""
-    convert(
-        str(flashing),
-        str(tmp_path / "out.mkv"),
-        method="nearest",
-        encoding=FAST,
-        decoding=DecodeOptions(trim=trim("1.4", "3.2")),
-    )
+    convert_part(flashing, tmp_path / "out.mkv", "1.4", "3.2", method="nearest")
     with av.open(str(tmp_path / "out.mkv")) as file:
         found = [
             (each["metadata"]["title"], each["start"] * each["time_base"], each["end"] * each["time_base"])
@@ -308,13 +289,7 @@ def test_subtitles_of_the_part(tmp_path):
         (3000, 500, b"after"),
     ]
     clip = write_clip(tmp_path / "in.mkv", times=range(100), subtitles=lines)
-    convert(
-        str(clip),
-        str(tmp_path / "out.mkv"),
-        method="nearest",
-        encoding=FAST,
-        decoding=DecodeOptions(trim=trim("1", "2")),
-    )
+    convert_part(clip, tmp_path / "out.mkv", "1", "2", method="nearest")
     with av.open(str(tmp_path / "out.mkv")) as file:
         found = [(p.pts, p.duration, bytes(p)) for p in file.demux(subtitles=0) if p.size]
     assert found == [(0, 400, b"into"), (500, 200, b"within"), (900, 100, b"out of")]
@@ -327,9 +302,7 @@ def test_images_of_the_part(tmp_path, save_images):
     """Only those files are read; numbering begins as the input's does."""
     images = save_images(tmp_path / "in", count=8)
     (tmp_path / "in" / "shot_0002.png").write_bytes(b"broken")
-    summary = convert(
-        str(tmp_path / "in"), str(tmp_path / "out"), method=BLEND, decoding=DecodeOptions(trim=trim("3f", "6f"))
-    )
+    summary = convert_part(tmp_path / "in", tmp_path / "out", "3f", "6f", encoding=None)
     names = sorted(os.listdir(tmp_path / "out"))
     assert (summary.frames_in, names) == (3, [f"shot_{number:04d}.png" for number in range(1, 6)])
     for name, image in zip(names[::2], images[3:6], strict=True):
@@ -340,13 +313,8 @@ def test_times_of_images_need_a_rate(tmp_path, save_images):
     """Frames have numbers without one; seconds need --input-fps."""
     save_images(tmp_path / "in", count=8)
     with pytest.raises(OptionError, match="`input_fps`"):
-        convert(str(tmp_path / "in"), str(tmp_path / "out"), method=BLEND, decoding=DecodeOptions(trim=trim("0.1")))
-    summary = convert(
-        str(tmp_path / "in"),
-        str(tmp_path / "out"),
-        method=BLEND,
-        decoding=DecodeOptions(trim=trim("0.1"), input_fps=25),
-    )
+        convert_part(tmp_path / "in", tmp_path / "out", "0.1", encoding=None)
+    summary = convert_part(tmp_path / "in", tmp_path / "out", "0.1", input_fps=25, encoding=None)
     assert summary.frames_in == 5
     with pytest.raises(InputError, match="has 8 images and ends before `start`"):
         trim_source(open_source(str(tmp_path / "in")), trim("8f"))
@@ -360,16 +328,6 @@ def test_a_part_of_a_pipe(fpsboost_, tmp_path, monkeypatch):
         result = fpsboost_("-", "out.mp4", "--start", "0.2", "--end", "10f", "-m", "nearest", "--preset", "ultrafast")
     assert result.code == 0
     assert len(pictures_of(tmp_path / "out.mp4")) == 10
-
-
-def test_the_command_line_names_a_part(fpsboost_, tmp_path):
-    """--start and --end, and a wrong one is a wrong usage."""
-    write_clip(tmp_path / "in.mp4", times=range(30))
-    cheap = ("-m", "nearest", "--preset", "ultrafast")
-    assert fpsboost_("in.mp4", "out.mp4", "--start", "0:00.4", "--end", "0.8", *cheap).code == 0
-    assert len(pictures_of(tmp_path / "out.mp4")) == 20
-    result = fpsboost_("in.mp4", "new.mp4", "--start", "soon", *cheap)
-    assert (result.code, "--start 'soon' is no place in a clip" in result.err) == (2, True)
 
 
 def test_a_clock_of_milliseconds_hides_no_frame(tmp_path):

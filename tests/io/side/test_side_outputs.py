@@ -35,7 +35,7 @@ from fpsboost.io.images.exr import read_exr
 from fpsboost.io.images.files import read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.new_output import StagedFiles
-from fpsboost.io.vectors.flow import colour_wheel, flow_picture, read_flow
+from fpsboost.io.vectors.flow import colour_wheel, flow_picture
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.motion.field import ZeroMotion
@@ -210,19 +210,6 @@ def test_motion_can_be_read_as_vectors(tmp_path, pattern):
     assert np.abs(made - pan(2))[16:-16, 24:-24].mean() < 4
 
 
-def test_both_kinds_of_motion_files_say_the_same(tmp_path):
-    """Blender's convention and .flo, read by their own readers."""
-    source = save_pan(tmp_path / "in", range(1, 4))
-    for number, path in enumerate((tmp_path / "flo", tmp_path / "m_####.exr")):
-        convert(str(source), str(tmp_path / f"out{number}"), method="dis", run=beside(save_motion=path))
-    flows, passes = (VectorFolder(tmp_path / name) for name in ("flo", "m_####.exr"))
-    for number in range(3):
-        for flow, vectors in zip(flows.at(number)[:2], passes.at(number)[:2], strict=True):
-            np.testing.assert_array_equal(flow, vectors)
-    backward = read_flow(tmp_path / "flo" / "shot_0001_backward.flo")
-    np.testing.assert_array_equal(backward, -read_flow(tmp_path / "flo" / "shot_0001_forward.flo"))
-
-
 def test_in_place_only_missing_images_have_a_confidence(tmp_path):
     """Each map has the number of the image that was made."""
     source = save_pan(tmp_path / "in", range(1, 6, 2))
@@ -381,12 +368,6 @@ def test_places_that_cannot_be_taken_are_refused(tmp_path, monkeypatch, snapshot
     assert snapshot(tmp_path) == before
 
 
-def test_what_is_resumed_has_no_side_outputs():
-    """A frame that is not made again has no confidence."""
-    with pytest.raises(OptionError, match="resume"):
-        RunOptions(resume=True, side=SideOutputs(confidence="conf"))
-
-
 # ------------------------------------------------------------------------------------------------- the command line
 
 
@@ -400,14 +381,6 @@ def test_the_command_line_writes_them(fpsboost_, tmp_path):
     assert (several.code, "--confidence" in several.err) == (2, True)
     resumed = fpsboost_("in", "out2", "--resume", "--save-motion", "motion2")
     assert (resumed.code, "--save-motion" in resumed.err) == (2, True)
-
-
-def test_a_pipe_has_them_too(fpsboost_, tmp_path):
-    """Whatever the output is."""
-    write_clip(tmp_path / "in.mp4", times=range(3))
-    result = fpsboost_("in.mp4", "clip.gif", "--method", "blend", "--confidence", "conf")
-    assert result.code == 0
-    assert names_in(tmp_path / "conf")[0] == "000002.png"
 
 
 def test_progress_as_json(fpsboost_, tmp_path):

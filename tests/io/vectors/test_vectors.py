@@ -76,12 +76,6 @@ def test_damaged_flow_files_are_named(tmp_path, data, message):
         read_flow(tmp_path / "a.flo")
 
 
-def test_flow_files_that_cannot_be_opened_are_named(tmp_path):
-    """With the system's reason."""
-    with pytest.raises(InputError, match=r"a\.flo .No such file"):
-        read_flow(tmp_path / "a.flo")
-
-
 # -------------------------------------------------------------------------------------------------------------- folders
 
 
@@ -128,19 +122,6 @@ def test_the_first_file_is_the_first_frame(tmp_path):
         vectors = folder.at(index)
         assert (vectors.backward[0, 0, 0], vectors.depth[0, 0]) == (98 + index, 98 + index)
     assert repr(folder) == f"VectorFolder({str(tmp_path / 'Vector##.exr')!r}, depth={str(tmp_path / 'Depth##.exr')!r})"
-
-
-def test_only_a_few_frames_are_kept(tmp_path, monkeypatch):
-    """What was read lately is not read again; what was read long ago is forgotten."""
-    folder = VectorFolder(save_translation(tmp_path, 8, SIZE, 1, 0))
-    first = folder.at(0)
-    for number in (1, 2, 0, 3, 0):
-        folder.at(number)
-    assert folder.at(0) is first
-    for number in range(1, 6):
-        folder.at(number)
-    assert folder.at(0) is not first
-    assert len(folder._kept) == 4
 
 
 def depth_file(path: Path, *names: str) -> Path:
