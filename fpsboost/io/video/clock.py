@@ -23,6 +23,17 @@ from fpsboost.io.video.pyav import as_fraction
 from fpsboost.io.video.remarks import Damage
 from fpsboost.timing.schedule import is_implausible
 
+T = TypeVar("T")
+
+DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
+"""Containers whose header says how long they are; elsewhere the duration is FFmpeg's estimate."""
+
+MAX_WAITING = 8
+"""Number of consecutive frames, each not later than the last good one, that ends the wait for a later frame.
+
+If the times of these frames increase, the clock has jumped back.
+"""
+
 MAX_RATE = 1000
 ASSUMED_RATE = Fraction(25)
 MAX_DRIFT = Fraction(1, 8)
@@ -209,18 +220,6 @@ def _start(container: av.container.InputContainer, starts: dict[int, Fraction]) 
         return Fraction(0)
     start = min(starts.values())
     return start if clock_may_jump(container) else max(start, Fraction(0))
-
-
-T = TypeVar("T")
-
-DURATION_IN_HEADER = ("matroska", "mov", "avi", "flv", "asf")
-"""Containers whose header says how long they are; elsewhere the duration is FFmpeg's estimate."""
-
-MAX_WAITING = 8
-"""Number of consecutive frames, each not later than the last good one, that ends the wait for a later frame.
-
-If the times of these frames increase, the clock has jumped back.
-"""
 
 
 @dataclass(frozen=True)

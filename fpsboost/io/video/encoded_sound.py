@@ -11,6 +11,7 @@ import math
 import struct
 from collections.abc import Collection, Iterator
 from fractions import Fraction
+from operator import attrgetter
 from typing import Any, get_args
 
 import av
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from fpsboost.errors import OptionError
 from fpsboost.io.trim import Window
 from fpsboost.io.video.encode_options import Encoding
-from fpsboost.io.video.encoding import containers, holds
+from fpsboost.io.video.encoding import containers, find_encoder, holds
 from fpsboost.io.video.remarks import counted
 
 COPY = "copy"
@@ -46,6 +47,23 @@ OPUS_SAMPLE_RATE = 48_000
 """Output sample rate of Opus decoders, which does not depend on the encoded rate, Hz."""
 STANDARD_LAYOUTS = ("mono", "stereo", "3.0", "quad", "5.0", "5.1", "6.1", "7.1")
 """Standard channel layouts for one channel, two, ..."""
+MIN_GAP = Fraction(1, 50)
+"""Minimum distance of an audio frame's timestamp from the end of the run that counts as a gap, seconds.
+
+It is more than jitter, and as much as a lost packet.
+"""
+PREROLL = Fraction(1, 2)
+"""Duration that is decoded before the start of the window, since decoders need it, seconds."""
+FLUSH_SILENCE = Fraction(1, 4)
+"""Duration of the silence appended to a run to flush the filters, seconds."""
+SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
+"""Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
+SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
+MIN_TIME = Fraction(-(2**40))
+"""Time before the start of any file, seconds."""
+
+sample_types = {"u8": np.uint8, "s16": np.int16, "s32": np.int32, "s64": np.int64, "flt": np.float32, "dbl": np.float64}
+"""Sample dtype by FFmpeg's name of the packed sample format."""
 
 Traits = tuple[int, str, str]
 """Sample rate, sample format and channel layout of audio."""
@@ -63,11 +81,7 @@ def choose_sound_encoder(encoding: Encoding, container: str, name: str) -> str |
     if asked is None or asked.lower() == COPY:
         return None
     encoder = sound_encoders.get(asked.lower(), asked)
-    try:
-        codec = av.Codec(encoder, "w")
-    except UnknownCodecError:
-        codec = None
-    if codec is None or codec.type != "audio" or codec.name != encoder:
+    if find_encoder(encoder, "audio") is None:
         raise OptionError(
             f"`audio_codec={asked!r}` is unknown here; use {', '.join(sound_encoders)}, {COPY}, or the exact name of "
             "an FFmpeg sound encoder."
@@ -129,12 +143,8 @@ def _format_for(codec: av.Codec, source: str) -> str:
         offered = [format for format in offered if format.name.startswith("flt")] or offered
     wanted = av.AudioFormat(source).bytes
     enough = [format for format in offered if format.bytes >= wanted]
-    chosen = min(enough, key=_bytes) if enough else max(offered, key=_bytes)
-    return chosen.name
-
-
-def _bytes(format: av.AudioFormat) -> int:
-    return format.bytes
+    size = attrgetter("bytes")
+    return str((min(enough, key=size) if enough else max(offered, key=size)).name)
 
 
 def _takes(encoder: str, traits: Traits) -> bool:
@@ -146,25 +156,6 @@ def _takes(encoder: str, traits: Traits) -> bool:
     except (av.error.FFmpegError, ValueError):
         return False
     return True
-
-
-MIN_GAP = Fraction(1, 50)
-"""Minimum distance of an audio frame's timestamp from the end of the run that counts as a gap, seconds.
-
-It is more than jitter, and as much as a lost packet.
-"""
-PREROLL = Fraction(1, 2)
-"""Duration that is decoded before the start of the window, since decoders need it, seconds."""
-FLUSH_SILENCE = Fraction(1, 4)
-"""Duration of the silence appended to a run to flush the filters, seconds."""
-SKIP_SAMPLES_STRUCT = struct.Struct("<IIBB")
-"""Layout of FFmpeg's AV_PKT_DATA_SKIP_SAMPLES: samples to skip at the start and at the end, and a reason for each."""
-SKIP_SAMPLES_TYPE = get_args(PktSideDataT).index("skip_samples")
-MIN_TIME = Fraction(-(2**40))
-"""Time before the start of any file, seconds."""
-
-sample_types = {"u8": np.uint8, "s16": np.int16, "s32": np.int32, "s64": np.int64, "flt": np.float32, "dbl": np.float64}
-"""Sample dtype by FFmpeg's name of the packed sample format."""
 
 
 def can_encode(stream: av.stream.Stream, encoder: str, stretch: Fraction = Fraction(1)) -> bool:

@@ -27,6 +27,54 @@ MATROSKA_TICK = Fraction(1, 1000)
 EXACT_TIME_BASE_CONTAINERS = ("mp4", "mov")
 """Containers whose time base can be chosen; that of the others is a millisecond."""
 
+CPU_AVX_512F = 13  # OpenCV's number of the CPU feature, which has no name in Python
+
+repeatable_parameters = ("asm=avx2",) if cv2.checkHardwareSupport(CPU_AVX_512F) else ()
+"""Entries of ``x264-params`` that make x264 repeat itself; empty where none is needed.
+
+With AVX-512, decisions of x264 (core 165) depend on memory next to its tables, so two runs rarely make the same stream.
+"""
+
+ENCODER_THREADS = 8
+"""Threads of an encoder, on any number of cores.
+
+With x264 at 1920x1080, presets veryfast to slow, they take no more processor time on 1, 2 or 4 cores than the number
+that x264 chooses there. On more cores they bound an encoder to 8 of them, more than its share of a conversion. Each
+costs x264 about 20 MB at that size. Its packets depend on their number even where ``mvrange-thread`` and
+``lookahead-threads`` are set: always from preset slow on, and at veryfast seen in one of many clips.
+"""
+
+LARGE_PICTURE = 2560 * 1440
+"""Pixels of a picture beyond which the memory of a thread counts for more than its speed."""
+
+THREADS_FOR_LARGE_PICTURES = 6
+"""Threads of an encoder beyond `LARGE_PICTURE`: at 3840x2160, x264 keeps 170 of 1040 MB less than with 8."""
+
+threads_of_encoders = {
+    "libx265": 4,
+    "libvpx": 1,  # it takes no more than there are cores
+    "mjpeg": 1,  # with more it cannot choose the codes of a picture, and files grow by 15 %
+}
+"""Threads of the encoders that have another number, for pictures of any size."""
+
+# PyAV asks for threads that share a picture: slices cost bits, and there are more of them with every thread. The
+# look-ahead needs no thread of its own beside a conversion: without one, x264 keeps 5 pictures less, 100 MB at
+# 3840x2160, and makes the same stream, save one with a bounded rate.
+_x264_options = (
+    ("thread_type", "frame"),
+    *(("x264-params", entry) for entry in (*repeatable_parameters, "sync-lookahead=0")),
+)
+
+_further_options = {
+    "libx264": _x264_options,
+    "libx264rgb": _x264_options,
+    # As on 16 cores, where it encodes 4 pictures at once: its lookahead decides differently with a pool of less than 4
+    # threads. Its note of its own options names the features of the processor.
+    "libx265": (("x265-params", "info=0"), ("x265-params", f"pools={ENCODER_THREADS}")),
+}
+
+_of_svt_at_a_rate = (("svtav1-params", "lp=1"),)  # with more threads it aims at a rate differently in every run
+
 
 x26x_presets = (
     *("ultrafast", "superfast", "veryfast", "faster", "fast"),
@@ -116,6 +164,15 @@ def depth_of(pixel_format: str) -> int:
         return 8
 
 
+def find_encoder(name: str, kind: str) -> av.Codec | None:
+    """Return the encoder with this very name for ``video`` or ``audio``, or None if FFmpeg has none here."""
+    try:
+        codec = av.Codec(name, "w")
+    except UnknownCodecError:
+        return None
+    return codec if (codec.type, codec.name) == (kind, name) else None
+
+
 def choose_encoder(
     encoding: Encoding,
     container: str,
@@ -144,11 +201,8 @@ def choose_encoder(
     asked = encoding.codec or default
     known = encoders.get(asked.lower()) or next((entry for entry in encoders.values() if entry.name == asked), None)
     encoder = known.name if known else asked
-    try:
-        codec = av.Codec(encoder, "w")
-    except UnknownCodecError:
-        codec = None
-    if codec is None or codec.type != "video" or codec.name != encoder:
+    codec = find_encoder(encoder, "video")
+    if codec is None:
         raise OptionError(
             f"`codec={asked!r}` is unknown here; use {', '.join(encoders)}, or the exact name of an FFmpeg video "
             "encoder."
@@ -313,55 +367,6 @@ def _writes_header(container: str, codec: str) -> bool:
     except (av.error.FFmpegError, ValueError):
         return False
     return True
-
-
-CPU_AVX_512F = 13  # OpenCV's number of the CPU feature, which has no name in Python
-
-repeatable_parameters = ("asm=avx2",) if cv2.checkHardwareSupport(CPU_AVX_512F) else ()
-"""Entries of ``x264-params`` that make x264 repeat itself; empty where none is needed.
-
-With AVX-512, decisions of x264 (core 165) depend on memory next to its tables, so two runs rarely make the same stream.
-"""
-
-ENCODER_THREADS = 8
-"""Threads of an encoder, on any number of cores.
-
-With x264 at 1920x1080, presets veryfast to slow, they take no more processor time on 1, 2 or 4 cores than the number
-that x264 chooses there. On more cores they bound an encoder to 8 of them, more than its share of a conversion. Each
-costs x264 about 20 MB at that size. Its packets depend on their number even where ``mvrange-thread`` and
-``lookahead-threads`` are set: always from preset slow on, and at veryfast seen in one of many clips.
-"""
-
-LARGE_PICTURE = 2560 * 1440
-"""Pixels of a picture beyond which the memory of a thread counts for more than its speed."""
-
-THREADS_FOR_LARGE_PICTURES = 6
-"""Threads of an encoder beyond `LARGE_PICTURE`: at 3840x2160, x264 keeps 170 of 1040 MB less than with 8."""
-
-threads_of_encoders = {
-    "libx265": 4,
-    "libvpx": 1,  # it takes no more than there are cores
-    "mjpeg": 1,  # with more it cannot choose the codes of a picture, and files grow by 15 %
-}
-"""Threads of the encoders that have another number, for pictures of any size."""
-
-# PyAV asks for threads that share a picture: slices cost bits, and there are more of them with every thread. The
-# look-ahead needs no thread of its own beside a conversion: without one, x264 keeps 5 pictures less, 100 MB at
-# 3840x2160, and makes the same stream, save one with a bounded rate.
-_x264_options = (
-    ("thread_type", "frame"),
-    *(("x264-params", entry) for entry in (*repeatable_parameters, "sync-lookahead=0")),
-)
-
-_further_options = {
-    "libx264": _x264_options,
-    "libx264rgb": _x264_options,
-    # As on 16 cores, where it encodes 4 pictures at once: its lookahead decides differently with a pool of less than 4
-    # threads. Its note of its own options names the features of the processor.
-    "libx265": (("x265-params", "info=0"), ("x265-params", f"pools={ENCODER_THREADS}")),
-}
-
-_of_svt_at_a_rate = (("svtav1-params", "lp=1"),)  # with more threads it aims at a rate differently in every run
 
 
 def repeatable_options(encoder: str, given: Collection[str], pixels: int) -> tuple[tuple[str, str], ...]:
