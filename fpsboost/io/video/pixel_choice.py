@@ -32,10 +32,8 @@ def choose_pixel_format(
 
     Parameters
     ----------
-    encoder, container : str
-        FFmpeg's names.
-    encoding : Encoding
-        Encoding options of the user.
+    encoder, encoding, container : str, Encoding, str
+        FFmpeg's names, and the options of the user.
     source : str
         Pixel format of the source.
     info : ClipInfo

@@ -384,6 +384,19 @@ def test_tags_without_a_place_are_said(tmp_path):
     assert "totalframes" not in tags_of(target)
 
 
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_texts_that_are_not_utf_8_are_read(tmp_path, suffix):
+    """Bytes of another encoding become U+FFFD in titles of files and chapters, and stop nothing."""
+    clip, target = write_clip(tmp_path / "in.mp4", title="Kräne", chapters=True), tmp_path / f"out{suffix}"
+    data = clip.read_bytes()
+    assert data.count(b"Kr\xc3\xa4ne") == 1
+    clip.write_bytes(data.replace(b"Kr\xc3\xa4ne", b"Kr\xe4\xe4ne").replace(b"opening", b"open\xe4ng"))
+    assert double(clip, target) == []
+    assert tags_of(target)["title"] == "Kr\ufffd\ufffdne"
+    with av.open(str(target)) as file:
+        assert [chapter["metadata"]["title"] for chapter in file.chapters()] == ["open\ufffdng"]
+
+
 @pytest.mark.parametrize(
     ("suffix", "expected"),
     [(".mp4", ["spa", "deu", "por"]), (".mov", ["spa", "ger", "por"]), (".mkv", ["spa", "deu", "por"])],
