@@ -21,7 +21,7 @@ LOSS = 0.05
 """dB, more than processors and libraries differ by."""
 
 
-def psnr_of(method: str, scene: str) -> float:
+def psnr_of(method, scene):
     """Mean PSNR of the three frames that are hidden of seven."""
     path = str(SCENES / scene / "####.png")
     truths = [hidden.truth for interval in HIDING.intervals(path) for hidden in interval.hidden]

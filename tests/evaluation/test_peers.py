@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -31,14 +30,14 @@ print("some words")
 """A tool that repeats the frame before."""
 
 
-def gray(number: int, dtype: type = np.uint8, channels: int = 3) -> np.ndarray:
+def gray(number, dtype=np.uint8, channels=3):
     """A frame of a level that tells its number, with a dot that moves, so that none repeats another."""
     image = np.full((HEIGHT, WIDTH, channels), 10 * number, dtype)
     image[2 : 2 + 8, number : number + 8] += dtype(100)
     return image
 
 
-def save(folder: Path, numbers: dict[str, int]) -> Path:
+def save(folder, numbers):
     """Images of these names, each showing the frame of a number."""
     folder.mkdir()
     for name, number in numbers.items():
@@ -52,7 +51,7 @@ def clip(tmp_path):
     return str(save(tmp_path / "clip", {f"{number:04d}.png": number for number in range(9)}))
 
 
-def command(program: str, *words: str) -> str:
+def command(program, *words):
     return shlex.join([sys.executable, "-S", "-c", program]) + f" {' '.join(words)}"
 
 
@@ -154,19 +153,15 @@ def test_a_peer_is_told_how_many_and_how_fast(tmp_path, clip):
         ("raise SystemExit(3)", "peer tool failed with exit code 3: it said nothing"),
         ("print('done')", r"peer tool made 0 images of 5, not 9 to 10; .* \(it said: done\)"),
         ("import os; os.kill(os.getpid(), 9)", "peer tool failed with signal 9"),
+        (None, "peer tool cannot be run .*no-such-program"),
     ],
 )
 def test_a_peer_that_fails_is_named_with_its_last_line(tmp_path, clip, program, sentence):
-    """A code, a signal, or another number of images."""
+    """A code, a signal, another number of images, or no program."""
     (tmp_path / "scratch").mkdir()
+    words = command(program, "{in}", "{out}") if program else "no-such-program {in} {out}"
     with pytest.raises(InputError, match=sentence):
-        run_peer("tool", command(program, "{in}", "{out}"), Hiding().intervals(clip), tmp_path / "scratch")
-
-
-def test_a_peer_that_is_not_there_is_named(tmp_path, clip):
-    """With the word that names no program."""
-    with pytest.raises(InputError, match=r"peer tool cannot be run .*no-such-program"):
-        run_peer("tool", "no-such-program {in} {out}", Hiding().intervals(clip), tmp_path)
+        run_peer("tool", words, Hiding().intervals(clip), tmp_path / "scratch")
 
 
 @pytest.mark.parametrize(
@@ -193,19 +188,8 @@ def test_the_command_scores_other_tools(fpsboost_, clip, tmp_path):
     folder = save(tmp_path / "made", {f"{k}.png": k for k in (1, 3, 5, 7)})
     (tmp_path / "repeats.py").write_text(REPEATS)
     peer = shlex.join([sys.executable, "-S", str(tmp_path / "repeats.py")]) + " {in} {out} {factor}"
-    arguments = (
-        "-m",
-        "blend",
-        "--frames",
-        f"known={folder}",
-        "--peer",
-        f"last={peer}",
-        "--report",
-        "page",
-        "--json",
-        "x.json",
-    )
-    result = fpsboost_("compare", clip, *arguments)
+    others = ("--frames", f"known={folder}", "--peer", f"last={peer}")
+    result = fpsboost_("compare", clip, "-m", "blend", *others, "--report", "page", "--json", "x.json")
     assert result.code == 0, result.err
     table = result.out.partition("where the errors are")[0]
     rows = {line.split()[1]: line for line in table.splitlines() if line.startswith("│")}

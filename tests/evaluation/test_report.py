@@ -11,25 +11,22 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Container, Iterable, Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import cv2
 import numpy as np
 import pytest
 from browser import violations
-from command_line import Command
-from numpy.typing import NDArray
-from playwright.sync_api import Page, Request, expect
+from playwright.sync_api import expect
 from video_truth import scene
 
 from fpsboost.errors import OutputError
 from fpsboost.evaluation.compare import compare
-from fpsboost.evaluation.contestants import Contestant, InterpolatedFrame, InterpolatorContestant
-from fpsboost.evaluation.hidden_frames import Hiding, Interval, read_samples
+from fpsboost.evaluation.contestants import InterpolatedFrame, InterpolatorContestant
+from fpsboost.evaluation.hidden_frames import Hiding, read_samples
 from fpsboost.evaluation.metrics import Scores, as_shown
 from fpsboost.evaluation.report.charts import Dot, Series, draw_dots, draw_lines
 from fpsboost.evaluation.report.page import DIFFERENT, _view_frames, choose_frames, command, write_report
@@ -37,7 +34,7 @@ from fpsboost.evaluation.report.passages import choose_exact, choose_passages, v
 from fpsboost.evaluation.report.pictures import find_spots, in_colour
 from fpsboost.evaluation.report.styles import colours_of, styles_of
 from fpsboost.evaluation.report.tables import _cells
-from fpsboost.evaluation.results import ComparedClip, Comparison, FrameResult, MethodResult
+from fpsboost.evaluation.results import ComparedClip, FrameResult, MethodResult
 from fpsboost.evaluation.verdict import judge_all
 from fpsboost.method_table import methods
 
@@ -48,20 +45,20 @@ HEIGHT, WIDTH, FRAMES = 48, 64, 7
 class Silence:
     """An observer with nothing to say."""
 
-    def begin(self, name: str, frames: int | None) -> None:
+    def begin(self, name, frames):
         pass
 
-    def advance(self) -> None:
+    def advance(self):
         pass
 
 
 @pytest.fixture(scope="module")
-def contestants() -> dict[str, Contestant]:
+def contestants():
     return {name: InterpolatorContestant(methods[name]) for name in NAMES}
 
 
 @pytest.fixture(scope="module")
-def comparison(tmp_path_factory: pytest.TempPathFactory, contestants: dict[str, Contestant]) -> Comparison:
+def comparison(tmp_path_factory, contestants):
     """Of a tiny clip that speeds up, so that no two frames are equally hard."""
     folder = tmp_path_factory.mktemp("clip")
     for number in range(FRAMES):
@@ -72,24 +69,24 @@ def comparison(tmp_path_factory: pytest.TempPathFactory, contestants: dict[str, 
 
 
 @pytest.fixture(scope="module")
-def path(comparison: Comparison, contestants: dict[str, Contestant], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(comparison, contestants, tmp_path_factory):
     return write_report(tmp_path_factory.mktemp("report") / "page", [ComparedClip(comparison, contestants)])
 
 
 @pytest.fixture(scope="module")
-def text(path: Path) -> str:
+def text(path):
     return path.read_text(encoding="utf-8")
 
 
 class References(HTMLParser):
     """Collects what a page would load, and the names in it."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.loaded: list[str] = []
         self.names: list[str] = []
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag, attrs):
         for name, value in attrs:
             if name in {"src", "href", "xlink:href", "srcset", "poster", "data", "action"} and value:
                 self.loaded.append(value)
@@ -97,13 +94,9 @@ class References(HTMLParser):
                 self.names.append(value)
 
 
-def test_page_is_one_file(path: Path) -> None:
-    """The folder holds the page and nothing else."""
+def test_page_loads_nothing(path, text):
+    """Whatever the page shows lies in one file: no address leads out of it, and its own policy forbids any."""
     assert [each.name for each in path.parent.iterdir()] == ["index.html"]
-
-
-def test_page_loads_nothing(text: str) -> None:
-    """Whatever the page shows lies in it: no address leads out of it, and its own policy forbids any that would."""
     references = References()
     references.feed(text)
     assert references.loaded
@@ -112,14 +105,7 @@ def test_page_loads_nothing(text: str) -> None:
     assert "default-src 'none'" in text
 
 
-def test_names_in_the_page_are_unique(text: str) -> None:
-    """No two elements share a name, figures by the same hand included."""
-    references = References()
-    references.feed(text)
-    assert len(references.names) == len(set(references.names))
-
-
-def test_page_holds_every_method(text: str, comparison: Comparison) -> None:
+def test_page_holds_every_method(text, comparison):
     """Every method has its row with the comparison's own numbers, its line in each figure and its options."""
     for index, method in enumerate(comparison.methods):
         scores = comparison.means(method)
@@ -133,13 +119,13 @@ def test_page_holds_every_method(text: str, comparison: Comparison) -> None:
     assert text.count("<b>minterpolate</b> was skipped: there is no &lt;ffmpeg&gt; here.") == 1
 
 
-def test_colours_hang_on_names(text: str, comparison: Comparison) -> None:
+def test_colours_hang_on_names(text, comparison):
     """Each method of the page has its own colours for light and dark, whatever its place."""
     for index, method in enumerate(comparison.methods):
         assert f".method-{index} {{ --method: light-dark({', '.join(colours_of(method.name))}); }}" in text
 
 
-def test_page_says_how_to_repeat_it(text: str, comparison: Comparison) -> None:
+def test_page_says_how_to_repeat_it(text, comparison):
     """The command names the clip, the methods and what was hidden, and is on the page."""
     hiding = Hiding(skip=2, first=1, last=9)
     assert f"fpsboost compare {comparison.clip} -m dis,blend,nearest,minterpolate --report DIR" in text
@@ -148,19 +134,17 @@ def test_page_says_how_to_repeat_it(text: str, comparison: Comparison) -> None:
     assert command(rendered, None).endswith("--vectors 'my passes' --no-cuts --report DIR")
 
 
-def test_existing_folder_is_refused(comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path) -> None:
+def test_existing_folder_is_refused(comparison, contestants, tmp_path):
     """A folder that is there is left alone, with one sentence that names it."""
     with pytest.raises(OutputError, match=rf"^{re.escape(str(tmp_path))} exists; [^.]*\.$"):
         write_report(tmp_path, [ComparedClip(comparison, contestants)])
     assert list(tmp_path.iterdir()) == []
 
 
-def test_folder_appears_whole_or_not_at_all(
-    comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folder_appears_whole_or_not_at_all(comparison, contestants, tmp_path, monkeypatch):
     """When the disk is full, neither the folder nor anything half done remains."""
 
-    def fail(number: int) -> None:
+    def fail(number):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", fail)
@@ -169,34 +153,24 @@ def test_folder_appears_whole_or_not_at_all(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_frames_across_cuts_are_named_and_not_drawn(
-    comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path
-):
-    """A frame across a cut is said not to count, marked in every figure, and never picked to be shown."""
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"cuts": [0]}, "Not counted: frame {},"),
+        ({"doubtful": [0], "repeats": [1]}, "nobody knows what should be seen: {}."),
+    ],
+)
+def test_frames_that_do_not_count_are_named_and_not_drawn(comparison, contestants, tmp_path, changes, words):
+    """Across a cut or beside a repeat: said, marked in every figure, and never picked to be shown."""
     worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
-    cut = replace(comparison, cuts=[worst])
-    text = write_report(tmp_path / "page", [ComparedClip(cut, contestants)]).read_text()
-    assert f"Not counted: frame {worst}," in text
+    changed = replace(comparison, **{name: [worst + each for each in numbers] for name, numbers in changes.items()})
+    text = write_report(tmp_path / "page", [ComparedClip(changed, contestants)]).read_text()
+    assert words.format(worst) in text
     assert text.count('class="cut"') == 8
-    assert worst not in [chosen.number for chosen in choose_frames(cut)]
+    assert worst not in [chosen.number for chosen in choose_frames(changed)]
 
 
-def test_frames_that_are_no_truth_are_named_and_not_drawn(
-    comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path
-) -> None:
-    """Beside a repeat nobody knows what should be seen: said, marked in every figure, never picked to be shown."""
-    worst = min(comparison.methods[0].frames, key=lambda frame: frame.scores.psnr).number
-    beside = replace(comparison, repeats=[worst + 1], doubtful=[worst])
-    text = write_report(tmp_path / "page", [ComparedClip(beside, contestants)]).read_text()
-    assert f"show what the one before shows, and are no truths: {worst + 1}." in text
-    assert f"nobody knows what should be seen: {worst}." in text
-    assert text.count('class="cut"') == 8
-    assert worst not in [chosen.number for chosen in choose_frames(beside)]
-
-
-def test_small_areas_are_not_on_the_page(
-    comparison: Comparison, contestants: dict[str, Contestant], tmp_path: Path
-) -> None:
+def test_small_areas_are_not_on_the_page(comparison, contestants, tmp_path):
     """An area of less than 2 % of the picture, or of more than 98 %, has no columns; without any there is no table."""
     shares = {"moving": 0.5, "occluded": 0.019, "uncertain": 0.03}
     text = write_report(tmp_path / "page", [ComparedClip(replace(comparison, shares=shares), contestants)]).read_text()
@@ -213,24 +187,22 @@ class Darkening:
     looks_far: ClassVar[bool] = True
     any_time: ClassVar[bool] = False
 
-    def interpolate(
-        self, intervals: Iterable[Interval], wanted: Container[int] | None = None
-    ) -> Iterator[InterpolatedFrame]:
+    def interpolate(self, intervals, wanted=None):
         for count, interval in enumerate(intervals):
             for hidden in interval.hidden:
                 if wanted is None or hidden.number in wanted:
                     yield InterpolatedFrame(hidden.number, np.full_like(hidden.truth, 255 - 60 * count), 0.1, 0.1)
 
-    def describe(self) -> str:
+    def describe(self):
         return "darkens"
 
 
-def test_frames_shown_are_those_that_were_scored(comparison: Comparison) -> None:
+def test_frames_shown_are_those_that_were_scored(comparison):
     """A method that styles far is run over the whole clip again, so that it makes what it made before."""
     contestants = {"darkening": Darkening()}
     scored = compare(comparison.clip, contestants, Hiding(), Silence())
 
-    def has_level(uri: str, number: int) -> bool:
+    def has_level(uri, number):
         image = cv2.imdecode(np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
         return np.allclose(image, 255 - 60 * scored.hidden.index(number), atol=2)  # WebP is lossy
 
@@ -242,7 +214,7 @@ def test_frames_shown_are_those_that_were_scored(comparison: Comparison) -> None
     assert all(has_level(played.uris[frame["images"][1]], frame["number"]) for frame in hidden)
 
 
-def test_a_frame_chosen_twice_is_shown_once(comparison: Comparison) -> None:
+def test_a_frame_chosen_twice_is_shown_once(comparison):
     """Worst, median, best and most different: every frame once, with all its reasons."""
     chosen = choose_frames(comparison)
     numbers = [each.number for each in chosen]
@@ -263,12 +235,12 @@ def test_a_frame_chosen_twice_is_shown_once(comparison: Comparison) -> None:
     ],
     ids=["16-bit", "linear float", "transparent", "gray and opaque", "gray"],
 )
-def test_any_image_is_shown_in_8_bit_colours(pixel: NDArray[Any], shown: list[int]) -> None:
+def test_any_image_is_shown_in_8_bit_colours(pixel, shown):
     """Depths are scaled, floats clipped and shown as sRGB, what is transparent lies over mid gray."""
     assert as_shown(np.tile(pixel, (2, 3, 1))).tolist() == [[shown] * 3] * 2
 
 
-def test_spots_are_where_the_errors_are() -> None:
+def test_spots_are_where_the_errors_are():
     """The first is where all err, the second where one errs less than the others, and they do not prefetch."""
     common = np.zeros((120, 200), np.float32)
     common[60:108, 10:58] = 20
@@ -277,21 +249,17 @@ def test_spots_are_where_the_errors_are() -> None:
     first, second = find_spots([common, other])
     assert first[:3] == (10, 60, 48)
     assert second[:3] == (130, 5, 48)
+    assert len(find_spots([np.ones((20, 24), np.float32)])) == 1  # two have no room beside each other
 
 
-def test_a_tiny_frame_has_one_spot() -> None:
-    """Where two squares have no room beside each other, there is one."""
-    assert len(find_spots([np.ones((20, 24), np.float32)])) == 1
-
-
-def test_motion_has_the_wheels_colours() -> None:
+def test_motion_has_the_wheels_colours():
     """No motion is white; motion to the right is red; what is longer than the wheel's rim styles like its rim."""
     flow = np.array([[[0, 0], [5, 0], [50, 0]]], np.float32)
     assert in_colour(flow, 5).tolist() == [[[255, 255, 255], [0, 0, 255], [0, 0, 255]]]
 
 
 @pytest.mark.parametrize("form", [0, 1], ids=["wide", "narrow"])
-def test_names_lie_in_the_figure_or_in_a_legend(form: int) -> None:
+def test_names_lie_in_the_figure_or_in_a_legend(form):
     """Far right they stand on the left, long ones in lines; what fits nowhere is left out and said."""
     names = ["minterpolate", "nlm-exhaustive:patch-radius=9,v=0.05", "rife"]
     styles = styles_of(names)
@@ -306,7 +274,7 @@ def test_names_lie_in_the_figure_or_in_a_legend(form: int) -> None:
     assert chart.svg.count("-long-words-in-it</text>") < len(crowd)
 
 
-def test_long_lines_have_marks_too() -> None:
+def test_long_lines_have_marks_too():
     """So that no figure hangs on colour alone: some points of each line, and not the same ones of all."""
     styles = styles_of(["nlm", "dis"])
     series = [Series(k, list(np.linspace(1, 2 + k, 300)), styles[k]) for k in range(2)]
@@ -316,7 +284,7 @@ def test_long_lines_have_marks_too() -> None:
     assert set(marks[0]).isdisjoint(marks[1])
 
 
-def test_numbers_have_digits_enough() -> None:
+def test_numbers_have_digits_enough():
     """A column whose smallest number would read 0.000 gets up to two more digits, all of it."""
     assert [cell.text for cell in _cells([0.0004, 0.5], 3, False)] == ["0.0004", "0.5000"]
     assert [cell.text for cell in _cells([0.0000004, 0.5], 3, False)] == ["0.00000", "0.50000"]
@@ -327,14 +295,7 @@ def test_numbers_have_digits_enough() -> None:
     ]
 
 
-def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """The command line, in a process of its own."""
-    words = [sys.executable, *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=100, check=False)
-
-
-def test_command_writes_the_page_and_says_where(comparison: Comparison, fpsboost_: Command, tmp_path: Path) -> None:
+def test_command_writes_the_page_and_says_where(comparison, fpsboost_, tmp_path):
     """``--report`` names a new folder; the last line of the output is the page's path."""
     result = fpsboost_("compare", comparison.clip, "-m", "blend", "--report", "page")
     assert result.code == 0, result.err
@@ -343,9 +304,7 @@ def test_command_writes_the_page_and_says_where(comparison: Comparison, fpsboost
 
 
 @pytest.mark.parametrize(("report", "word"), [("taken", "exists"), ("missing/page", "no folder that exists")])
-def test_folder_that_cannot_be_is_refused_before_any_work(
-    report: str, word: str, fpsboost_: Command, tmp_path: Path
-) -> None:
+def test_folder_that_cannot_be_is_refused_before_any_work(report, word, fpsboost_, tmp_path):
     """One sentence names the folder, and the clip is not even looked for."""
     (tmp_path / "taken").mkdir()
     result = fpsboost_("compare", "no-such-clip", "--report", report)
@@ -355,25 +314,26 @@ def test_folder_that_cannot_be_is_refused_before_any_work(
     assert result.err.count("\n") == 1
 
 
-def test_help_draws_nothing(tmp_path: Path) -> None:
+def test_help_draws_nothing():
     """The command line starts without what only a page needs."""
     line = (
         "import sys, fpsboost.cli.app as cli; cli.app(['compare', '--help'], result_action='return_value'); "
         "sys.exit(str({'matplotlib', 'jinja2'} & set(sys.modules)))"
     )
-    assert run(tmp_path, "-c", line).stderr == "set()\n"
+    done = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True, check=False)
+    assert done.stderr == "set()\n"
 
 
 # ---------------------------------------------------------------- in a browser
 
 
 @pytest.fixture
-def page(chromium: Any, path: Path) -> Iterator[Page]:
+def page(chromium, path):
     """The page, opened; nothing is asked of a network, and no error is reported, as long as it is."""
     opened = chromium.new_page(viewport={"width": 1200, "height": 900}, reduced_motion="reduce")
     complaints: list[str] = []
 
-    def watch(request: Request) -> None:
+    def watch(request):
         if not request.url.startswith(("file:", "data:", "blob:")):
             complaints.append(request.url)
 
@@ -386,29 +346,29 @@ def page(chromium: Any, path: Path) -> Iterator[Page]:
     assert complaints == []
 
 
-def shown_on(page: Page, selector: str) -> bool:
+def shown_on(page, selector):
     return page.locator(selector).first.is_visible()
 
 
-def wipe(page: Page) -> float:
+def wipe(page):
     """Where the right picture begins, per cent from the left."""
     return float(page.locator(".wipe").input_value())
 
 
-def left(page: Page) -> str:
+def left(page):
     return page.locator(".player .tag.left").inner_text()
 
 
-def right(page: Page) -> str:
+def right(page):
     return page.locator(".player .tag.right").inner_text()
 
 
-def at_frame(page: Page, number: int) -> None:
+def at_frame(page, number):
     """Wait until the player shows a frame."""
     expect(page.locator(".place")).to_have_text(re.compile(rf"^frame {number}\b"))
 
 
-def test_first_screen_has_the_verdict_and_pictures(chromium: Any, path: Path) -> None:
+def test_first_screen_has_the_verdict_and_pictures(chromium, path):
     """At a desk and on a phone, what comes out and the whole picture are seen without scrolling."""
     for width, height in ((1200, 900), (390, 844)):
         opened = chromium.new_page(viewport={"width": width, "height": height})
@@ -421,7 +381,7 @@ def test_first_screen_has_the_verdict_and_pictures(chromium: Any, path: Path) ->
         opened.close()
 
 
-def test_slider_and_pointer_move_the_edge(page: Page) -> None:
+def test_slider_and_pointer_move_the_edge(page):
     """The slider and a drag in the picture move it."""
     page.locator(".wipe").fill("30")
     assert wipe(page) == 30
@@ -434,7 +394,7 @@ def test_slider_and_pointer_move_the_edge(page: Page) -> None:
     assert math.isclose(wipe(page), 80, abs_tol=1)
 
 
-def test_keyboard_steps_flips_and_chooses(page: Page, comparison: Comparison) -> None:
+def test_keyboard_steps_flips_and_chooses(page, comparison):
     """Arrows step from frame to frame, F shows one picture and then the other, a digit chooses the right one."""
     stage = page.locator(".stage")
     stage.focus()
@@ -467,7 +427,7 @@ def test_keyboard_steps_flips_and_chooses(page: Page, comparison: Comparison) ->
     assert left(page) == "difference of truth and nearest"
 
 
-def test_player_plays_a_passage(page: Page) -> None:
+def test_player_plays_a_passage(page):
     """It goes on by itself until it is stopped, at its own speed or a quarter."""
     page.locator(".stage").focus()
     page.keyboard.press("Home")
@@ -480,7 +440,7 @@ def test_player_plays_a_passage(page: Page) -> None:
     expect(page.locator(".play.round")).to_have_attribute("aria-label", "Play")
 
 
-def test_chart_is_the_timeline(page: Page, comparison: Comparison) -> None:
+def test_chart_is_the_timeline(page, comparison):
     """A click in the chart, or Enter, shows the frame, and a line in every chart says which is shown."""
     chart = page.locator("#errors .metric:not(.later) .chart.wide")
     box = chart.bounding_box()
@@ -499,7 +459,7 @@ def test_chart_is_the_timeline(page: Page, comparison: Comparison) -> None:
     at_frame(page, comparison.hidden[1])
 
 
-def test_pixels_are_read_and_zoomed(page: Page, comparison: Comparison) -> None:
+def test_pixels_are_read_and_zoomed(page, comparison):
     """At 16:1 a picture can be moved, and the values of both pictures under the pointer are told."""
     at_frame(page, opening_of(comparison))
     page.locator(".stage").press("Home")
@@ -517,12 +477,12 @@ def test_pixels_are_read_and_zoomed(page: Page, comparison: Comparison) -> None:
     expect(page.locator(".loss")).to_have_text(re.compile(r"off by about [\d.]+ levels"))
 
 
-def opening_of(comparison: Comparison) -> int:
+def opening_of(comparison):
     """The frame that the page opens with."""
     return next(each.number for each in choose_frames(comparison) if DIFFERENT in each.reasons)
 
 
-def test_page_opens_with_exact_pixels(page: Page, comparison: Comparison, contestants: dict[str, Contestant]) -> None:
+def test_page_opens_with_exact_pixels(page, comparison, contestants):
     """There the values of pixels are the truth's and the method's, and the error map is their difference."""
     number = opening_of(comparison)
     at_frame(page, number)
@@ -546,14 +506,14 @@ def test_page_opens_with_exact_pixels(page: Page, comparison: Comparison, contes
     assert (none == (np.round(255 * error / 64) == 0)).all()
 
 
-def seen_at(page: Page, x: float, y: float) -> str:
+def seen_at(page, x, y):
     """The pixel of the picture that lies where the pointer is."""
     page.mouse.move(x, y)
     expect(page.locator(".pixel span").first).to_contain_text("column")
     return page.locator(".pixel span").first.inner_text()
 
 
-def test_wheel_zooms_where_the_pointer_is(page: Page) -> None:
+def test_wheel_zooms_where_the_pointer_is(page):
     """With Ctrl, and the pixel there stays; without, the page scrolls as ever. A drag moves what is enlarged."""
     expect(page.locator(".place")).to_contain_text("frame")
     box = page.locator(".stage").bounding_box()
@@ -578,7 +538,7 @@ def test_wheel_zooms_where_the_pointer_is(page: Page) -> None:
     expect(page.locator(".brand")).not_to_be_in_viewport()
 
 
-def test_two_fingers_zoom_the_picture(chromium: Any, path: Path) -> None:
+def test_two_fingers_zoom_the_picture(chromium, path):
     """On a phone: what they spread grows with them, and back it fits."""
     context = chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
     phone = context.new_page()
@@ -589,7 +549,7 @@ def test_two_fingers_zoom_the_picture(chromium: Any, path: Path) -> None:
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     session = context.new_cdp_session(phone)
 
-    def touch(kind: str, *across: float) -> None:
+    def touch(kind, *across):
         points = [{"x": x + each, "y": y, "id": index} for index, each in enumerate(across)]
         session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
@@ -604,7 +564,7 @@ def test_two_fingers_zoom_the_picture(chromium: Any, path: Path) -> None:
     context.close()
 
 
-def test_closer_look_leads_to_its_frame(page: Page) -> None:
+def test_closer_look_leads_to_its_frame(page):
     """The button beside a spot shows its frame in the player, enlarged."""
     button = page.locator("[data-goes]").last
     number = int((button.get_attribute("data-goes") or "").split()[0])
@@ -613,7 +573,7 @@ def test_closer_look_leads_to_its_frame(page: Page) -> None:
     expect(page.locator('[data-zoom="4"]')).to_have_attribute("aria-pressed", "true")
 
 
-def test_address_keeps_what_is_shown(chromium: Any, page: Page, path: Path, comparison: Comparison) -> None:
+def test_address_keeps_what_is_shown(chromium, page, path, comparison):
     """An address that is copied shows the same; one that is wrong does no harm."""
     length = page.evaluate("history.length")
     page.locator(".stage").focus()
@@ -638,7 +598,7 @@ def test_address_keeps_what_is_shown(chromium: Any, page: Page, path: Path, comp
     other.close()
 
 
-def test_blind_test_hides_names_and_counts(page: Page, comparison: Comparison) -> None:
+def test_blind_test_hides_names_and_counts(page, comparison):
     """No name is told while it lasts, not in the address either; at the end every vote is."""
     expect(page.locator(".place")).to_contain_text("frame")
     before = page.locator(".place").inner_text()
@@ -669,7 +629,7 @@ def test_blind_test_hides_names_and_counts(page: Page, comparison: Comparison) -
 
 
 @pytest.mark.parametrize(("width", "height", "scheme"), [(1200, 900, "light"), (390, 844, "dark")])
-def test_nothing_is_in_the_way_of_anybody(chromium: Any, several: Path, scheme: str, width: int, height: int) -> None:
+def test_nothing_is_in_the_way_of_anybody(chromium, several, scheme, width, height):
     """Axe finds no violation, in a page of several clips, also in the error map and in the blind test."""
     opened = chromium.new_page(
         viewport={"width": width, "height": height}, color_scheme=scheme, reduced_motion="reduce"
@@ -688,16 +648,14 @@ def test_nothing_is_in_the_way_of_anybody(chromium: Any, several: Path, scheme: 
 
 
 @pytest.fixture(scope="module")
-def several(
-    comparison: Comparison, contestants: dict[str, Contestant], tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def several(comparison, contestants, tmp_path_factory):
     """A page of two clips, of which the second is the first one's end."""
     other = compare(comparison.clip, contestants, Hiding(first=4), Silence())
     clips = [ComparedClip(each, contestants) for each in (comparison, other)]
     return write_report(tmp_path_factory.mktemp("report") / "page", clips)
 
 
-def test_page_of_several_clips(chromium: Any, several: Path, comparison: Comparison) -> None:
+def test_page_of_several_clips(chromium, several, comparison):
     """One clip is seen at a time, names are unique, address and links keep to it, a table has all and their mean."""
     references = References()
     references.feed(several.read_text(encoding="utf-8"))
@@ -745,7 +703,7 @@ def test_page_of_several_clips(chromium: Any, several: Path, comparison: Compari
         ),
     ],
 )
-def test_a_lead_on_several_clips_is_more_than_chance(comparison: Comparison, leads: list[float], outcome: str) -> None:
+def test_a_lead_on_several_clips_is_more_than_chance(comparison, leads, outcome):
     """Two methods are level within two standard errors of their differences, clip by clip."""
     clips = []
     for lead in leads:
@@ -757,7 +715,7 @@ def test_a_lead_on_several_clips_is_more_than_chance(comparison: Comparison, lea
     assert judge_all(clips).startswith(outcome)
 
 
-def test_command_compares_several_clips(comparison: Comparison, fpsboost_: Command, tmp_path: Path) -> None:
+def test_command_compares_several_clips(comparison, fpsboost_, tmp_path):
     """Tables of each, a table of the means, one page, one JSON and one CSV that name the clips."""
     shutil.copytree(comparison.clip, tmp_path / "second")
     shutil.copytree(comparison.clip, tmp_path / "first")
@@ -781,7 +739,7 @@ def test_command_compares_several_clips(comparison: Comparison, fpsboost_: Comma
     assert (below.code, below.err.count("99 dB of --fail-under")) == (3, 1)
 
 
-def test_several_clips_are_checked_before_any_work(comparison: Comparison, fpsboost_: Command, tmp_path: Path) -> None:
+def test_several_clips_are_checked_before_any_work(comparison, fpsboost_, tmp_path):
     """The one that is wrong is named, at once; options about one clip are refused, and a clip that is named twice."""
     missing = fpsboost_("compare", comparison.clip, "missing", "-m", "blend")
     assert (missing.code, missing.out, missing.err.count("\n")) == (1, "", 1)
@@ -796,17 +754,17 @@ def test_several_clips_are_checked_before_any_work(comparison: Comparison, fpsbo
     assert (twice.code, twice.err) == (2, f"fpsboost: {comparison.clip} is named twice; name it once.\n")
 
 
-def test_passages_are_where_methods_differ_and_err(comparison: Comparison) -> None:
+def test_passages_are_where_methods_differ_and_err(comparison):
     """Within the count, without overlap, in order; frames of closer looks become passages of their own."""
 
-    def with_errors(*errors: list[float]) -> Comparison:
+    def with_errors(*errors):
         methods = [
             MethodResult(str(place), "", [frame_of(number, mae) for number, mae in enumerate(of_method)])
             for place, of_method in enumerate(errors)
         ]
         return replace(comparison, methods=methods, hidden=list(range(len(errors[0]))), cuts=[], doubtful=[])
 
-    def frame_of(number: int, mae: float) -> FrameResult:
+    def frame_of(number, mae):
         return FrameResult(number, Scores(mae**2, 30.0, 0.9, mae), 0.1, 0.1, {}, {})
 
     first = [1.0] * 20
@@ -819,7 +777,7 @@ def test_passages_are_where_methods_differ_and_err(comparison: Comparison) -> No
     assert choose_passages(replace(found, cuts=[4, 5, 6]), 6)[0] != [4, 5, 6]
 
 
-def test_played_frames_are_those_of_the_clip(comparison: Comparison, contestants: dict[str, Contestant]) -> None:
+def test_played_frames_are_those_of_the_clip(comparison, contestants):
     """Frames that were shown have one picture, hidden ones the truth and one of each method, in order."""
     played = view_passages(comparison, contestants, [comparison.hidden])
     assert [frame["number"] for frame in played.frames] == list(range(comparison.clip_frames))
@@ -828,7 +786,7 @@ def test_played_frames_are_those_of_the_clip(comparison: Comparison, contestants
     assert (played.width, played.height, played.fps) == (WIDTH, HEIGHT, 24.0)
 
 
-def test_some_frames_are_kept_without_loss(comparison: Comparison, contestants: dict[str, Contestant]) -> None:
+def test_some_frames_are_kept_without_loss(comparison, contestants):
     """Those asked for, exactly; the others say what they lost. As many as their pixels allow, none that is reduced."""
     first, second = comparison.hidden[:2]
     played = view_passages(comparison, contestants, [[first, second]], exact=[second])
@@ -844,7 +802,7 @@ def test_some_frames_are_kept_without_loss(comparison: Comparison, contestants: 
     assert choose_exact(wide, [first], 10**9) == []
 
 
-def test_sorting_starts_with_the_best(page: Page) -> None:
+def test_sorting_starts_with_the_best(page):
     """The first click on a heading, whatever is better there, more or less; the second turns it round."""
     column = {"SSIM": 4, "MAE": 5}
     for heading, better in (("SSIM", max), ("MAE", min)):
@@ -860,7 +818,7 @@ def test_sorting_starts_with_the_best(page: Page) -> None:
     assert page.locator("#by-area th[aria-sort=ascending]").count() == 1
 
 
-def test_a_phone_may_zoom_and_sees_every_label(chromium: Any, path: Path) -> None:
+def test_a_phone_may_zoom_and_sees_every_label(chromium, path):
     """360 pixels wide: nothing is wider, no label is cut off, and two fingers zoom the page, or the picture."""
     phone = chromium.new_page(viewport={"width": 360, "height": 740})
     phone.goto(path.as_uri())
@@ -877,14 +835,14 @@ def test_a_phone_may_zoom_and_sees_every_label(chromium: Any, path: Path) -> Non
     phone.close()
 
 
-def test_choosing_the_other_sides_picture_swaps(page: Page) -> None:
+def test_choosing_the_other_sides_picture_swaps(page):
     """Two equal pictures side by side would show nothing."""
     page.locator('[data-side="right"]').first.click()
     assert right(page) == "truth"
     assert left(page) == NAMES[0]
 
 
-def test_legend_hides_a_method(page: Page) -> None:
+def test_legend_hides_a_method(page):
     """A click takes its line out of every figure, another brings it back."""
     line = '#errors .metric:not(.later) .chart.wide .series[data-method="1"]'
     assert shown_on(page, line)
@@ -896,7 +854,7 @@ def test_legend_hides_a_method(page: Page) -> None:
     assert shown_on(page, line)
 
 
-def test_pointing_at_a_figure_reads_it(page: Page, comparison: Comparison) -> None:
+def test_pointing_at_a_figure_reads_it(page, comparison):
     """The nearest frame's values are told, and their points lie on the lines."""
     chart = page.locator("#errors .metric:not(.later) .chart.wide")
     chart.focus()
@@ -915,26 +873,7 @@ def test_pointing_at_a_figure_reads_it(page: Page, comparison: Comparison) -> No
     assert np.allclose(points, second_marks, atol=2)
 
 
-def test_switch_shows_another_error(page: Page) -> None:
-    """MSE gives way to PSNR."""
-    page.locator('[data-shows="psnr"]').click()
-    assert shown_on(page, '[data-metric="psnr"] .chart.wide')
-    assert not shown_on(page, '[data-metric="mse"] .chart.wide')
-
-
-def test_tables_sort(page: Page) -> None:
-    """A click on a heading sorts by it, another the other way."""
-    column = page.locator("#overall thead th").nth(4)
-    cells = "#overall tbody td:nth-of-type(4)"
-    column.locator("button").click()
-    upwards = [float(text.split()[0]) for text in page.locator(cells).all_inner_texts()]
-    column.locator("button").click()
-    downwards = [float(text.split()[0]) for text in page.locator(cells).all_inner_texts()]
-    assert upwards == sorted(upwards)
-    assert downwards == upwards[::-1]
-
-
-def test_theme_can_be_chosen(page: Page) -> None:
+def test_theme_can_be_chosen(page):
     """The switch turns light to dark."""
     colour = "() => getComputedStyle(document.body).backgroundColor"
     light = page.evaluate(colour)
@@ -942,14 +881,7 @@ def test_theme_can_be_chosen(page: Page) -> None:
     assert page.evaluate(colour) != light
 
 
-def test_phone_sees_no_sideways_scrolling(page: Page) -> None:
-    """On a narrow screen the page is as wide as the screen, with figures drawn for it."""
-    page.set_viewport_size({"width": 390, "height": 844})
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    assert shown_on(page, "#errors .chart.narrow")
-
-
-def test_page_can_be_read_without_script(chromium: Any, path: Path) -> None:
+def test_page_can_be_read_without_script(chromium, path):
     """Every closer look and table is there for a browser that runs no script."""
     context = chromium.new_context(java_script_enabled=False)
     opened = context.new_page()

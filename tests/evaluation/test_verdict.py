@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,7 +19,7 @@ from fpsboost.evaluation.verdict import difference, judge
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 
 
-def comparison(cpu_seconds: dict[str, float] | None = None, skip: int = 1, **psnr: list[float]) -> Comparison:
+def comparison(cpu_seconds=None, skip=1, **psnr):
     """Methods with these decibels a frame, each frame at so many CPU seconds."""
     seconds = cpu_seconds or {}
     count = len(next(iter(psnr.values())))
@@ -39,7 +38,7 @@ def comparison(cpu_seconds: dict[str, float] | None = None, skip: int = 1, **psn
     return Comparison("clip", "", Hiding(skip), hidden, [], {}, methods, {}, clip_frames=2 * count + 1)
 
 
-def test_a_lead_that_every_frame_shows_is_one() -> None:
+def test_a_lead_that_every_frame_shows_is_one():
     """Frames differ by 10 dB and methods by 0.2 dB, which the mean of either method would never tell."""
     hard = np.linspace(25, 35, 12)
     rng = np.random.default_rng(0)
@@ -51,7 +50,7 @@ def test_a_lead_that_every_frame_shows_is_one() -> None:
     assert "ahead of a" in verdict.text
 
 
-def test_what_may_be_chance_is_level() -> None:
+def test_what_may_be_chance_is_level():
     """One frame decides the mean, and the standard error is as large; equal methods are level, too."""
     verdict = judge(comparison(a=[30.0] * 10, b=[29.9] * 9 + [33.0]))
     assert (verdict.best, verdict.level) == ("b", ["a"])
@@ -60,14 +59,14 @@ def test_what_may_be_chance_is_level() -> None:
     assert judge(comparison(a=[30.0, 31.0], b=[30.0, 31.0])).level == ["b"]
 
 
-def test_the_standard_error_is_that_of_paired_differences() -> None:
+def test_the_standard_error_is_that_of_paired_differences():
     """Deviation of the differences over the root of their number, where they do not follow each other."""
     one, other = [31.0, 33.0, 31.0, 33.0], [30.0] * 4
     known = difference("other", one, other)
     assert (known.mean, known.standard_error) == (2.0, pytest.approx(np.std([1, 3, 1, 3], ddof=1) / 2))
 
 
-def test_neighbours_that_resemble_each_other_count_less() -> None:
+def test_neighbours_that_resemble_each_other_count_less():
     """Of differences that run in an AR(1) process with 0.8, the error is three times that of independent ones."""
     rng = np.random.default_rng(1)
     differences = [0.0]
@@ -80,7 +79,7 @@ def test_neighbours_that_resemble_each_other_count_less() -> None:
     assert abs(known.mean) < 3 * known.standard_error
 
 
-def test_one_frame_says_nothing_about_others() -> None:
+def test_one_frame_says_nothing_about_others():
     """Its difference is given, and no error."""
     verdict = judge(comparison(a=[30.0], b=[34.0]))
     assert verdict.ahead[0].standard_error is None
@@ -88,7 +87,7 @@ def test_one_frame_says_nothing_about_others() -> None:
     assert "one frame says nothing" in verdict.text
 
 
-def test_the_cheapest_that_is_about_as_good_is_recommended() -> None:
+def test_the_cheapest_that_is_about_as_good_is_recommended():
     """Within 0.3 dB of the best by the mean, with what either costs for the whole clip, not for a frame."""
     psnr = {"best": [36.0, 37.0] * 5, "fast": [35.75, 36.75] * 5, "rough": [35.5, 36.7] * 5}
     verdict = judge(comparison({"best": 2.0, "fast": 0.5, "rough": 0.1}, **psnr))
@@ -99,14 +98,14 @@ def test_the_cheapest_that_is_about_as_good_is_recommended() -> None:
     assert judge(comparison({"best": 0.2}, **psnr)).cheapest == "best"
 
 
-def test_hiding_more_prices_more() -> None:
+def test_hiding_more_prices_more():
     """Two of three hidden: the price is that of three frames for one."""
     verdict = judge(comparison({"a": 1.0}, skip=2, a=[30.0, 31.0]))
     assert (verdict.factor, verdict.cpu_seconds["a"]) == (3, 8.0)
     assert verdict.text.startswith("a reaches 30.5 dB over 2 frames. Making 3 of each of these 5 frames takes a 8.0 s")
 
 
-def test_terminal_data_and_page_say_the_same(fpsboost_, tmp_path: Path) -> None:
+def test_terminal_data_and_page_say_the_same(fpsboost_, tmp_path):
     """Word for word, and what the data say can be computed from their own frames."""
     folder = tmp_path / "clip"
     folder.mkdir()

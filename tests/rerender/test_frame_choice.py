@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -19,7 +18,7 @@ FIRST_WILD, LAST_WILD = 17, 25
 """Numbers between which each frame of `clip` is new."""
 
 
-def clip(folder: Path, numbers: range) -> Path:
+def clip(folder, numbers):
     """A gray level that rises by one a number, and noise from `FIRST_WILD` to `LAST_WILD`."""
     folder.mkdir()
     for number in numbers:

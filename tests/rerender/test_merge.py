@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -11,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.images.exr import read_exr, write_exr
@@ -28,18 +26,18 @@ PROFILE = b"\0" * 16 + b"RGB " + b"\0" * 108
 NAMES = {np.uint8: ".png", np.uint16: ".tif", np.float32: ".exr"}
 
 
-def picture(number: int, dtype: type = np.uint8, channels: int = 3) -> NDArray[np.generic]:
+def picture(number, dtype=np.uint8, channels=3):
     values = np.random.default_rng(number).integers(1, 255, (HEIGHT, WIDTH, channels))
     return values.astype(dtype) * (257 if dtype is np.uint16 else 1) / dtype(255 if dtype is np.float32 else 1)
 
 
-def save(folder: Path, name: str, image: NDArray[np.generic], metadata: ImageMetadata | None = None) -> None:
+def save(folder, name, image, metadata=None):
     folder.mkdir(exist_ok=True)
     path = folder / name
     path.write_bytes(encode_image(path, np.ascontiguousarray(image), metadata=metadata, half=False))
 
 
-def round_trip(folder: Path, dtype: type = np.uint8, channels: int = 3) -> tuple[str, str, str, MergeOptions]:
+def round_trip(folder, dtype=np.uint8, channels=3):
     """Write five frames, a plan for frame 2 in two regions and for all of frame 4, and full renders of both."""
     for number in range(1, 6):
         image = picture(number, dtype, channels).astype(dtype)
@@ -51,14 +49,14 @@ def round_trip(folder: Path, dtype: type = np.uint8, channels: int = 3) -> tuple
     return str(folder / "made"), str(folder / "rendered"), str(folder / "out"), MergeOptions(str(folder / "plan"), 2)
 
 
-def write_plan(folder: Path, regions: dict[int, Iterable[Rectangle]]) -> None:
+def write_plan(folder, regions):
     folder.mkdir(exist_ok=True)
     whole = Rectangle(0, 0, WIDTH, HEIGHT)
     frames = (PlannedFrame(number, tuple(each), whole in each, 2, 1) for number, each in regions.items())
     RerenderPlan(WIDTH, HEIGHT, 8, tuple(frames)).write(folder)
 
 
-def contents(folder: str) -> dict[str, bytes]:
+def contents(folder):
     return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
 
 
@@ -137,12 +135,12 @@ def test_images_that_belong_to_no_region_are_told(tmp_path):
     assert "2 images" in merge_regions(made, rendered, out, options).remarks[0]
 
 
-def lose_region(folder: Path) -> None:
+def lose_region(folder):
     (folder / "rendered" / "r002.png").unlink()
     save(folder / "rendered", "r002_1.png", picture(102))
 
 
-def number_otherwise(folder: Path) -> None:
+def number_otherwise(folder):
     for number in (5, 4):
         (folder / "made" / f"shot_{number:04d}.png").rename(folder / "made" / f"shot_{number + 1:04d}.png")
 

@@ -11,20 +11,17 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import uvicorn
 from browser import violations
-from command_line import Command
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 from starlette.testclient import TestClient
 from video_truth import scene, write_clip
 
@@ -56,7 +53,7 @@ signal.pause()
 
 
 @pytest.fixture
-def films(tmp_path: Path) -> Path:
+def films(tmp_path):
     """A folder with one clip of ten frames, in a folder with another clip."""
     folder = tmp_path / "films"
     folder.mkdir()
@@ -66,7 +63,7 @@ def films(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def desk(films: Path, tmp_path: Path) -> Iterator[Desk]:
+def desk(films, tmp_path):
     """What the page works with, allowed nothing but that folder."""
     queue = Queue(tmp_path / "state" / "queue.json")
     with closing(queue):
@@ -74,24 +71,24 @@ def desk(films: Path, tmp_path: Path) -> Iterator[Desk]:
 
 
 @pytest.fixture
-def client(desk: Desk) -> TestClient:
+def client(desk):
     return TestClient(make_app(desk), base_url=ADDRESS, headers=HEADERS)
 
 
-def notice(client: TestClient, path: str, data: Any) -> str:
+def notice(client, path, data):
     """The sentence with which a request is refused."""
     answer = client.post(path, json=data)
     assert answer.status_code == 400, answer.text
     return str(answer.json()["notice"])
 
 
-def form(client: TestClient, films: Path, **changes: Any) -> dict[str, Any]:
+def form(client, films, **changes):
     """What the page sends of the clip, which is picked."""
     picked = client.post("/pick", json={"path": str(films / "clip.mp4")}).json()
     return {**picked["choices"], "method": "nearest", **changes}
 
 
-def until(queue: Queue, state: str, frame: int = 0) -> dict[str, Any]:
+def until(queue, state, frame=0):
     """The only job, as soon as it is in a state and has made so many frames."""
     with queue._changed:
         assert queue._changed.wait_for(
@@ -105,7 +102,7 @@ def until(queue: Queue, state: str, frame: int = 0) -> dict[str, Any]:
 
 @pytest.mark.parametrize("path", [*POSTS, *GETS])
 @pytest.mark.parametrize("token", [None, "another", TOKEN[:-1]])
-def test_token_is_needed(desk: Desk, path: str, token: str | None) -> None:
+def test_token_is_needed(desk, path, token):
     """Every request needs the token of this run, in a header or in the address."""
     client = TestClient(make_app(desk), base_url=ADDRESS, headers={"origin": ADDRESS})
     method = "POST" if path in POSTS else "GET"
@@ -117,7 +114,7 @@ def test_token_is_needed(desk: Desk, path: str, token: str | None) -> None:
 @pytest.mark.parametrize(
     "host", ["example.com", f"example.com:{PORT}", "127.0.0.1", "127.0.0.1:1", f"0.0.0.0:{PORT}", ""]
 )
-def test_no_other_name_leads_here(client: TestClient, host: str) -> None:
+def test_no_other_name_leads_here(client, host):
     """Requests under another name than this machine's own are refused, even with the token."""
     assert client.get("/", headers={"host": host}).status_code == 403
 
@@ -126,14 +123,14 @@ def test_no_other_name_leads_here(client: TestClient, host: str) -> None:
 @pytest.mark.parametrize(
     "origin", ["http://example.com", "null", f"https://127.0.0.1:{PORT}", "http://127.0.0.1:1", ""]
 )
-def test_no_other_page_asks_for_anything(client: TestClient, path: str, origin: str) -> None:
+def test_no_other_page_asks_for_anything(client, path, origin):
     """What changes or reads anything must come from the page itself, even with the token."""
     answer = client.post(path, json={}, headers={"origin": origin})
     assert answer.status_code == 403
     assert answer.json()["notice"].startswith("Another page has sent this")
 
 
-def test_page_is_kept_by_nobody_and_runs_its_own_script_alone(client: TestClient) -> None:
+def test_page_is_kept_by_nobody_and_runs_its_own_script_alone(client):
     """The page and answers are not stored, the address goes nowhere, and only the script with the nonce runs."""
     page = client.get("/", params={"token": TOKEN})
     policy = page.headers["content-security-policy"]
@@ -149,7 +146,7 @@ def test_page_is_kept_by_nobody_and_runs_its_own_script_alone(client: TestClient
         assert answer.headers["x-content-type-options"] == "nosniff"
 
 
-def test_body_has_a_limit(client: TestClient) -> None:
+def test_body_has_a_limit(client):
     """A request that is too large is refused, also one that does not say its size."""
     for body in (b"x" * (MAX_BODY + 1), iter([b"x" * MAX_BODY, b"x"])):
         answer = client.post("/folder", content=body)
@@ -159,7 +156,7 @@ def test_body_has_a_limit(client: TestClient) -> None:
 # ---------------------------------------------------------------- what it may read and write
 
 
-def test_folder_lists_folders_and_clips(films: Path) -> None:
+def test_folder_lists_folders_and_clips(films):
     """Folders come first, then clips with their sizes; images are counted; hidden and other files are left out."""
     (films / "b").mkdir()
     for name in (".hidden.mp4", "notes.txt", "A.MKV", "1.png", "2.exr"):
@@ -177,7 +174,7 @@ def test_folder_lists_folders_and_clips(films: Path) -> None:
     ]
 
 
-def test_long_folders_are_cut(films: Path) -> None:
+def test_long_folders_are_cut(films):
     """No more than a page can show is listed, and the rest is counted."""
     for number in range(MAX_ENTRIES + 2):
         (films / f"{number}.mp4").touch()
@@ -188,7 +185,7 @@ def test_long_folders_are_cut(films: Path) -> None:
 @pytest.mark.parametrize(
     "path", ["..", "../secret.mp4", "link", "link/secret.mp4", "/", "~", "loop", "a\0b", "x" * 5000]
 )
-def test_nothing_outside_of_the_root(client: TestClient, films: Path, path: str) -> None:
+def test_nothing_outside_of_the_root(client, films, path):
     """No path leads out of the folder that was given, whether up, by a link, or absolute; others are no crash."""
     (films / "link").symlink_to(films.parent)
     (films / "loop").symlink_to(films / "loop")
@@ -205,7 +202,7 @@ def test_nothing_outside_of_the_root(client: TestClient, films: Path, path: str)
         )
 
 
-def test_only_what_was_picked_is_read(client: TestClient, films: Path) -> None:
+def test_only_what_was_picked_is_read(client, films):
     """A clip that was not picked is neither probed nor shown nor converted."""
     choices = asdict(first_choices(str(films / "clip.mp4")))
     expected = f"{films / 'clip.mp4'} was not picked on this page; pick it first."
@@ -215,7 +212,7 @@ def test_only_what_was_picked_is_read(client: TestClient, films: Path) -> None:
     assert notice(client, "/look", {"choices": choices, "time": 0}) == expected
 
 
-def test_picked_file_that_became_a_link(client: TestClient, films: Path) -> None:
+def test_picked_file_that_became_a_link(client, films):
     """What was picked is not read if it has become a link to somewhere else."""
     choices = form(client, films)
     (films / "clip.mp4").unlink()
@@ -223,7 +220,7 @@ def test_picked_file_that_became_a_link(client: TestClient, films: Path) -> None
     assert "lies outside of" in notice(client, "/check", choices)
 
 
-def test_picks_have_a_limit(films: Path) -> None:
+def test_picks_have_a_limit(films):
     """No more clips than the limit are picked; those that were, again."""
     files = Files(films)
     for number in range(MAX_PICKED):
@@ -235,20 +232,16 @@ def test_picks_have_a_limit(films: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../out.mp4", "a/b.mp4", "..", "../", ".", "", "a\\b.mp4", "/out.mp4", "a\0.mp4"])
-def test_output_is_a_name_in_its_folder(client: TestClient, films: Path, name: str) -> None:
+def test_output_is_a_name_in_its_folder(client, films, name):
     """The name of an output leads nowhere else."""
     assert notice(client, "/check", form(client, films, name=name)).startswith(f"{name!r} is no name of a file")
 
 
-def test_output_is_no_link(client: TestClient, films: Path) -> None:
+def test_output_is_no_link(client, films):
     """Nothing is written through a link, not even if it may be replaced."""
     (films / "out.mp4").symlink_to(films.parent / "secret.mp4")
     said = notice(client, "/add", form(client, films, name="out.mp4", overwrite=True))
     assert said == f"{films / 'out.mp4'} is a link to another place; choose another name."
-
-
-def test_output_folder_lies_inside(client: TestClient, films: Path) -> None:
-    """The folder of an output lies in the root as well."""
     assert "lies outside of" in notice(client, "/check", form(client, films, folder=str(films.parent)))
 
 
@@ -269,9 +262,7 @@ def test_output_folder_lies_inside(client: TestClient, films: Path) -> None:
         ({"input_fps": "24"}, ["--input-fps", "24"]),
     ],
 )
-def test_page_and_command_line_say_the_same(
-    client: TestClient, films: Path, fpsboost_: Command, changes: dict[str, Any], arguments: list[str]
-) -> None:
+def test_page_and_command_line_say_the_same(client, films, fpsboost_, changes, arguments):
     """What is wrong with a form is said in the words of the command line."""
     choices = form(client, films, name="out.mp4") | changes
     if "method" not in changes:
@@ -282,9 +273,7 @@ def test_page_and_command_line_say_the_same(
 
 
 @pytest.mark.parametrize("path", ["broken.mp4", "missing.mp4", "empty"])
-def test_bad_clips_are_said_as_on_the_command_line(
-    client: TestClient, films: Path, fpsboost_: Command, path: str
-) -> None:
+def test_bad_clips_are_said_as_on_the_command_line(client, films, fpsboost_, path):
     """So is what is wrong with a clip."""
     (films / "broken.mp4").write_bytes(b"no video" * 100)
     (films / "empty").mkdir()
@@ -307,7 +296,7 @@ def test_bad_clips_are_said_as_on_the_command_line(
         ("/change", b'{"number": 1, "action": "pause"}'),
     ],
 )
-def test_nonsense_is_answered_with_a_sentence(client: TestClient, path: str, body: bytes) -> None:
+def test_nonsense_is_answered_with_a_sentence(client, path, body):
     """A request that no page would send ends with a sentence and not with an error of the server."""
     answer = client.post(path, content=body)
     assert answer.status_code == 400
@@ -315,7 +304,7 @@ def test_nonsense_is_answered_with_a_sentence(client: TestClient, path: str, bod
 
 
 @pytest.mark.parametrize("time", [-1, float("nan"), 1e30, True, "1"])
-def test_times_are_checked(client: TestClient, films: Path, time: Any) -> None:
+def test_times_are_checked(client, films, time):
     """A place in a clip is a number of seconds."""
     body = json.dumps({"choices": form(client, films), "time": time})
     answer = client.post("/look", content=body)
@@ -325,7 +314,7 @@ def test_times_are_checked(client: TestClient, films: Path, time: Any) -> None:
 # ---------------------------------------------------------------- what it says and shows
 
 
-def test_form_says_what_comes_out(client: TestClient, films: Path) -> None:
+def test_form_says_what_comes_out(client, films):
     """The frames, the rate, the length and the command line of a conversion, before it is done."""
     changes = {"rate": "slow", "value": "4", "start": "2f", "codec": "hevc", "quality": "smaller", "name": "it's.mkv"}
     found = client.post("/check", json=form(client, films, **changes)).json()
@@ -336,7 +325,7 @@ def test_form_says_what_comes_out(client: TestClient, films: Path) -> None:
     assert (found["frames"], found["rate"], found["remarks"]) == (32, 25.0, [])
 
 
-def test_images_become_images(client: TestClient, films: Path, save_images: Callable[..., Any]) -> None:
+def test_images_become_images(client, films, save_images):
     """A folder of images is picked, and by default becomes one; as a video it needs a rate."""
     save_images(films / "shot")
     found = client.post("/pick", json={"path": str(films / "shot")}).json()
@@ -347,7 +336,7 @@ def test_images_become_images(client: TestClient, films: Path, save_images: Call
     assert client.post("/check", json={**as_video, "input_fps": "24"}).json()["rate"] == 48
 
 
-def test_probe_says_what_the_command_says(client: TestClient, films: Path) -> None:
+def test_probe_says_what_the_command_says(client, films):
     """The clip is read to its end, in a process of its own."""
     form(client, films)
     found = client.post("/probe", json={"path": str(films / "clip.mp4")}).json()
@@ -355,7 +344,7 @@ def test_probe_says_what_the_command_says(client: TestClient, films: Path) -> No
     assert found["streams"][0].startswith("video: h264")
 
 
-def test_length_that_no_header_says_is_known_after_probing(client: TestClient, films: Path) -> None:
+def test_length_that_no_header_says_is_known_after_probing(client, films):
     """Of Matroska and cut-off files, the page learns only by reading how far its slider reaches."""
     write_clip(films / "clip.mkv")
     assert client.post("/pick", json={"path": str(films / "clip.mkv")}).json()["last"] is None
@@ -363,11 +352,11 @@ def test_length_that_no_header_says_is_known_after_probing(client: TestClient, f
     assert found["last"] == pytest.approx(client.post("/pick", json={"path": str(films / "clip.mp4")}).json()["last"])
 
 
-def test_next_probe_stops_the_last(desk: Desk, films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_next_probe_stops_the_last(desk, films, monkeypatch):
     """A clip that takes long to read is dropped when another one is picked."""
     real, begun = jobs.start_process, Event()
 
-    def start(words: list[str], stdout: int) -> subprocess.Popen[str]:
+    def start(words, stdout):
         if begun.is_set():
             return real(words, stdout)
         waits = [sys.executable, "-c", "import signal; signal.pause()"]
@@ -378,7 +367,7 @@ def test_next_probe_stops_the_last(desk: Desk, films: Path, monkeypatch: pytest.
     monkeypatch.setattr("fpsboost.ui.clip.start_process", start)
     ends: list[str] = []
 
-    def first() -> None:
+    def first():
         with pytest.raises(InputError, match="was not read to its end"):
             desk.prober.probe("first.mp4")
         ends.append("first")
@@ -391,12 +380,12 @@ def test_next_probe_stops_the_last(desk: Desk, films: Path, monkeypatch: pytest.
     assert ends == ["first"]
 
 
-def picture(uri: str) -> Any:
+def picture(uri):
     data = np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8)
     return cv2.imdecode(data, cv2.IMREAD_COLOR)
 
 
-def test_look_shows_the_frame_between(client: TestClient, films: Path) -> None:
+def test_look_shows_the_frame_between(client, films):
     """Blending is the mean of the two frames around the time, and the method's own frame stands beside it."""
     found = client.post("/look", json={"choices": form(client, films), "time": 0.1}).json()
     blended, made = map(picture, found["images"])
@@ -407,7 +396,7 @@ def test_look_shows_the_frame_between(client: TestClient, films: Path) -> None:
 
 
 @pytest.mark.parametrize("time", [0, 0.36, 99])
-def test_look_at_the_ends(client: TestClient, films: Path, time: float) -> None:
+def test_look_at_the_ends(client, films, time):
     """The first pair is shown as well, and the last one behind it."""
     found = client.post("/look", json={"choices": form(client, films), "time": time}).json()
     assert found["between"] == ("between 0:00.320 and 0:00.360" if time else "between 0:00.000 and 0:00.040")
@@ -416,7 +405,7 @@ def test_look_at_the_ends(client: TestClient, films: Path, time: float) -> None:
 # ---------------------------------------------------------------- the queue
 
 
-def test_job_becomes_a_file_that_plays(client: TestClient, desk: Desk, films: Path) -> None:
+def test_job_becomes_a_file_that_plays(client, desk, films):
     """A conversion runs to its end, and the page gets its result in parts as a player asks for them."""
     number = client.post("/add", json=form(client, films)).json()["number"]
     assert client.get(f"/result/{number}").status_code in (200, 400)
@@ -429,7 +418,7 @@ def test_job_becomes_a_file_that_plays(client: TestClient, desk: Desk, films: Pa
     assert client.get("/jobs").json() == []
 
 
-def test_result_is_the_file_that_was_written(client: TestClient, desk: Desk, films: Path) -> None:
+def test_result_is_the_file_that_was_written(client, desk, films):
     """Nothing else is sent in its place."""
     number = client.post("/add", json=form(client, films)).json()["number"]
     until(desk.queue, "done")
@@ -441,7 +430,7 @@ def test_result_is_the_file_that_was_written(client: TestClient, desk: Desk, fil
     }
 
 
-def test_failure_is_said_in_a_sentence(client: TestClient, desk: Desk, films: Path) -> None:
+def test_failure_is_said_in_a_sentence(client, desk, films):
     """A conversion that fails says why, as on the command line, and can be tried again."""
     choices = form(client, films)
     data = (films / "clip.mp4").read_bytes()
@@ -455,11 +444,11 @@ def test_failure_is_said_in_a_sentence(client: TestClient, desk: Desk, films: Pa
 
 
 @pytest.fixture
-def waiting_process(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+def waiting_process(monkeypatch):
     """Every first run stops at ten frames; the arguments of all runs."""
     real, runs = jobs.start_process, list[list[str]]()
 
-    def start(words: list[str]) -> subprocess.Popen[str]:
+    def start(words):
         runs.append(words)
         if "--resume" in words:
             return real(words)
@@ -473,9 +462,7 @@ def waiting_process(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     return runs
 
 
-def test_cancelling_leaves_nothing(
-    client: TestClient, desk: Desk, films: Path, waiting_process: list[list[str]]
-) -> None:
+def test_cancelling_leaves_nothing(client, desk, films, waiting_process):
     """A conversion that is cancelled while it runs, or paused, leaves no unfinished output."""
     before = sorted(os.listdir(films))
     for is_paused_first in (False, True):
@@ -491,7 +478,7 @@ def test_cancelling_leaves_nothing(
 
 
 @pytest.mark.usefixtures("waiting_process")
-def test_jobs_wait_for_the_one_before(client: TestClient, desk: Desk, films: Path) -> None:
+def test_jobs_wait_for_the_one_before(client, desk, films):
     """One conversion runs at a time; one that waits is paused and cancelled like the one that runs."""
     for name in ("a.mp4", "b.mp4"):
         client.post("/add", json=form(client, films, name=name))
@@ -506,7 +493,7 @@ def test_jobs_wait_for_the_one_before(client: TestClient, desk: Desk, films: Pat
 
 
 @pytest.mark.usefixtures("waiting_process")
-def test_queue_has_a_limit(desk: Desk, tmp_path: Path) -> None:
+def test_queue_has_a_limit(desk, tmp_path):
     """No more jobs than the limit are taken."""
     outputs = [str(tmp_path / f"{number}.mp4") for number in range(MAX_JOBS + 1)]
     for output in outputs[1:]:
@@ -515,24 +502,7 @@ def test_queue_has_a_limit(desk: Desk, tmp_path: Path) -> None:
         desk.queue.add(["fpsboost", "in.mp4", outputs[0]], outputs[0])
 
 
-def test_queue_outlives_the_server(tmp_path: Path, films: Path, waiting_process: list[list[str]]) -> None:
-    """What ran or waited is paused after the next start, and goes on with the same words and --resume."""
-    state, output = tmp_path / "queue.json", str(films / "out.mp4")
-    words = ["fpsboost", str(films / "clip.mp4"), output, "--method", "nearest"]
-    with closing(Queue(state)) as queue:
-        queue.add(words, output)
-        queue.add([*words[:2], "another.mp4"], "another.mp4")
-        until(queue, "running", 10)
-    shutil.rmtree(hidden_place(films, "out.mp4"))  # which was none of a real run
-    with closing(Queue(state)) as queue:
-        assert [job["state"] for job in queue.listing()] == ["paused", "paused"]
-        queue.resume(1)
-        until(queue, "done")
-    assert waiting_process[-1] == [*words[1:], "--resume", "--progress", "json"]
-    assert (films / "out.mp4").is_file()
-
-
-def test_animation_begins_anew(tmp_path: Path) -> None:
+def test_animation_begins_anew(tmp_path):
     """A kind of output that cannot be resumed is not asked to be."""
     assert "--resume" not in jobs.Job(1, ["fpsboost", "in", "out.gif"], "out.gif", frame=5).arguments
     assert "--resume" in jobs.Job(1, ["fpsboost", "in", "out.mp4"], "out.mp4", frame=5).arguments
@@ -540,7 +510,7 @@ def test_animation_begins_anew(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["{", '{"a": 1}', '[{"number": 1}]', "3"])
-def test_broken_queue_is_said(tmp_path: Path, content: str) -> None:
+def test_broken_queue_is_said(tmp_path, content):
     """A file that is no queue is left as it is, and named."""
     (tmp_path / "queue.json").write_text(content)
     with pytest.raises(OutputError, match=r"queue\.json is no queue"):
@@ -551,7 +521,7 @@ def test_broken_queue_is_said(tmp_path: Path, content: str) -> None:
 # ---------------------------------------------------------------- the command
 
 
-def test_command_prints_the_address_and_ends(tmp_path: Path) -> None:
+def test_command_prints_the_address_and_ends(tmp_path):
     """`fpsboost ui` prints an address that answers, on this machine alone, and ends when it is told to."""
     words = [sys.executable, "-m", "fpsboost", "ui", str(tmp_path), "--no-browser", "--port", "0"]
     environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
@@ -568,7 +538,7 @@ def test_command_prints_the_address_and_ends(tmp_path: Path) -> None:
     assert (out.splitlines()[-1], err, ui.returncode) == ("Stopped.", "", 0)
 
 
-def test_port_in_use_is_said(fpsboost_: Command, tmp_path: Path) -> None:
+def test_port_in_use_is_said(fpsboost_, tmp_path):
     """A second server on the same port, and a folder that is none, end with a sentence."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -580,7 +550,7 @@ def test_port_in_use_is_said(fpsboost_: Command, tmp_path: Path) -> None:
     assert fpsboost_("ui", str(tmp_path / "file")).err.endswith("is no folder; name one, or leave it out.\n")
 
 
-def test_missing_packages_are_said(fpsboost_: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_packages_are_said(fpsboost_, monkeypatch):
     """Without the packages of the extra, the command says what to install."""
     monkeypatch.setitem(sys.modules, "uvicorn", None)
     result = fpsboost_("ui")
@@ -591,7 +561,7 @@ def test_missing_packages_are_said(fpsboost_: Command, monkeypatch: pytest.Monke
 
 
 @contextmanager
-def serving(films: Path, state: Path) -> Iterator[str]:
+def serving(films, state):
     """A server on a free port while the block lasts; its address."""
     with socket.socket() as bound, closing(Queue(state)) as queue:
         bound.bind(("127.0.0.1", 0))
@@ -608,7 +578,7 @@ def serving(films: Path, state: Path) -> Iterator[str]:
 
 
 @contextmanager
-def opened(chromium: Any, address: str, **options: Any) -> Iterator[Page]:
+def opened(chromium, address, **options):
     """The page, which must not complain while the block lasts."""
     page = chromium.new_page(**options)
     complaints: list[str] = []
@@ -621,7 +591,7 @@ def opened(chromium: Any, address: str, **options: Any) -> Iterator[Page]:
 
 
 @pytest.mark.parametrize(("width", "height", "scheme"), [(1200, 900, "light"), (390, 844, "dark")])
-def test_from_start_to_result(chromium: Any, films: Path, tmp_path: Path, width: int, height: int, scheme: str) -> None:
+def test_from_start_to_result(chromium, films, tmp_path, width, height, scheme):
     """A clip is chosen, looked at and converted, and the result plays; nothing is in the way of anybody on the way."""
     (films / "holiday").mkdir()
     with serving(films, tmp_path / "queue.json") as address:
@@ -645,7 +615,7 @@ def test_from_start_to_result(chromium: Any, films: Path, tmp_path: Path, width:
     assert (films / "clip-2x.mp4").is_file()
 
 
-def test_page_says_what_is_wrong(chromium: Any, films: Path, tmp_path: Path) -> None:
+def test_page_says_what_is_wrong(chromium, films, tmp_path):
     """A path and a value that are wrong are answered beside them, and the page can go on."""
     with serving(films, tmp_path / "queue.json") as address:
         page = chromium.new_page()
@@ -672,7 +642,7 @@ def test_page_says_what_is_wrong(chromium: Any, films: Path, tmp_path: Path) -> 
         page.close()
 
 
-def test_place_is_typed_until_the_length_is_known(chromium: Any, films: Path, tmp_path: Path) -> None:
+def test_place_is_typed_until_the_length_is_known(chromium, films, tmp_path):
     """Without a length there is no slider, a place that is typed is shown, and reading brings the slider."""
     write_clip(films / "clip.mkv")
     with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
@@ -688,7 +658,7 @@ def test_place_is_typed_until_the_length_is_known(chromium: Any, films: Path, tm
 
 
 @pytest.mark.usefixtures("waiting_process")
-def test_conversion_goes_on_after_a_restart(chromium: Any, films: Path, tmp_path: Path) -> None:
+def test_conversion_goes_on_after_a_restart(chromium, films, tmp_path):
     """A conversion is paused, the server stopped and started again, and the conversion continued to its end."""
     with serving(films, tmp_path / "queue.json") as address, opened(chromium, address) as page:
         page.get_by_role("button", name="clip.mp4").click()

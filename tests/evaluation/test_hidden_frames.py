@@ -66,20 +66,6 @@ def test_what_is_no_number_is_refused(tmp_path, value):
         list(Hiding().intervals(str(tmp_path)))
 
 
-def test_frames_of_several_sizes_are_refused(tmp_path):
-    """In the source's own sentence."""
-    for number in range(3):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), np.zeros((8, 9 + number, 3), np.uint8))
-    with pytest.raises(InputError, match="9x8"):
-        list(Hiding().intervals(str(tmp_path)))
-
-
-@pytest.mark.parametrize(("text", "expected"), [(":", (0, None)), ("3:", (3, None)), (":9", (0, 9)), ("3:9", (3, 9))])
-def test_ranges_are_read(text, expected):
-    """Either end may be left out."""
-    assert parse_range(text) == expected
-
-
 @pytest.mark.parametrize("text", ["", "3", "a:b", "1:2:3", "1.5:4"])
 def test_what_is_no_range_is_refused(text):
     """The sentence shows how ranges are written."""

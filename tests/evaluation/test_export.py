@@ -6,7 +6,6 @@ import csv
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ DESCRIPTION = (Path(__file__).parents[2] / "docs" / "comparison.md").read_text(e
 def comparison():
     """Two methods on three frames, the last of which does not count; of one method nobody knows the time."""
 
-    def frame(number: int, seconds: float) -> FrameResult:
+    def frame(number, seconds):
         return FrameResult(
             number,
             Scores(4.0, 42.1, 0.9, 1.5),
@@ -59,7 +58,7 @@ def comparison():
     )
 
 
-def names_in(value: Any) -> set[str]:
+def names_in(value):
     """Every name of plain data, however deep."""
     if isinstance(value, dict):
         return set(value).union(*map(names_in, value.values()))
