@@ -31,11 +31,6 @@ def split_methods(texts: Sequence[str]) -> list[NamedMethod]:
 
     No name contains an equals sign and every option does, so commas can separate both methods and options.
 
-    Parameters
-    ----------
-    texts : sequence of str
-        One text for each time that the option was given.
-
     Raises
     ------
     OptionError
@@ -156,14 +151,8 @@ class Others(NamedTuple):
     ) -> Iterator[tuple[str, Contestant]]:
         """Match the folders to the clip and run the commands, before anything else because failures occur here.
 
-        Parameters
-        ----------
-        intervals : callable
-            Reads the clip.
-        scratch : Path
-            Folder for the files that commands read and write; it must exist as long as the frames are needed.
-        begin : callable
-            Called with the name of each tool at its turn.
+        `intervals` reads the clip. `scratch` is a folder for the files of commands, which must exist as long as the
+        frames are needed. `begin` is called with the name of each tool at its turn.
         """
         from fpsboost.evaluation.peers import find_frames, run_peer  # noqa: PLC0415
 
