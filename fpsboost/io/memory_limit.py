@@ -31,9 +31,9 @@ multiples = {"": 1, "K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 def available_memory() -> int:
     """Return the bytes available without swapping; if unknown, three quarters of the machine's memory, or 8 GB."""
     try:
-        found = re.search(r"^MemAvailable: *([0-9]+) kB$", Path("/proc/meminfo").read_text(), re.MULTILINE)
-        if found is not None:
-            return int(found[1]) * 1024
+        match = re.search(r"^MemAvailable: *([0-9]+) kB$", Path("/proc/meminfo").read_text(), re.MULTILINE)
+        if match is not None:
+            return int(match[1]) * 1024
     except OSError:  # not Linux
         pass
     try:
@@ -139,10 +139,10 @@ def parse_memory(text: str, option: str = "`limit`") -> MemoryLimit:
     >>> parse_memory("8G"), parse_memory("1.5 GB")
     (MemoryLimit(bytes=8000000000), MemoryLimit(bytes=1500000000))
     """
-    found = re.fullmatch(r"([0-9]{1,18}(?:\.[0-9]{1,9})?) *([KMGT]?)B?", text.strip(), re.IGNORECASE)
-    if found is None:
+    match = re.fullmatch(r"([0-9]{1,18}(?:\.[0-9]{1,9})?) *([KMGT]?)B?", text.strip(), re.IGNORECASE)
+    if match is None:
         raise OptionError(f"{option} must be a size such as 8G or 500M, not {text!r}.")
-    return MemoryLimit(round(float(found[1]) * multiples[found[2].upper()]))
+    return MemoryLimit(round(float(match[1]) * multiples[match[2].upper()]))
 
 
 def _readable(size: int) -> str:

@@ -26,7 +26,7 @@ def check_writable(path: Path, name: str, inputs: Collection[Path], overwrite: b
     if os.path.lexists(path):
         if path.exists() and not path.is_file():
             raise OutputError(f"{name} is a device or a pipe; name a file, or - for standard output.")
-        if path.exists() and any(each.exists() and path.samefile(each) for each in inputs):
+        if path.exists() and any(source.exists() and path.samefile(source) for source in inputs):
             raise OutputError(f"{name} is the input itself; write to another name.")
         if not overwrite:
             raise OutputError(f"{name} exists already; choose another name or pass `overwrite=True`.")

@@ -62,10 +62,10 @@ def parse_part(text: str, option: str = "`chunk`") -> Part:
     >>> parse_part("3/8")
     Part(number=3, count=8)
     """
-    found = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
-    if found is None:
+    match = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
+    if match is None:
         raise OptionError(f"{option} {text!r} is no part of a whole; write it like 3/8 for the third of eight.")
-    return Part(int(found[1]), int(found[2]))
+    return Part(int(match[1]), int(match[2]))
 
 
 def part_folder(output: str, part: Part) -> Path:

@@ -54,8 +54,8 @@ class Target:
         if suffix in IMAGE_SUFFIXES:
             raise OptionError(f"{path} would be a single image; give a folder, or a pattern like shot_####{suffix}.")
         if suffix:
-            known = ", ".join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)
-            raise OptionError(f"{path} has an ending that cannot be written; choose {known}, or a folder for images.")
+            endings = ", ".join(VIDEO_SUFFIXES + ANIMATION_SUFFIXES)
+            raise OptionError(f"{path} has an ending that cannot be written; choose {endings}, or a folder for images.")
         return cls(path, "images")
 
     @property

@@ -11,16 +11,16 @@ from fpsboost.options import option
 class SideOutputs:
     """What is written beside the frames: maps of confidence, and motion.
 
-    Each is a folder, made if it is not there, or a pattern in an existing one. All of its files appear together with
-    the output, or none. The frames are the same with and without them.
+    Each is a folder, created if it does not exist, or a pattern in an existing one. All of its files appear together
+    with the output, or none. The frames are the same with and without them.
 
     Parameters
     ----------
     confidence : str, optional
-        Where to write the confidence of every frame that is made, named like the frames of the output: PNG with 255 for
+        Where to write the confidence of every interpolated frame, named like the frames of the output: PNG with 255 for
         certain; half OpenEXR with 1 for certain by a pattern (``conf_####.exr``). Original frames have none.
     save_motion : str, optional
-        Where to write the motion of every source frame between which and its neighbours frames are made, named like
+        Where to write the motion of every source frame next to an interpolated one, named like
         the source's images: ``NAME_backward.flo`` and ``NAME_forward.flo``; OpenEXR in Blender's convention by a
         pattern (``motion_####.exr``). Pictures in colour, ``NAME_forward.png``, are written beside them.
 
@@ -31,7 +31,7 @@ class SideOutputs:
     """
 
     confidence: str | None = option(
-        None, "Confidence of made frames, PNG; c_####.exr for EXR.", metavar="DIR", group="Side outputs"
+        None, "Confidence of interpolated frames, PNG; c_####.exr for EXR.", metavar="DIR", group="Side outputs"
     )
     save_motion: str | None = option(
         None, "Motion of source frames, .flo; m_####.exr for EXR.", metavar="DIR", group="Side outputs"

@@ -162,7 +162,7 @@ def with_side_outputs(
 
 def _check_alone(folder: Path, option: str, taken: Sequence[Path]) -> None:
     """Raise `OptionError` if a folder is one that frames are read from, or that other files are written to."""
-    if folder.resolve() in {each.resolve() for each in taken}:
+    if folder.resolve() in {other.resolve() for other in taken}:
         raise OptionError(f"{option} needs a folder of its own, and {folder} holds other images; name another.")
 
 
@@ -353,8 +353,8 @@ def _parsed(path: str, option: str, suffixes: Collection[str], naming: Numbering
     suffix = next(iter(suffixes))
     if is_pattern(path):
         if extension not in suffixes:
-            known = " or ".join(suffixes)
-            raise OptionError(f"{option} writes {known}, not {path}; name a folder, or a pattern such as map_####.exr.")
+            types = " or ".join(suffixes)
+            raise OptionError(f"{option} writes {types}, not {path}; name a folder, or a pattern such as map_####.exr.")
         numbering = Numbering.parse(path)
         return _without_type(numbering), extension
     if not path or (extension in {*suffixes, *IMAGE_SUFFIXES} and not Path(path).is_dir()):

@@ -68,14 +68,14 @@ class VectorConvention:
         backward, forward : (H, W, 2) float32
             y down.
         """
-        found = {
+        vectors = {
             pair.direction: pair.read(channels[..., 2 * number : 2 * number + 2])
             for number, pair in enumerate(self.pairs)
         }
-        if len(found) == 1:  # at constant speed
-            opposite: Direction = "backward" if "forward" in found else "forward"
-            found[opposite] = -next(iter(found.values()))
-        return found["backward"], found["forward"]
+        if len(vectors) == 1:  # at constant speed
+            opposite: Direction = "backward" if "forward" in vectors else "forward"
+            vectors[opposite] = -next(iter(vectors.values()))
+        return vectors["backward"], vectors["forward"]
 
     def __str__(self) -> str:
         names = (("first", "second"), ("third", "fourth"))

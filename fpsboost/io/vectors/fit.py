@@ -106,7 +106,7 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
     """
     errors: dict[tuple[int, StoredVectors], float] = {}
     still = 0.0
-    meanings = [StoredVectors(*each) for each in product(get_args(Direction), (1, -1), (1, -1))]
+    meanings = [StoredVectors(*meaning) for meaning in product(get_args(Direction), (1, -1), (1, -1))]
     for pair in pairs:
         ends = _comparable(pair.image0), _comparable(pair.image1)
         still += float(((ends[0] - ends[1]) ** 2).mean())
@@ -118,22 +118,22 @@ def fit_convention(pairs: Iterable[RenderedPair], usual: VectorConvention) -> Ve
             errors[number, meaning] = errors.get((number, meaning), 0.0) + error
 
     def error_of(convention: VectorConvention) -> float:
-        return sum(errors[each] for each in enumerate(convention.pairs)) / len(convention.pairs)
+        return sum(errors[pair] for pair in enumerate(convention.pairs)) / len(convention.pairs)
 
     alternatives = _alternatives(meanings, len(usual.pairs))
     best = min(map(error_of, alternatives))
     # of those that fit about as well as the best one, the most similar to the usual one
-    as_good = [each for each in alternatives if CLEARLY_BETTER * error_of(each) <= best]
-    chosen = min(as_good, key=lambda each: (_count_changes(each, usual), error_of(each)))
+    as_good = [other for other in alternatives if CLEARLY_BETTER * error_of(other) <= best]
+    chosen = min(as_good, key=lambda other: (_count_changes(other, usual), error_of(other)))
     return VectorFit(chosen, error_of(chosen), still)
 
 
 def _alternatives(meanings: Sequence[StoredVectors], pairs: int) -> list[VectorConvention]:
     """Return all conventions of this number of pairs of channels, no two of which lead to the same frame."""
     return [
-        VectorConvention(each)
-        for each in product(meanings, repeat=pairs)
-        if len({pair.direction for pair in each}) == pairs
+        VectorConvention(chosen)
+        for chosen in product(meanings, repeat=pairs)
+        if len({pair.direction for pair in chosen}) == pairs
     ]
 
 

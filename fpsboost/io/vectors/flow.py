@@ -103,11 +103,11 @@ def flow_picture(flow: NDArray[Any], largest: float | None = None) -> NDArray[An
     >>> flow_picture(np.float32([[[0, 0], [8, 0]]]), 8).tolist()
     [[[255, 255, 255], [0, 0, 255]]]
     """
-    known = np.isfinite(flow).all(axis=-1)
-    vectors = np.where(known[..., np.newaxis], flow, np.float32(0))
+    is_finite = np.isfinite(flow).all(axis=-1)
+    vectors = np.where(is_finite[..., np.newaxis], flow, np.float32(0))
     lengths = np.hypot(vectors[..., 0], vectors[..., 1])
     if largest is None:
-        largest = max(float(np.percentile(lengths[known], LARGEST_PERCENTILE)), 1.0) if known.any() else 1.0
+        largest = max(float(np.percentile(lengths[is_finite], LARGEST_PERCENTILE)), 1.0) if is_finite.any() else 1.0
     wheel = colour_wheel()
     place = np.mod(np.arctan2(vectors[..., 1], vectors[..., 0]) / (2 * np.pi), 1) * len(wheel)
     first = place.astype(np.intp) % len(wheel)
@@ -115,5 +115,5 @@ def flow_picture(flow: NDArray[Any], largest: float | None = None) -> NDArray[An
     hue = (1 - share) * wheel[first] + share * wheel[(first + 1) % len(wheel)]
     radius = (lengths / np.float32(largest))[..., np.newaxis]
     colours = np.where(radius <= 1, 1 - radius * (1 - hue), BEYOND * hue)
-    picture: NDArray[Any] = np.rint(colours[..., ::-1] * 255 * known[..., np.newaxis]).astype(np.uint8)
+    picture: NDArray[Any] = np.rint(colours[..., ::-1] * 255 * is_finite[..., np.newaxis]).astype(np.uint8)
     return picture

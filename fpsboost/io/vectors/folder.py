@@ -12,12 +12,11 @@ OpenEXR
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections import OrderedDict
 from collections.abc import Collection, Iterable, Sequence
 from copy import copy
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
-from threading import Lock
 from typing import Any, Self, get_args
 
 import numpy as np
@@ -38,7 +37,7 @@ from fpsboost.io.vectors.convention import ConventionName, VectorConvention, con
 from fpsboost.io.vectors.flow import read_flow
 from fpsboost.motion.rendered import FrameVectors
 
-KEPT_FRAMES = 4
+CACHED_FRAMES = 4
 """Number of frames whose vectors are cached: a pair's two frames, and two between them."""
 
 BACKWARD, FORWARD = "_backward.flo", "_forward.flo"
@@ -70,7 +69,7 @@ class VectorFolder:
     Attributes
     ----------
     convention : VectorConvention or None
-        The given or found one; None to go by the names of the channels.
+        Given, or found by comparing frames; None to go by the names of the channels.
     files : list of Path
         All files of vectors and depth, each in the order of frames.
     step : int
@@ -101,8 +100,7 @@ class VectorFolder:
         self.files = [*chain.from_iterable(partners), *depth_files]
         self.step, self.remarks = 1, list[str]()
         self._numbers: Sequence[int] | None = None
-        self._kept: OrderedDict[int, FrameVectors] = OrderedDict()
-        self._access = Lock()  # pairs of frames are processed in parallel
+        self._cached = lru_cache(CACHED_FRAMES)(self._read)
 
     def __reduce__(self) -> tuple[type[Self], tuple[Path, Path | None, ConventionName]]:
         """Pickle what it was made of, with absolute paths; what `matched` has found is found again."""
@@ -110,9 +108,10 @@ class VectorFolder:
         return type(self), (self.path.absolute(), depth, self._convention_name)
 
     def __copy__(self) -> Self:
-        """Copy everything, unlike pickling."""
+        """Copy everything, unlike pickling, but the cache."""
         copied = object.__new__(type(self))
         copied.__dict__.update(self.__dict__)
+        copied._cached = lru_cache(CACHED_FRAMES)(copied._read)
         return copied
 
     def __repr__(self) -> str:
@@ -137,17 +136,12 @@ class VectorFolder:
             Equidistant numbers of the output's frames.
         must_match : bool
             Whether the renderer has given the frames their numbers: then a missing file is an error when it is read.
-
-        Returns
-        -------
-        VectorFolder
         """
         folder = copy(self)
-        folder._kept = OrderedDict()
-        found = [each.numbers for each in (self._vectors, self._depth) if each is not None]
-        if not all(found):
+        file_numbers = [files.numbers for files in (self._vectors, self._depth) if files is not None]
+        if not all(file_numbers):
             return folder
-        if must_match or all(set(numbers) <= set(each) for each in found):
+        if must_match or all(set(numbers) <= set(files) for files in file_numbers):
             folder._numbers = numbers
             folder.step = numbers[1] - numbers[0] if len(numbers) > 1 else 1
             there = len(set(numbers).intersection(self._vectors.numbers))
@@ -163,7 +157,6 @@ class VectorFolder:
     def with_convention(self, convention: VectorConvention, remarks: Sequence[str]) -> VectorFolder:
         """Return the same vectors with this meaning of their channels, and with remarks on it."""
         folder = copy(self)
-        folder._kept = OrderedDict()
         folder.convention, folder.remarks = convention, [*self.remarks, *remarks]
         return folder
 
@@ -199,16 +192,7 @@ class VectorFolder:
         InputError
             There are none for it, they cannot be read, are not finite numbers, or differ from the depth in size.
         """
-        with self._access:
-            if number in self._kept:
-                self._kept.move_to_end(number)
-                return self._kept[number]
-        vectors = self._read(number)
-        with self._access:
-            self._kept[number] = vectors
-            if len(self._kept) > KEPT_FRAMES:
-                self._kept.popitem(last=False)
-        return vectors
+        return self._cached(number)
 
     def for_image(self, number: int, image: Pixels) -> FrameVectors:
         """Return the vectors of an output frame like `at`, and check that they have the size of an image.
@@ -257,30 +241,30 @@ class VectorFolder:
             )
         return convention
 
-    def _file_of(self, found: FileSequence, number: int, path: Path, what: str) -> Path:
+    def _file_of(self, files: FileSequence, number: int, path: Path, what: str) -> Path:
         """Return the file of an output frame, counted from 0."""
-        place = self._place_of(found, number)
-        if self._numbers is None or found.numbering is None:
-            found.check_complete(1, "render it, too")
+        place = self._place_of(files, number)
+        if self._numbers is None or files.numbering is None:
+            files.check_complete(1, "render it, too")
             if place is None:
                 raise InputError(
                     f"{path} has no {what} for output frame {number}; render one file for every frame of the output, "
-                    f"from frame 0 on ({len(found.files)} are there)."
+                    f"from frame 0 on ({len(files.files)} are there)."
                 )
         elif place is None:
             wanted = self._numbers[0] + number * self.step
             raise InputError(
-                f"{found.numbering.path(wanted)} is missing, the {what} of output frame {wanted}; render it too."
+                f"{files.numbering.path(wanted)} is missing, the {what} of output frame {wanted}; render it too."
             )
-        return found.files[place]
+        return files.files[place]
 
-    def _place_of(self, found: FileSequence, number: int) -> int | None:
+    def _place_of(self, files: FileSequence, number: int) -> int | None:
         """Return the place among the files of that of an output frame, counted from 0; None if it has none."""
-        if self._numbers is None or found.numbering is None:
-            return number if 0 <= number < len(found.files) else None
+        if self._numbers is None or files.numbering is None:
+            return number if 0 <= number < len(files.files) else None
         wanted = self._numbers[0] + number * self.step
-        place = bisect_left(found.numbers, wanted)
-        return place if place < len(found.numbers) and found.numbers[place] == wanted else None
+        place = bisect_left(files.numbers, wanted)
+        return place if place < len(files.numbers) and files.numbers[place] == wanted else None
 
 
 def _find_vectors(path: Path) -> FileSequence:
@@ -345,8 +329,8 @@ def _read_flows(path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
     flows = read_flow(backward), read_flow(forward)
     if flows[0].shape != flows[1].shape:
         raise InputError(f"{backward} and {forward.name} differ in size; write both for the same frame.")
-    for each, flow in zip((backward, forward), flows, strict=True):
-        _check_numbers(each, flow)
+    for file, flow in zip((backward, forward), flows, strict=True):
+        _check_numbers(file, flow)
     return flows
 
 
@@ -355,13 +339,13 @@ def _read_channels(path: Path, *, is_convention_known: bool) -> tuple[NDArray[An
 
     def choose(names: Collection[str]) -> list[str]:
         nonlocal usual
-        found = find_vector_channels(names, of_any_layer=is_convention_known)
-        if found is None:
+        match = find_vector_channels(names, of_any_layer=is_convention_known)
+        if match is None:
             raise InputError(
                 f"{path} has no motion vectors among its channels ({', '.join(names)}); "
                 "save a vector pass, with X, Y, Z and W in one layer, or say with `vector_convention` what they mean."
             )
-        channels, usual = found
+        channels, usual = match
         return channels
 
     channels = np.dstack(list(read_exr(path, choose).values()))
@@ -384,9 +368,9 @@ def _read_depth(path: Path) -> NDArray[Any]:
         layers = [name for name in names if name.endswith(("Depth.Z", "Depth.V"))]
         taken = "XYZW" if find_layer(names, "XYZW", "") == "" else ""  # used by vectors in the same file
         plain = [name for name in ("Z", "Depth", "V", "Y") if name in names and name not in taken]
-        for found in (layers, list(names), plain[:1]):
-            if len(found) == 1:
-                return found
+        for candidates in (layers, list(names), plain[:1]):
+            if len(candidates) == 1:
+                return candidates
         raise InputError(
             f"{path} has no depth among its channels ({', '.join(names)}); save one channel, named Z, Depth, V or Y."
         )
@@ -417,7 +401,7 @@ def find_vector_channels(names: Collection[str], *, of_any_layer: bool = False) 
     """
     layer = find_layer(names, "XYZW", "Vector")
     if layer is not None:
-        return [layer + each for each in "XYZW"], "blender"
+        return [layer + channel for channel in "XYZW"], "blender"
     four = [next((name for name in names if name.endswith(end)), "") for end in _nuke_channels]
     if all(four):
         return four, "nuke"

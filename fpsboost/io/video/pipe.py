@@ -1,7 +1,7 @@
 """Uncompressed video from standard input and to standard output, as YUV4MPEG2.
 
 FFmpeg reads it, through PyAV. The few lines of text are written here, because PyAV cannot tell FFmpeg's muxer the shape
-of pixels. Frames go out as they are made, so a pipe is the one target that does not appear as a whole.
+of pixels. Frames go out at once, so a pipe is the one target that does not appear as a whole.
 """
 
 from __future__ import annotations
@@ -228,11 +228,11 @@ class PipeSink:
         others = [option for option in encoding.given if option != "`pixel_format`"]
         if others:
             raise OptionError(f"{OUTPUT_NAME} is not encoded and takes no {' or '.join(others)}; leave that out.")
-        held = dict.fromkeys(formats.values())
-        if encoding.pixel_format not in (None, *held):
+        pixel_formats = dict.fromkeys(formats.values())
+        if encoding.pixel_format not in (None, *pixel_formats):
             raise OptionError(
                 f"`pixel_format={encoding.pixel_format!r}` is nothing that YUV4MPEG2 holds; use one of "
-                f"{', '.join(held)}."
+                f"{', '.join(pixel_formats)}."
             )
         self._timing, self._encoding, self._info = output.timing, encoding, output.info
         self._traits = output.stream.traits
@@ -327,12 +327,12 @@ class PipeSink:
         return f"{words} C{name}{colour_range}"
 
     def _nearest(self, wanted: str) -> str:
-        found, loss = find_best_pix_fmt_of_list(list(formats.values()), wanted)
-        if found is None:
+        nearest, loss = find_best_pix_fmt_of_list(list(formats.values()), wanted)
+        if nearest is None:
             return "yuv444p16le"
         if loss & (PixFmtLoss.DEPTH | PixFmtLoss.CHROMA | PixFmtLoss.RESOLUTION):
-            self.remarks.append(f"{OUTPUT_NAME} cannot hold all of {wanted} and was written as {found.name}.")
-        return found.name
+            self.remarks.append(f"{OUTPUT_NAME} cannot hold all of {wanted} and was written as {nearest.name}.")
+        return nearest.name
 
     def _chroma_location(self, pixel_format: str) -> str:
         """Return where the source has its chroma samples; for images where the name of 8-bit 4:2:0 usually says."""
