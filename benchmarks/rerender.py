@@ -17,7 +17,7 @@ from scoring import find_clips, make_between, one_thread, read_frames, wide_cons
 from fpsboost.conversion import convert
 from fpsboost.frame import Frame
 from fpsboost.io.images.files import read_image
-from fpsboost.io.images.numbering import find_images
+from fpsboost.io.images.source import find_images
 from fpsboost.method_table import find_method
 from fpsboost.rerender.frame_choice import choose_frames
 from fpsboost.rerender.regions import RenderCost, TileGrid, choose_regions, partition

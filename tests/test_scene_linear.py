@@ -16,8 +16,8 @@ from fpsboost.conversion import convert, stream
 from fpsboost.errors import OptionError
 from fpsboost.evaluation.contestants import InterpolatorContestant
 from fpsboost.evaluation.hidden_frames import Hiding
+from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import read_exr, write_exr
-from fpsboost.io.images.files import encode_image
 from fpsboost.io.video.decode_options import DecodeOptions
 from fpsboost.io.video.encode_options import Encoding
 from fpsboost.io.video.source import VideoSource

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
 import signal
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Literal
@@ -248,10 +250,19 @@ def completion_script(shell: Shell) -> str:
     return script + ZSH_ENTRY if shell == "zsh" else script
 
 
+def _end_at_once() -> None:
+    """Leave out the last search for cycles, half a second with numba, and what OpenImageIO prints about those left."""
+    gc.freeze()
+    if "OpenImageIO" in sys.modules:
+        with suppress(OSError, ValueError):
+            sys.stderr.flush()
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
 def main() -> None:
     """Run the command line and exit; called by `fpsboost.__main__`."""
     limit_free_memory()  # before there is a second thread
-    atexit.register(gc.freeze)  # or Python looks for cycles among all objects before it ends: half a second with numba
+    atexit.register(_end_at_once)
     is_ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as nohup and a shell's & have it
     stop_on(signal.SIGTERM, *([] if is_ignored else [signal.SIGINT]))
     with LibraryTexts() as texts:

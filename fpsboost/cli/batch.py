@@ -12,7 +12,7 @@ from fpsboost.cli.messages import console, literal, say_error, say_traceback, se
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, OptionError, OutputError, explained
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
-from fpsboost.io.images.numbering import is_pattern
+from fpsboost.io.images.source import is_pattern
 from fpsboost.io.opening import PIPES
 from fpsboost.io.video.encoding import VIDEO_SUFFIXES
 

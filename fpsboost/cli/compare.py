@@ -201,7 +201,7 @@ def check_is_reached(comparisons: Sequence[Comparison], limit: float) -> None:
 
 def match_vectors(clip: str, vectors: VectorFolder) -> VectorFolder:
     """Match a renderer's vectors with the frames of a clip by number if both have numbers."""
-    from fpsboost.io.images.numbering import find_numbers  # noqa: PLC0415
+    from fpsboost.io.images.source import find_numbers  # noqa: PLC0415
 
     numbers = find_numbers(clip)
     return vectors if numbers is None else vectors.matched(numbers, must_match=numbers.step > 1)

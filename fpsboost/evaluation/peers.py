@@ -33,7 +33,8 @@ from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.evaluation.contestants import InterpolatedFrame, seconds_of_children
 from fpsboost.evaluation.hidden_frames import Interval
 from fpsboost.image import Image
-from fpsboost.io.images.files import IMAGE_SUFFIXES, encode_image, extension_of, read_image
+from fpsboost.io.images.encoder import encode_image
+from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image
 from fpsboost.io.images.sequence import list_files
 
 UNKNOWN = float("nan")

@@ -10,9 +10,8 @@ from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.io import DescribedSource
 from fpsboost.io.animation.source import AnimationSource, is_animation
 from fpsboost.io.images.files import IMAGE_SUFFIXES
-from fpsboost.io.images.numbered import ImageSource
-from fpsboost.io.images.numbering import is_pattern
-from fpsboost.io.images.passes import ALL, BEAUTY
+from fpsboost.io.images.layers import ALL, BEAUTY
+from fpsboost.io.images.source import ImageReading, ImageSource, is_pattern
 from fpsboost.io.memory_limit import MemoryLimit
 from fpsboost.io.video.capture import CaptureSource
 from fpsboost.io.video.decode_options import DecodeOptions, View
@@ -80,7 +79,7 @@ def open_source(
     decoding : DecodeOptions, optional
         How a video file is read.
     fill_gaps, in_place : bool
-        Of numbered images; see `fpsboost.io.images.numbered.ImageSource`.
+        Of numbered images; see `fpsboost.io.images.source.ImageReading`.
     limit : MemoryLimit, optional
         What may be taken; what is available without it.
 
@@ -120,17 +119,15 @@ def open_source(
                     f"{path} holds images, which have no frame rate; say it with `input_fps`, for example 24."
                 )
             rate = ASSUMED_IMAGE_RATE if input_fps is None else input_fps
-            return ImageSource(
-                path,
-                rate,
+            reading = ImageReading(
                 upright=requirements.upright,
                 fill_gaps=fill_gaps,
                 in_place=in_place,
                 passes=_passes(path, decoding, requirements),
                 linear=requirements.linear,
                 view=_view(path, decoding, requirements),
-                limit=limit,
             )
+            return ImageSource(path, rate, reading, limit=limit)
         if decoding.decoder == "opencv":
             _check_has_own_rate(input_fps, path)
             if decoding.given != ["`decoder`"]:

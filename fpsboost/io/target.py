@@ -11,9 +11,8 @@ from fpsboost.contracts import FrameSink
 from fpsboost.errors import OptionError, OutputError, explained
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, keeps_alpha
-from fpsboost.io.images.numbered import ImageSink
-from fpsboost.io.images.numbering import is_pattern
-from fpsboost.io.images.part_sink import ImagePartSink
+from fpsboost.io.images.sink import ImagePartSink, ImageSink
+from fpsboost.io.images.source import is_pattern
 from fpsboost.io.opening import PIPES, TargetRequirements
 from fpsboost.io.output import Output
 from fpsboost.io.video.encode_options import Encoding

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fpsboost.errors import InputError, OptionError, explained
 from fpsboost.image import Pixels
-from fpsboost.io.images.numbered import ImageSink
+from fpsboost.io.images.sink import ImageSink
 from fpsboost.io.part import part_files
 from fpsboost.io.target import Target
 from fpsboost.io.trim import Window

@@ -25,8 +25,8 @@ from fpsboost import InputError, Interpolator, MemoryLimit, OptionError
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import Image, as_array
 from fpsboost.io.images.files import read_image
-from fpsboost.io.images.numbered import ImageSource
 from fpsboost.io.images.sequence import NumberedImages
+from fpsboost.io.images.source import ImageSource
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE
 from fpsboost.io.staging import write_safely

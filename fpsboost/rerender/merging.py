@@ -20,12 +20,13 @@ from fpsboost import InputError, Layer, LayeredImage, MemoryLimit, OptionError, 
 from fpsboost.colour import has_alpha
 from fpsboost.errors import explained
 from fpsboost.image import Image, as_array, describe, view
-from fpsboost.io.images.exr_header import parse_exr_header
-from fpsboost.io.images.files import IMAGE_SUFFIXES, content_of, decode_image, encode_image, extension_of, needs_float
-from fpsboost.io.images.metadata import can_pass, metadata_of
-from fpsboost.io.images.numbering import find_images
-from fpsboost.io.images.passes import ALL, Passes, encode_like
+from fpsboost.io.images.encoder import encode_image
+from fpsboost.io.images.exr import read_exr_header
+from fpsboost.io.images.files import IMAGE_SUFFIXES, content_of, extension_of, read_image, storage_of
+from fpsboost.io.images.layers import ALL, Passes, encode_like
+from fpsboost.io.images.metadata import metadata_of
 from fpsboost.io.images.sequence import list_files
+from fpsboost.io.images.source import find_images
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.staging import write_safely
 from fpsboost.layered import FrameImage
@@ -115,9 +116,7 @@ def merge_regions(made: str, rendered: str, output: str, options: MergeOptions) 
     merger = _Merger(plan, options.feather, MemoryLimit())
     with new_folder(Path(output)) as unfinished:
         for number, path in files.items():
-            content = content_of(path)
-            if number in planned:
-                content = merger.merged(path, content, planned[number], places[number])
+            content = merger.merged(path, planned[number], places[number]) if number in planned else content_of(path)
             with explained(OutputError, "write", Path(output) / path.name, "check the free space and the permissions"):
                 write_safely(unfinished / path.name, content)
     if any(extension_of(files[number].name) in LOSSY for number in planned):
@@ -186,30 +185,27 @@ class _Merger:
     feather: int
     limit: MemoryLimit
 
-    def merged(self, path: Path, content: bytes, frame: PlannedFrame, rendered: _Rendered) -> bytes:
+    def merged(self, path: Path, frame: PlannedFrame, rendered: _Rendered) -> bytes:
         """Return the content of a file of a conversion with its regions put back."""
-        passes = Passes.chosen(path, content, ALL) if extension_of(path.name) == ".exr" else None
-        made = self._decoded(path, content, passes)
+        passes = Passes.chosen(path, ALL) if extension_of(path.name) == ".exr" else None
+        made = self._read(path, passes)
         if made.shape[:2] != (self.plan.height, self.plan.width):
             raise InputError(
                 f"{path} has {made.shape[1]}x{made.shape[0]} pixels and the plan {self.plan.width}x"
                 f"{self.plan.height}; name the sequence that was planned."
             )
         if frame.whole and rendered.whole is not None and path.suffix == rendered.whole.suffix:
-            data = content_of(rendered.whole)
-            _check_alike(rendered.whole, self._decoded(rendered.whole, data, passes), path, made)
-            if can_pass(data):
-                return data
+            _check_alike(rendered.whole, self._read(rendered.whole, passes), path, made)
+            if storage_of(rendered.whole).can_pass:
+                return content_of(rendered.whole)
         mask = frame.mask(self.plan.height, self.plan.width)
         weights = seam_weights(mask, self.feather)
         picture = self._rendered_regions(path, made, frame, rendered, passes)
         mixed = mix(as_array(made), as_array(picture), weights)
         if isinstance(made, LayeredImage) and isinstance(picture, LayeredImage):  # their layers are mixed, each by kind
             layers = (_mix_layer(*pair, weights, mask) for pair in zip(made.layers, picture.layers, strict=True))
-            return encode_like(parse_exr_header(path, content), LayeredImage(mixed, tuple(layers)))
-        return encode_image(
-            path, mixed, half=not needs_float(path, content, mixed), metadata=metadata_of(path, content)
-        )
+            return encode_like(read_exr_header(path), LayeredImage(mixed, tuple(layers)))
+        return encode_image(path, mixed, metadata=metadata_of(path))
 
     def _rendered_regions(
         self, path: Path, made: FrameImage, frame: PlannedFrame, rendered: _Rendered, passes: Passes | None
@@ -218,17 +214,17 @@ class _Merger:
         picture: FrameImage = view(made).deep_copy()
         for place, region in enumerate(frame.regions, start=1):
             file = rendered.whole or rendered.regions[place]
-            image = self._decoded(file, content_of(file), passes)
+            image = self._read(file, passes)
             part = _part(file, image, region, path, made)
             for to, values in zip(view(picture).arrays(), view(image).arrays(), strict=True):
                 to[region.part] = values[part]
         return picture
 
-    def _decoded(self, path: Path, content: bytes, passes: Passes | None) -> FrameImage:
+    def _read(self, path: Path, passes: Passes | None) -> FrameImage:
         """Return an image, with the layers of the conversion's files if these have any."""
         if passes is None or extension_of(path.name) != ".exr":
-            return decode_image(path, content, self.limit)
-        return passes.decode(path, content, self.limit)
+            return read_image(path, self.limit)
+        return passes.read(path, self.limit)
 
 
 def _mix_layer(made: Layer, rendered: Layer, weights: NDArray[Any], mask: NDArray[Any]) -> Layer:

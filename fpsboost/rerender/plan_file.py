@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost import InputError
-from fpsboost.io.images.files import content_of, decode_image, encode_image
+from fpsboost.io.images.encoder import encode_image
+from fpsboost.io.images.files import content_of, read_image
 from fpsboost.io.images.sequence import Numbering
 from fpsboost.io.staging import write_safely
 from fpsboost.rerender.regions import Rectangle
@@ -163,7 +164,8 @@ class RerenderPlan:
         masks = mask_numbering(folder, [frame.number for frame in self.frames])
         for frame in self.frames:
             path = masks.path(frame.number)
-            mask = decode_image(path, content_of(path, "plan again, or put it back"))
+            content_of(path, "plan again, or put it back")
+            mask = read_image(path)
             height, width = mask.shape[:2]
             if (height, width) != (self.height, self.width):
                 raise InputError(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fpsboost import InputError, Interpolator, MemoryLimit
-from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.images.source import ImageSource
 from fpsboost.io.new_output import check_new_folder, new_folder
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, stands_for_images
 from fpsboost.io.vectors.folder import VectorFolder

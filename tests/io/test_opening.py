@@ -13,7 +13,8 @@ from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.io.animation.sink import ANIMATION_SUFFIXES, AnimationSink
 from fpsboost.io.animation.source import AnimationSource
 from fpsboost.io.images.files import IMAGE_SUFFIXES
-from fpsboost.io.images.numbered import ImageSink, ImageSource
+from fpsboost.io.images.sink import ImageSink
+from fpsboost.io.images.source import ImageSource
 from fpsboost.io.opening import ASSUMED_IMAGE_RATE, TargetRequirements, open_source
 from fpsboost.io.target import Target
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -54,7 +55,7 @@ def test_a_folder_is_a_folder_whatever_its_name(tmp_path):
         open_source(str(tmp_path / "clip.mp4"), decoding=DecodeOptions(input_fps=Fraction(24)))
 
 
-@pytest.mark.parametrize("name", ["out.avi", "out.txt", "out.mp4.bak", "shot_%d.hdr"])
+@pytest.mark.parametrize("name", ["out.avi", "out.txt", "out.mp4.bak", "shot_%d.xyz"])
 def test_unknown_endings(name):
     """What cannot be written is an OptionError that lists what can."""
     with pytest.raises(OptionError, match=rf"{name} has an ending .*\.mp4.*\.webm.*folder"):

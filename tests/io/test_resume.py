@@ -23,7 +23,8 @@ from fpsboost.errors import CompleteAlreadyError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.interpolator import Interpolator
 from fpsboost.io.fingerprint import JobFingerprint, fingerprint_options
-from fpsboost.io.images.numbered import ImageSink, ImageSource
+from fpsboost.io.images.sink import ImageSink
+from fpsboost.io.images.source import ImageSource
 from fpsboost.io.staging import StagingDirectory
 from fpsboost.io.vectors.flow import encode_flow
 from fpsboost.io.vectors.folder import VectorFolder
@@ -564,11 +565,11 @@ def test_moving_goes_on(tmp_path, images, snapshot, monkeypatch, moved):
     def move_some(moves: list[tuple[Path, Path]]) -> None:
         for here, there in moves[:moved]:
             here.rename(there)
-        monkeypatch.setattr("fpsboost.io.images.numbered.ImageSink._leave", lambda sink, _: sink._unfinished._release())
+        monkeypatch.setattr("fpsboost.io.images.sink.ImageSink._leave", lambda sink, _: sink._unfinished._release())
         raise Killed
 
     with monkeypatch.context() as patch:
-        patch.setattr("fpsboost.io.images.numbered.move_all", move_some)
+        patch.setattr("fpsboost.io.images.sink.move_all", move_some)
         patch.setattr(Path, "unlink", lambda *_, **__: None)
         with pytest.raises(Killed):
             write_images(images, tmp_path / "out")

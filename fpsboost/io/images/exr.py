@@ -1,50 +1,197 @@
-"""OpenEXR files: planes of numbers with names, read as float32 or in their own types, and written.
+"""OpenEXR files: planes of numbers with names, read in their own types, and written like another file.
 
-Measured: OpenEXR's older reader ends the process where a name in the header is no UTF-8; the newer one does not say how
-precise channels are before it has decoded them. The older one decodes, because it raises where a file is damaged; the
-newer one prints to stdout and goes on. It knows one part only, so that each of several is handed to it as a file. The
-newer one writes; its header is then replaced by that of the source, because it would change the types of attributes.
+OpenImageIO reads headers, with the type of each channel; OpenEXR's own library reads and writes the planes. Measured on
+a 1080p frame of 20 channels, half and float: OpenImageIO takes 0.5 s to read it and 2 s to write it where OpenEXR takes
+0.2 s and 0.6 s, because it interleaves channels and converts mixed types one number at a time; and whole numbers beside
+other types lose all but 24 bits.
 """
 
 from __future__ import annotations
 
 import io
-import struct
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OutputError, explained
-from fpsboost.io.images.exr_header import (
-    LONG_NAMES,
-    MAGIC,
-    SEVERAL_PARTS,
-    TILED,
-    Channel,
-    ExrHeader,
-    ExrPart,
-    Precision,
-    Window,
-    channel_bytes,
-    chunk_head,
-    damaged,
-    header_bytes,
-    numbers_at,
-    parse_exr_header,
-)
+from fpsboost.io.images.library import image_library
 from fpsboost.io.memory_limit import MemoryLimit
 
-LEVEL = "dwaCompressionLevel"
-"""Attribute that says how strongly DWAA and DWAB compress."""
+Precision = Literal["uint", "half", "float"]
 
 numpy_types: Mapping[Precision, type[np.generic]] = MappingProxyType(
     {"uint": np.uint32, "half": np.float16, "float": np.float32}
 )
 """Types of channels in memory."""
+
+_precisions: Mapping[str, Precision] = MappingProxyType({name: name for name in numpy_types})
+_colour_attributes = ("chromaticities", "whiteLuminance")
+_per_file = ("channels", "chunkCount", "name")  # of a header: what the library writes by itself
+
+
+class Window(NamedTuple):
+    """A rectangle of pixels, both ends included."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.bottom - self.top + 1, self.right - self.left + 1
+
+    @property
+    def corners(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Two corners, as OpenEXR takes them."""
+        return np.array(self[:2], np.int32), np.array(self[2:], np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class ExrPart:
+    """One part of a file: an image with channels of its own.
+
+    Attributes
+    ----------
+    name : str
+        Empty in a file with one part.
+    channels : mapping of str to Precision
+        By the names as they are stored, in the order of the alphabet.
+    data, display : Window
+        Where there are pixels, and what is to be shown.
+    attributes : mapping of str to object
+        All that describes pixels and image, as OpenEXR has it.
+    is_linear : frozenset of str
+        Channels with the format's hint for lossy compression.
+    """
+
+    name: str
+    channels: Mapping[str, Precision]
+    data: Window
+    display: Window
+    attributes: Mapping[str, Any]
+    is_linear: frozenset[str]
+
+    def full_name(self, channel: str) -> str:
+        """Return the name of a channel with that of its part before it, unless it begins with that anyway."""
+        return channel if not self.name or channel.startswith(f"{self.name}.") else f"{self.name}.{channel}"
+
+
+@dataclass(frozen=True, eq=False)
+class ExrHeader:
+    """What a file says of itself.
+
+    Attributes
+    ----------
+    parts : tuple of ExrPart
+        At least one.
+    """
+
+    parts: tuple[ExrPart, ...]
+
+    @cached_property
+    def places(self) -> dict[str, tuple[ExrPart, str]]:
+        """Part and stored name of every channel, by its full name."""
+        return {part.full_name(name): (part, name) for part in self.parts for name in part.channels}
+
+    @property
+    def channels(self) -> dict[str, Precision]:
+        """Type of each channel, by its full name, in the order of the file."""
+        return {name: part.channels[own] for name, (part, own) in self.places.items()}
+
+    @property
+    def display(self) -> Window:
+        """What is to be shown, of all parts."""
+        return self.parts[0].display
+
+    @property
+    def describes_colours(self) -> bool:
+        """Whether it says something of its colours, or that its pixels are not square."""
+        first = self.parts[0].attributes
+        return any(name in first for name in _colour_attributes) or first.get("pixelAspectRatio", 1) != 1
+
+
+def read_exr_header(path: Path) -> ExrHeader:
+    """Read what a file says of itself, nothing decoded.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is damaged, has deep pixels, channels with fewer pixels than others, or parts of different
+        sizes.
+    """
+    import OpenEXR  # noqa: PLC0415  # only who has such files waits for it
+
+    with explained(InputError, "read", path, "check that it exists and that you may read it"):
+        path.open("rb").close()
+    try:
+        types = _types_of(path)
+        with OpenEXR.File(str(path), separate_channels=True, header_only=True, num_threads=0) as file:
+            headers = [dict(file.header(number)) for number in range(len(file.parts))]  # emptied at its end
+        if not headers or len(headers) != len(types):
+            raise ValueError("parts that cannot be read")
+        names = [header.get("name", "") if len(headers) > 1 else "" for header in headers]
+        header = ExrHeader(tuple(map(_part, names, headers, types)))
+        if not header.places or len(header.places) != sum(len(part.channels) for part in header.parts):
+            raise ValueError("no channels, or two parts with one name")
+    except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+        raise damaged(path) from error
+    if any(part.display != header.display for part in header.parts):
+        raise InputError(f"{path} has parts of different sizes; save them with one display window.")
+    return header
+
+
+def damaged(path: Path) -> InputError:
+    """Return the error to raise for a file that cannot be read."""
+    return InputError(f"{path} is damaged or no OpenEXR file; replace it.")
+
+
+def _types_of(path: Path) -> list[dict[str, Precision]]:
+    """Return the types of the channels of each part, by the stored names."""
+    library = image_library()
+    file = library.ImageInput.open(str(path))
+    if file is None:
+        reason = library.geterror()
+        if "ubsampled" in reason:
+            raise InputError(f"{path} has channels with fewer pixels than the image; save it as RGB or gray.")
+        raise ValueError(reason)
+    try:
+        types = list[dict[str, Precision]]()
+        while file.seek_subimage(len(types), 0):
+            spec = file.spec()
+            if spec.deep:
+                raise InputError(f"{path} has deep pixels; save it as one flat image.")
+            formats = spec.channelformats or (spec.format,) * spec.nchannels
+            types.append({name: _precisions[str(kind)] for name, kind in zip(spec.channelnames, formats, strict=True)})
+        file.geterror()  # that there is no further part
+        return types
+    finally:
+        file.close()
+
+
+def _part(name: str, header: Mapping[str, Any], types: Mapping[str, Precision]) -> ExrPart:
+    channels = header["channels"]
+    data, display = (
+        Window(*(int(number) for corner in header[window] for number in corner))
+        for window in ("dataWindow", "displayWindow")
+    )
+    if min(data.size + display.size) < 1:
+        raise ValueError("a window without pixels")
+    return ExrPart(
+        name,
+        {each.name: types[each.name] for each in channels},
+        data,
+        display,
+        {key: value for key, value in header.items() if key not in _per_file},
+        frozenset(each.name for each in channels if each.pLinear),
+    )
 
 
 def read_exr(
@@ -71,36 +218,23 @@ def read_exr(
     Raises
     ------
     InputError
-        It cannot be read, is damaged or too large, is of a kind that holds no plain image, or a channel that is asked
-        for has fewer pixels than the image.
+        It cannot be read, is damaged or too large, or is of a kind that holds no plain image.
     """
-    with explained(InputError, "read", path, "check that it exists and that you may read it"):
-        data = path.read_bytes()
-    return decode_exr(path, data, choose, limit)
-
-
-def decode_exr(
-    path: Path, data: bytes, choose: Callable[[Collection[str]], Collection[str]], limit: MemoryLimit | None
-) -> dict[str, NDArray[Any]]:
-    """Read channels from the content of a file; see `read_exr`."""
-    header = parse_exr_header(path, data)
-    planes = decode_channels(path, data, header, list(choose(list(header.channels))), limit)
+    header = read_exr_header(path)
+    planes = read_channels(path, header, list(choose(list(header.channels))), limit)
     return {name: plane.astype(np.float32) for name, plane in planes.items()}
 
 
-def decode_channels(
-    path: Path, data: bytes, header: ExrHeader, names: Sequence[str], limit: MemoryLimit | None
+def read_channels(
+    path: Path, header: ExrHeader, names: Sequence[str], limit: MemoryLimit | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Read channels from the content of a file in their own types.
+    """Read channels of a file in their own types.
 
     Parameters
     ----------
     path : Path
-        For messages.
-    data : bytes
-        The content of the file.
     header : ExrHeader
-        What it says of itself.
+        What the file says of itself.
     names : sequence of str
         Full names of channels, in any order.
     limit : MemoryLimit, optional
@@ -111,12 +245,24 @@ def decode_channels(
     dict of str to (H, W) float16, float32 or uint32
         In the order of the names; otherwise as for `read_exr`.
     """
+    import OpenEXR  # noqa: PLC0415
+
     limit = limit or MemoryLimit()
     for window in (header.display, *(part.data for part in header.parts)):
         limit.check(path, *reversed(window.size))
-    if header.subsampled.intersection(names):
-        raise InputError(f"{path} has channels with fewer pixels than the image; save it as RGB or gray.")
-    planes = _decode(data, header, names, path)
+    try:
+        with OpenEXR.File(str(path), separate_channels=True, num_threads=0) as file:
+            if len(file.parts) != len(header.parts):
+                raise ValueError("a part that cannot be decoded")
+            stored = [file.channels(number) for number in range(len(header.parts))]
+            planes = {
+                part.full_name(name): stored[number][name].pixels
+                for number, part in enumerate(header.parts)
+                for name in part.channels
+                if part.full_name(name) in names
+            }
+    except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+        raise damaged(path) from error
     return {name: _in_display_window(planes[name], header.places[name][0].data, header.display) for name in names}
 
 
@@ -133,12 +279,7 @@ def write_exr(path: Path, channels: Mapping[str, NDArray[Any]], *, half: bool = 
         path.write_bytes(data)
 
 
-def encode_exr(
-    channels: Mapping[str, NDArray[Any]],
-    *,
-    half: bool = True,
-    attributes: Collection[tuple[str, tuple[float, ...]]] = (),
-) -> bytes:
+def encode_exr(channels: Mapping[str, NDArray[Any]], *, half: bool = True) -> bytes:
     """Turn planes into the content of a file: scanlines, compressed without loss (ZIP).
 
     Parameters
@@ -148,32 +289,21 @@ def encode_exr(
     half : bool
         Store 16 bits a number, which hold about three digits and end at 65504 (what is larger becomes infinity),
         instead of float32.
-    attributes : collection of (str, tuple of float)
-        What else the header is to say, as `ExrHeader.attributes` has it.
-
-    Returns
-    -------
-    bytes
     """
-    import OpenEXR  # noqa: PLC0415  # only who has such files waits for it
+    import OpenEXR  # noqa: PLC0415
 
-    with np.errstate(over="ignore"):
-        planes = {
-            name: np.ascontiguousarray(plane, np.float16 if half else np.float32) for name, plane in channels.items()
-        }
-    stream = io.BytesIO()
-    header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    header |= {name: values[0] if len(values) == 1 else values for name, values in attributes}
-    with OpenEXR.File(header, planes) as file:
-        file.write(stream)
-    return stream.getvalue()
+    kind = np.float16 if half else np.float32
+    planes = {name: _typed(plane, kind) for name, plane in channels.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    return _encoded(OpenEXR.File(header, planes))
 
 
 def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> bytes:
     """Turn planes into the content of a file that says the same as another one, in the same parts.
 
-    Parts, names, types, compression, line order, tiles and all attributes are those of the other file, except that it
-    has data for the whole display window, no smaller copies of its images, and no channels without a plane.
+    Parts, names, types, compression and its level, line order, tiles and all attributes that OpenEXR's library knows
+    are those of the other file, except that it has data for the whole display window, no smaller copies of its images,
+    and no channels without a plane.
 
     Parameters
     ----------
@@ -181,139 +311,39 @@ def encode_exr_like(header: ExrHeader, planes: Mapping[str, NDArray[Any]]) -> by
         Of the other file.
     planes : mapping of str to (H, W)
         By the full names of channels that the other file has, all of the size of its display window.
-
-    Returns
-    -------
-    bytes
     """
     import OpenEXR  # noqa: PLC0415
 
-    parts, written = [], []
+    written = []
     for part in header.parts:
-        own = {name: each for name, each in part.channels.items() if part.full_name(name) in planes}
-        if not own:
-            continue
-        channels = {}
-        for name, each in own.items():
-            with np.errstate(over="ignore"):
-                plane = np.ascontiguousarray(planes[part.full_name(name)], numpy_types[each.precision])
-            channels[name] = OpenEXR.Channel(name, plane, 1, 1, each.is_linear)
-        parts.append((part, own))
-        written.append(OpenEXR.Part(_coding(part), channels, part.name or "image"))
+        channels = {
+            name: OpenEXR.Channel(
+                name, _typed(planes[part.full_name(name)], numpy_types[kind]), 1, 1, name in part.is_linear
+            )
+            for name, kind in part.channels.items()
+            if part.full_name(name) in planes
+        }
+        attributes = {**part.attributes, "dataWindow": part.display.corners}
+        if "tiles" in attributes:
+            attributes["tiles"] = tiles = OpenEXR.TileDescription()
+            tiles.xSize, tiles.ySize = part.attributes["tiles"].xSize, part.attributes["tiles"].ySize
+        if channels:
+            written.append((attributes, channels, part.name))
+    if len(header.parts) == 1:
+        return _encoded(OpenEXR.File(*written[0][:2]))
+    return _encoded(OpenEXR.File([OpenEXR.Part(*each) for each in written]))
+
+
+def _typed(plane: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(plane, kind)
+
+
+def _encoded(file: Any) -> bytes:
     stream = io.BytesIO()
-    with OpenEXR.File(written) as file:
+    with file:
         file.write(stream)
-    return _with_headers(stream.getvalue(), header, parts)
-
-
-def _coding(part: ExrPart) -> dict[str, Any]:
-    """Return the attributes of a part that its pixels are coded by."""
-    import OpenEXR  # noqa: PLC0415
-
-    stored = part.attributes
-    window = np.array(part.display[:2], np.int32), np.array(part.display[2:], np.int32)
-    coding = {
-        "type": OpenEXR.tiledimage if part.is_tiled else OpenEXR.scanlineimage,
-        "compression": OpenEXR.Compression(stored["compression"].value[0]),
-        "lineOrder": OpenEXR.LineOrder(stored["lineOrder"].value[0]),
-        "dataWindow": window,
-        "displayWindow": window,
-    }
-    if part.is_tiled:
-        tiles = OpenEXR.TileDescription()
-        tiles.xSize, tiles.ySize = struct.unpack_from("<II", stored["tiles"].value)
-        coding["tiles"] = tiles
-    if LEVEL in stored:
-        (coding[LEVEL],) = struct.unpack("<f", stored[LEVEL].value)
-    return coding
-
-
-def _with_headers(data: bytes, source: ExrHeader, parts: Sequence[tuple[ExrPart, Mapping[str, Channel]]]) -> bytes:
-    """Put the headers of another file into a file that has the same parts, and move its chunks accordingly."""
-    header = parse_exr_header(Path("new.exr"), data)
-    heads = b""
-    for new, (part, channels) in zip(header.parts, parts, strict=True):
-        changed = {"channels": channel_bytes(channels), "dataWindow": struct.pack("<4i", *part.display)}
-        if new.chunks is not None:
-            changed["chunkCount"] = struct.pack("<i", len(new.chunks))
-        if part.is_tiled:
-            changed["tiles"] = part.attributes["tiles"].value[:8] + b"\0"  # one level
-        kept = part.attributes.items()
-        heads += header_bytes({name: each._replace(value=changed.get(name, each.value)) for name, each in kept})
-    version = header.version | (source.version & LONG_NAMES)
-    heads = MAGIC + struct.pack("<I", version) + heads + b"\0" * bool(version & SEVERAL_PARTS)
-    tables = np.concatenate([part.chunks for part in header.parts if part.chunks is not None])
-    moved = (tables + (len(heads) - header.tables)).astype("<u8").tobytes()
-    return heads + moved + data[header.tables + len(moved) :]
-
-
-def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None:
-    """Find the name prefix of the only layer that has all these channels.
-
-    Parameters
-    ----------
-    names : collection of str
-        Channels of a file.
-    parts : str
-        One letter for each channel of the layer, ``XYZW``.
-    preferred : str
-        The last word of the layer's name where several layers have these letters.
-
-    Returns
-    -------
-    str or None
-        "" for plain names; None where there is no such layer, or several.
-
-    Examples
-    --------
-    >>> find_layer(["Scene.Vector.X", "Scene.Vector.Y", "Scene.Depth.Z"], "XY", "Vector")
-    'Scene.Vector.'
-    """
-    prefixes = {name[:-1] for name in names if name.endswith(parts[0]) and (len(name) == 1 or name[-2] == ".")}
-    whole = sorted(prefix for prefix in prefixes if all(prefix + part in names for part in parts))
-    if "" in whole:
-        return ""
-    named = [prefix for prefix in whole if prefix.split(".")[-2] == preferred]
-    found = named or whole
-    return found[0] if len(found) == 1 else None
-
-
-def _decode(data: bytes, header: ExrHeader, names: Sequence[str], path: Path) -> dict[str, NDArray[Any]]:
-    """Return channels as they are stored, (height, width) of their part's data window."""
-    import OpenEXR  # noqa: PLC0415
-
-    found: dict[str, NDArray[Any]] = {}
-    for number, part in enumerate(header.parts):
-        own = {part.full_name(name): name for name in part.channels if part.full_name(name) in names}
-        if not own:
-            continue
-        whole = data if len(header.parts) == 1 and not header.version & SEVERAL_PARTS else _alone(data, header, number)
-        try:
-            file = OpenEXR.InputFile(io.BytesIO(whole))
-            planes = file.channels(list(own.values()))
-            file.close()
-        except (OSError, RuntimeError, TypeError, ValueError) as error:
-            raise damaged(path) from error
-        for (name, stored), plane in zip(own.items(), planes, strict=True):
-            kind = numpy_types[part.channels[stored].precision]
-            found[name] = np.frombuffer(plane, kind).reshape(part.data.size)
-    return found
-
-
-def _alone(data: bytes, header: ExrHeader, number: int) -> bytes:
-    """Return one part of several as a file of its own, not decoded, for the decoder that knows one part only."""
-    part = header.parts[number]
-    if part.chunks is None:
-        raise ValueError("a part always has its chunks")
-    version = (header.version & ~SEVERAL_PARTS) | (TILED if part.is_tiled else 0)
-    head = MAGIC + struct.pack("<I", version) + header_bytes(part.attributes)
-    before = chunk_head(part.is_tiled, has_several=True)
-    ends = part.chunks + before + 4 + numbers_at(data, part.chunks + before)
-    lengths = ends - part.chunks - 4  # without the number of the part
-    begins = len(head) + 8 * len(lengths) + np.concatenate([[0], np.cumsum(lengths)[:-1]])
-    content = memoryview(data)
-    chunks = [content[begin + 4 : end] for begin, end in zip(part.chunks.tolist(), ends.tolist(), strict=True)]
-    return b"".join([head, begins.astype("<u8").tobytes(), *chunks])
+    return stream.getvalue()
 
 
 def _in_display_window(plane: NDArray[Any], data: Window, display: Window) -> NDArray[Any]:

@@ -1,22 +1,17 @@
-"""One image file, read and encoded: PNG, TIFF, JPEG, WebP, BMP and OpenEXR, and what each of them can hold.
+"""One image file, read: PNG, TIFF, JPEG, WebP, BMP, DPX, TGA, JPEG XL, HDR and OpenEXR, and what each can hold.
 
-Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha. What describes
-them is read in `metadata`; an EXIF orientation is not applied, that of a TIFF is. A palette becomes
-colour, gray with alpha BGRA. Alpha in OpenEXR is associated (colours are multiplied by it), which is how the package
-takes all float images; values beyond black and white stay.
-
-Encoding was chosen by measuring 1080p frames: OpenCV's own PNG setting takes 60 to 130 ms, compression 3 two to four
-times as long for files between 30 % smaller (smooth) and 7 % larger (grain); LZW with a predictor takes a third off an
-8-bit TIFF in 60 ms; float TIFF stays uncompressed, because OpenCV 4 would choose a lossy compression by itself. Pillow
-writes JPEG and WebP with what they say beside their pixels: a JPEG byte for byte as OpenCV does, which leaves XMP out
-of JPEG and PNG, and refuses profiles that are odd or longer than a segment.
+Pixels are kept as the files have them, 8 or 16 bit or float, gray or colour, with or without alpha, which OpenImageIO
+would otherwise multiply colours by. What describes them is read in `metadata`; an EXIF orientation is not applied, that
+of a TIFF is. A palette becomes colour, gray with alpha BGRA. Alpha in OpenEXR is associated (colours are multiplied by
+it), which is how the package takes all float images; values beyond black and white stay.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from io import BytesIO
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,26 +19,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fpsboost.errors import InputError, OutputError, explained
-from fpsboost.frame import ClipInfo
-from fpsboost.image import Image, describe, type_names
-from fpsboost.io.images.exr import decode_channels, encode_exr
-from fpsboost.io.images.exr_header import ExrHeader, parse_exr_header
-from fpsboost.io.images.exr_layers import contents_of
-from fpsboost.io.images.jpeg_segments import START_OF_SCAN, segments_in
-from fpsboost.io.images.kinds import as_stored
-from fpsboost.io.images.metadata import ImageMetadata, pillow_options, with_metadata
-from fpsboost.io.images.sizes import declared_size
+from fpsboost.errors import InputError, explained
+from fpsboost.image import Image
+from fpsboost.io.images.layers import read_picture
+from fpsboost.io.images.library import damaged, opened
 from fpsboost.io.memory_limit import MemoryLimit
 
-IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp", ".exr")
-
-_jpeg = ("JPEG", {"quality": 95})
-_webp = ("WEBP", {"lossless": True, "exact": True, "quality": 70})  # of the search for a small file
-_pillow_types: dict[str, tuple[str, dict[str, Any]]] = {".jpg": _jpeg, ".jpeg": _jpeg, ".webp": _webp}
-
-# What each format keeps exactly (JPEG: as far as a lossy format does).
-_types_kept = {
+# What each format keeps exactly (JPEG and HDR: as far as their ways of storing go).
+types_kept: dict[str, tuple[type[np.generic], ...]] = {
     ".png": (np.uint8, np.uint16),
     ".tif": (np.uint8, np.uint16, np.float32),
     ".tiff": (np.uint8, np.uint16, np.float32),
@@ -52,14 +35,46 @@ _types_kept = {
     ".webp": (np.uint8,),
     ".bmp": (np.uint8,),
     ".exr": (np.float32,),
+    ".dpx": (np.uint8, np.uint16),
+    ".tga": (np.uint8,),
+    ".jxl": (np.uint8, np.uint16),
+    ".hdr": (np.float32,),
 }
-_types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr")
-_largest_side = {".jpg": 65500, ".jpeg": 65500, ".webp": 16383}
+IMAGE_SUFFIXES = tuple(types_kept)
+_types_with_alpha = (".png", ".tif", ".tiff", ".webp", ".exr", ".dpx", ".tga", ".jxl")
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_png_gray_with_alpha, _png_palette = 4, 3  # of its colour types
+_white_is_0, _palette = 0, 3
+_tiff_colours = {
+    _white_is_0: "with white as 0",
+    _palette: "with a palette",
+    5: "as CMYK",
+    6: "as YCbCr",
+    8: "as CIELab",
+    9: "as ICCLab",
+    10: "as ITULab",
+}
+"""By TIFF's number of its colours; gray (1) and RGB (2) are read as they are."""
+
+_types_read = {"uint8": "uint8", "uint16": "uint16", "float": "float", "half": "float"}
+_orders = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
 
 
 def extension_of(name: str) -> str:
     """Return the ending of a file name in small letters, ``.png``."""
     return os.path.splitext(name)[1].lower()
+
+
+def keeps_alpha(extension: str) -> bool:
+    """Return whether a type of file, ``.png``, holds alpha."""
+    return extension in _types_with_alpha
+
+
+def content_of(path: Path, advice: str = "check that it exists and that you may read it") -> bytes:
+    """Return all bytes of an input, or raise `InputError` with advice."""
+    with explained(InputError, "read", path, advice):
+        return path.read_bytes()
 
 
 def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
@@ -80,207 +95,118 @@ def read_image(path: Path, limit: MemoryLimit | None = None) -> Image:
     InputError
         It cannot be read, is damaged or too large, or has another type of pixels.
     """
-    return decode_image(path, content_of(path), limit)
-
-
-def content_of(path: Path, advice: str = "check that it exists and that you may read it") -> bytes:
-    """Return all bytes of an input, or raise `InputError` with advice."""
-    with explained(InputError, "read", path, advice):
-        return path.read_bytes()  # not cv2.imread, which knows no Unicode names on Windows and gives no reasons
-
-
-def decode_image(path: Path, data: bytes, limit: MemoryLimit | None = None) -> Image:
-    """Make an image of the content of a file; see `read_image`."""
     if extension_of(path.name) == ".exr":
-        return _decode_exr_image(path, data, limit)
-    size = declared_size(data)
-    if size is not None:
-        (limit or MemoryLimit()).check(path, *size)
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    except cv2.error:
-        image = None
-    if image is None or _ends_early(data):
-        raise InputError(f"{path} is damaged or no image; replace it.")
-    if image.ndim == 2:
-        image = image[:, :, np.newaxis]
-    image = as_stored(data, image)
-    if image.dtype not in type_names or image.shape[2] not in (1, 3, 4):
-        raise InputError(
-            f"{path} has {image.shape[2]} channels of {image.dtype}; "
-            "save it as gray or colour with 8 bits, 16 bits or 32-bit float."
-        )
-    return image
+        return read_picture(path, limit)
+    with opened(path) as (file, spec):
+        (limit or MemoryLimit()).check(path, spec.width, spec.height)
+        is_bmp = file.format_name() == "bmp"  # whose fourth byte is seldom meant as alpha
+        channels = min(spec.nchannels, 3) if is_bmp else spec.nchannels
+        kind = _types_read.get(str(spec.format))
+        if kind is None or channels not in (1, 2, 3, 4):
+            raise InputError(
+                f"{path} has {channels} channels of {spec.format}; "
+                "save it as gray or colour with 8 bits, 16 bits or 32-bit float."
+            )
+        stored = file.read_image(0, 0, 0, channels, kind)
+        if stored is None or file.geterror():  # a JPEG that ends early has pixels, of which the last are gray
+            raise damaged(path)
+        photometric, orientation = _tiff_tags(spec)
+    image: NDArray[Any] = stored[..., [0, 0, 0, 1]] if channels == 2 else stored
+    if channels > 2:
+        image = cv2.cvtColor(image, _orders[channels])
+    if photometric == _white_is_0 and image.dtype == np.uint16:  # the library turns 8 bits, but not 16
+        image = np.uint16(0xFFFF) - image
+    return upright(image, orientation)
 
 
-def _decode_exr_image(path: Path, data: bytes, limit: MemoryLimit | None) -> Image:
-    header = parse_exr_header(path, data)
-    return picture_of(decode_channels(path, data, header, picture_channels(path, header), limit))
+def _tiff_tags(spec: Any) -> tuple[int | None, int]:
+    """Return a TIFF's number of its colours and its orientation; None and 1 for other types of file."""
+    photometric = spec.getattribute("tiff:PhotometricInterpretation")
+    return photometric, 1 if photometric is None else spec.get_int_attribute("Orientation", 1)
 
 
-def picture_channels(path: Path, header: ExrHeader) -> list[str]:
-    """Return the channels of the picture in an OpenEXR file, in the order B, G, R, A or Y, A.
+def upright(image: Image, orientation: int) -> Image:
+    """Turn an image as EXIF's orientation, 1 to 8, says."""
+    if orientation in (2, 4, 5, 7):
+        image = image[:, ::-1]
+    turns = {3: 2, 4: 2, 5: 1, 6: -1, 7: -1, 8: 1}.get(orientation, 0)
+    return np.ascontiguousarray(np.rot90(image, turns))
+
+
+@dataclass(frozen=True)
+class Storage:
+    """How a file stores its image.
+
+    Attributes
+    ----------
+    kind : str
+        ``with a palette``, ``as CMYK``; empty where it is as it is read.
+    can_pass : bool
+        Whether every viewer shows of the file what `read_image` makes of it: upright, no colours for print.
+    has_more : bool
+        Whether it holds several pictures: pages of a TIFF, frames of an animation. The first is read.
+    """
+
+    kind: str = ""
+    can_pass: bool = True
+    has_more: bool = False
+
+
+def storage_of(path: Path) -> Storage:
+    """Return how a file that could be read stores its image.
 
     Raises
     ------
     InputError
-        It holds no picture.
+        It cannot be read again.
     """
-    chosen = contents_of(header).picture
-    if not chosen:
-        raise InputError(
-            f"{path} has no colours among its channels ({', '.join(header.channels)}); save R, G and B, or Y, in one "
-            "layer."
-        )
-    return chosen
+    if extension_of(path.name) == ".exr":
+        return Storage()
+    with opened(path) as (file, spec):
+        photometric, orientation = _tiff_tags(spec)
+        kind = "as gray with alpha" if spec.nchannels == 2 else ""
+        has_more = bool(file.seek_subimage(1, 0))
+        match file.format_name():
+            case "png":
+                chunks = dict(png_chunks(path))
+                kind, has_more = _kind_of_png(chunks), b"acTL" in chunks
+            case "bmp":
+                kind = _kind_of_bmp(spec.get_int_attribute("bmp:bitsperpixel"), spec.nchannels)
+            case "jpeg" if spec.get_string_attribute("jpeg:ColorSpace") == "CMYK":
+                return Storage("as CMYK", can_pass=False, has_more=has_more)
+            case "tiff":
+                bits = _bits(spec.get_int_attribute("oiio:BitsPerSample", 8))
+                kind = _tiff_colours.get(-1 if photometric is None else photometric, kind or bits)
+        can_pass = orientation == 1 and (photometric is None or photometric <= _palette)
+        return Storage(kind, can_pass, has_more)
 
 
-def picture_of(channels: Mapping[str, NDArray[Any]]) -> Image:
-    """Return the channels of a picture as an image, (H, W, C) float32; gray with alpha becomes BGRA."""
-    planes = [plane.astype(np.float32) for plane in channels.values()]
-    if len(planes) == 2:
-        planes = [planes[0]] * 3 + planes[1:]
-    return np.stack(planes, axis=-1)
+def _kind_of_png(chunks: dict[bytes, bytes]) -> str:
+    depth, colour = chunks[b"IHDR"][8:10]
+    if colour == _png_palette:
+        return "with a palette"
+    if colour == _png_gray_with_alpha:
+        return "as gray with alpha"
+    return _bits(depth) or ("with one transparent colour" if b"tRNS" in chunks else "")
 
 
-def needs_float(path: Path, data: bytes, image: Image) -> bool:
-    """Return whether the 16 bits of OpenEXR's half would lose some of an image's precision.
-
-    Parameters
-    ----------
-    path : Path
-        Where the image was read from.
-    data : bytes
-        The content of the file.
-    image : (H, W, C)
-    """
-    if extension_of(path.name) != ".exr":
-        return image.dtype == np.float32
-    header = parse_exr_header(path, data)
-    return any(header.channels[name] != "half" for name in contents_of(header).picture)
+def _kind_of_bmp(depth: int, channels: int) -> str:
+    if 0 < depth <= 8:
+        return "" if depth == 8 and channels == 1 else "with a palette"  # gray, which BMP knows as a palette only
+    return "with 16 bits a pixel" if depth == 16 else ""
 
 
-def unread_channels(path: Path, data: bytes) -> list[str]:
-    """Return the channels of a file that `read_image` leaves out: other layers, depth, motion."""
-    if extension_of(path.name) != ".exr":
-        return []
-    header = parse_exr_header(path, data)
-    chosen = contents_of(header).picture
-    return [name for name in header.channels if name not in chosen]
+def _bits(depth: int) -> str:
+    return f"with {depth} bit{'s' if depth > 1 else ''} a pixel" if depth < 8 else ""
 
 
-def _ends_early(data: bytes) -> bool:
-    """Look for the end of a JPEG behind the start of its scan: OpenCV 4 fills up what is missing with gray."""
-    return any(mark == START_OF_SCAN and data.find(b"\xff\xd9", place) < 0 for mark, place, _ in segments_in(data))
-
-
-def check_size(target: str, extension: str, info: ClipInfo) -> None:
-    """Raise `OutputError` where images of this size are too large for their type of file.
-
-    Parameters
-    ----------
-    target : str
-        What to call the images in the message.
-    extension : str
-        ``.png``.
-    info : ClipInfo
-    """
-    largest = _largest_side.get(extension)
-    if largest is not None and max(info.height, info.width) > largest:
-        raise OutputError(
-            f"{target} cannot hold {info.width}x{info.height} pixels, {extension} ends at {largest}; use .png."
-        )
-
-
-def keeps_alpha(extension: str) -> bool:
-    """Return whether a type of file, ``.png``, holds alpha."""
-    return extension in _types_with_alpha
-
-
-def check_format(path: Path, image: Image) -> None:
-    """Raise `OutputError` where a type of file cannot hold the image's type or its alpha."""
-    extension = path.suffix.lower()
-    if image.dtype not in _types_kept[extension]:
-        other = ".tif or .exr" if image.dtype == np.float32 else ".png or .tif"
-        kind = type_names[image.dtype]
-        raise OutputError(f"{path.name} cannot hold {kind} images; use {other}, as in shot_######{other[-4:]}.")
-    if image.shape[2] == 4 and not keeps_alpha(extension):
-        raise OutputError(f"{path.name} cannot hold alpha; use .png or .tif, as in shot_######.png.")
-
-
-def losses(path: Path, image: Image) -> list[str]:
-    """Say what encoding an image loses although `check_format` lets it pass.
-
-    Parameters
-    ----------
-    path : Path
-        Its suffix is the type of file.
-    image : (H, W, C)
-
-    Returns
-    -------
-    list of str
-        Sentences for the user.
-    """
-    if path.suffix.lower() == ".webp" and image.shape[2] == 1:
-        return ["WebP has no gray: gray images were written as colour with three equal channels."]
-    return []
-
-
-def encode_image(path: Path, image: Image, *, half: bool = True, metadata: ImageMetadata | None = None) -> bytes:
-    """Turn an image into the content of a file.
-
-    Parameters
-    ----------
-    path : Path
-        Its suffix is the type of file; nothing is written there.
-    image : (H, W, C)
-        Of a type that `check_format` lets pass.
-    half : bool
-        Write OpenEXR with 16 bits a number instead of 32.
-    metadata : ImageMetadata, optional
-        What else the file is to say, as far as its type can.
-
-    Raises
-    ------
-    OutputError
-        OpenCV or Pillow refuses.
-    """
-    extension, metadata = path.suffix.lower(), metadata or ImageMetadata()
-    if extension == ".exr":
-        names = {1: "Y", 2: "YA", 3: "BGR", 4: "BGRA"}[image.shape[2]]
-        return encode_exr(
-            {name: image[..., i] for i, name in enumerate(names)}, half=half, attributes=metadata.attributes
-        )
-    try:
-        if extension in _pillow_types:
-            return _encode_by_pillow(extension, image, metadata)
-        done, data = cv2.imencode(extension, image, _options(extension, image))
-    except (cv2.error, LookupError, OSError, ValueError):
-        done = False
-    if not done:
-        raise OutputError(f"{path} cannot be encoded ({describe(image)}); try .png or .tif.")
-    return with_metadata(extension, data.tobytes(), metadata, image.shape[2])
-
-
-def _encode_by_pillow(extension: str, image: Image, metadata: ImageMetadata) -> bytes:
-    """Encode a JPEG or a WebP with its metadata."""
-    from PIL import Image as Pictures  # noqa: PLC0415  # only who writes such files waits for it
-
-    height, width, channels = image.shape
-    mode, stored = {1: ("L", "L"), 3: ("RGB", "BGR"), 4: ("RGBA", "BGRA")}[channels]
-    picture = Pictures.frombuffer(mode, (width, height), np.ascontiguousarray(image), "raw", stored, 0, 1)
-    kind, options = _pillow_types[extension]
-    file = BytesIO()
-    picture.save(file, kind, **options, **pillow_options(extension, metadata, channels))
-    return file.getvalue()
-
-
-def _options(extension: str, image: Image) -> list[int]:
-    """Return options of OpenCV for one image; see the module's text for why."""
-    if extension in (".tif", ".tiff"):
-        if image.dtype == np.float32:
-            return [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_NONE]
-        lzw, horizontal = cv2.IMWRITE_TIFF_COMPRESSION_LZW, cv2.IMWRITE_TIFF_PREDICTOR_HORIZONTAL
-        return [cv2.IMWRITE_TIFF_COMPRESSION, lzw, cv2.IMWRITE_TIFF_PREDICTOR, horizontal]
-    return []
+def png_chunks(path: Path) -> Iterator[tuple[bytes, bytes]]:
+    """Yield name and content of a PNG's chunks before its pixels; none where it is another file."""
+    with path.open("rb") as file:
+        is_png = file.read(len(PNG_SIGNATURE)) == PNG_SIGNATURE
+        while is_png and len(head := file.read(8)) == 8:
+            size, name = struct.unpack(">I4s", head)
+            if name == b"IDAT":
+                return
+            yield name, file.read(size)
+            file.seek(4, 1)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Self
 
 from fpsboost.errors import InputError, OptionError
-from fpsboost.io.images.exr_layers import LayerNames
+from fpsboost.io.images.layers import LayerNames
 
 
 def find_placeholder(name: str) -> re.Match[str] | None:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from fpsboost.contracts import Cancellable, FrameSink
 from fpsboost.errors import OptionError
 from fpsboost.frame import Frame, PairMotion
+from fpsboost.io.images.encoder import encode_image
 from fpsboost.io.images.exr import encode_exr
-from fpsboost.io.images.files import IMAGE_SUFFIXES, encode_image, extension_of
-from fpsboost.io.images.numbered import VIDEO_DIGITS, ImageSink
-from fpsboost.io.images.numbering import is_pattern
+from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
 from fpsboost.io.images.sequence import NumberedImages, Numbering
+from fpsboost.io.images.sink import VIDEO_DIGITS, ImageSink
+from fpsboost.io.images.source import is_pattern
 from fpsboost.io.new_output import StagedFiles
 from fpsboost.io.side.options import SideOutputs
 from fpsboost.io.vectors.flow import encode_flow, flow_picture

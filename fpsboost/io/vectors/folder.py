@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from fpsboost.errors import InputError, OptionError, check_choice, explained
 from fpsboost.image import Pixels
-from fpsboost.io.images.exr import find_layer, read_exr
+from fpsboost.io.images.exr import read_exr
+from fpsboost.io.images.layers import find_layer
 from fpsboost.io.images.sequence import (
     FileSequence,
     Numbering,

@@ -19,11 +19,12 @@ from hypothesis import strategies as st
 from fpsboost.errors import InputError, OptionError, OutputError
 from fpsboost.frame import ClipInfo, Frame
 from fpsboost.image import Image
-from fpsboost.io.images import numbered as images
+from fpsboost.io.images import sink as images
+from fpsboost.io.images.encoder import ImageFile
 from fpsboost.io.images.files import read_image
-from fpsboost.io.images.numbered import ImageFile, ImageSink, ImageSource
-from fpsboost.io.images.numbering import is_pattern
 from fpsboost.io.images.sequence import NumberedImages, Numbering
+from fpsboost.io.images.sink import ImageSink
+from fpsboost.io.images.source import ImageSource, is_pattern
 from fpsboost.io.output import Output, StreamInfo
 from fpsboost.timing.schedule import OutputTiming
 
@@ -198,13 +199,13 @@ def test_refused_folders(tmp_path: Path, names: list[str], message: str) -> None
 def test_refused_paths(tmp_path: Path) -> None:
     """What is no folder and no pattern of images is refused."""
     fill(tmp_path, "1.png")
-    (tmp_path / "1.hdr").write_bytes(b"#?RADIANCE")
+    (tmp_path / "1.gif").write_bytes(b"GIF89a")
     for path, message in {
         "none": "does not exist",
         "1.png": "single file",
         "x_##.png": "No image is named like",
         "none/##.png": "No such file",
-        "%01d.hdr": "no type of image",
+        "%01d.gif": "no type of image",
     }.items():
         with pytest.raises(InputError, match=message):
             ImageSource(str(tmp_path / path), RATE)
@@ -292,7 +293,7 @@ def test_unusual_png(tmp_path: Path, data: bytes, channels: int, dtype: type, pi
 def test_foreign_type(tmp_path: Path) -> None:
     """Pixels of a type that the package does not know are refused."""
     save(tmp_path / "1.tif", make_image(1, np.uint8).astype(np.float64))
-    with pytest.raises(InputError, match=r"1\.tif has 1 channels of float64"):
+    with pytest.raises(InputError, match=r"1\.tif has 1 channels of double"):
         ImageSource(str(tmp_path), RATE)
 
 
@@ -443,7 +444,7 @@ def test_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str)
     def fail(path: Path, data: bytes) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("fpsboost.io.images.numbered.write_safely", fail)
+    monkeypatch.setattr("fpsboost.io.images.sink.write_safely", fail)
     with pytest.raises(OutputError, match=f"{target}/000001.png .No space left"):
         write(make_sink(tmp_path / target), make_image())
     assert [path.name for path in tmp_path.rglob("*")] == ["old"]
@@ -578,7 +579,7 @@ def test_refused_places(tmp_path: Path) -> None:
         "none/x_##.png": "create it first",
         "file": "is a file",
         "file/x_##.png": "is a file",
-        "x_##.hdr": "no type of image",
+        "x_##.gif": "no type of image",
     }.items():
         with pytest.raises(OutputError, match=message):
             make_sink(tmp_path / target, overwrite=True)

@@ -21,11 +21,10 @@ from vector_truth import constant, save_depth, save_flows, save_vectors
 from fpsboost import convert, methods
 from fpsboost.cli.compare import match_vectors
 from fpsboost.errors import CompleteAlreadyError, FpsboostError, InputError, OptionError, OutputError
-from fpsboost.io.images import numbered
+from fpsboost.io.images import sink as numbered
 from fpsboost.io.images.files import read_image
-from fpsboost.io.images.numbered import ImageSource
-from fpsboost.io.images.numbering import find_numbers
 from fpsboost.io.images.sequence import Numbering
+from fpsboost.io.images.source import ImageSource, find_numbers
 from fpsboost.io.vectors.folder import VectorFolder
 from fpsboost.method_table import find_method
 from fpsboost.observer import Summary

@@ -17,7 +17,7 @@ from fpsboost.contracts import FrameSource
 from fpsboost.errors import InputError
 from fpsboost.frame import Frame
 from fpsboost.io import RandomAccess
-from fpsboost.io.images.numbered import ImageSource
+from fpsboost.io.images.source import ImageReading, ImageSource
 from fpsboost.io.trim import TrimmedSource
 from fpsboost.io.video.capture import ArraySource
 from fpsboost.io.video.decode_options import DecodeOptions
@@ -210,7 +210,7 @@ def test_images(tmp_path, save_images, fill_gaps):
         (tmp_path / "shot_0004.png").unlink()
 
     def opened() -> ImageSource:
-        source = ImageSource(str(tmp_path), Fraction(24), fill_gaps=fill_gaps)
+        source = ImageSource(str(tmp_path), Fraction(24), ImageReading(fill_gaps=fill_gaps))
         source.keep(2, None)
         return source
 

@@ -1,8 +1,4 @@
-"""Numbered images in a folder, read and written one at a time.
-
-Images whose numbers rise by a step of 2 or more were rendered with that step. Frames made between them get the numbers
-that are missing, where the factor divides the step; otherwise all are numbered anew, one by one, and that is said.
-"""
+"""Numbered images written one at a time, all of them or none; and a part of them, to be joined with others later."""
 
 from __future__ import annotations
 
@@ -10,286 +6,25 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from fpsboost.colour import displayed_colours
-from fpsboost.errors import CompleteAlreadyError, InputError, OptionError, OutputError, explained
+from fpsboost.errors import CompleteAlreadyError, OptionError, OutputError, explained
 from fpsboost.frame import ClipInfo, Frame
-from fpsboost.frame_cache import SourcePosition
-from fpsboost.image import Image, as_array, describe
-from fpsboost.io import ClosesOnExit
-from fpsboost.io.images.files import (
-    IMAGE_SUFFIXES,
-    check_size,
-    content_of,
-    decode_image,
-    extension_of,
-    needs_float,
-    unread_channels,
-)
-from fpsboost.io.images.image_encoder import ImageEncoder, ImageFile
-from fpsboost.io.images.kinds import holds_more_pictures
-from fpsboost.io.images.metadata import metadata_of, upright
-from fpsboost.io.images.numbering import find_images, is_pattern
-from fpsboost.io.images.passes import ALL, BEAUTY, Passes
-from fpsboost.io.images.sequence import FileSequence, NumberedImages, Numbering
-from fpsboost.io.memory_limit import MemoryLimit
-from fpsboost.io.output import Output, StreamInfo
+from fpsboost.io.images.encoder import ImageEncoder, check_size
+from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of
+from fpsboost.io.images.sequence import NumberedImages, Numbering
+from fpsboost.io.images.source import MOVING, is_pattern
+from fpsboost.io.output import Output
+from fpsboost.io.part import PartFolder
 from fpsboost.io.staging import IN_EXISTING_FOLDER, StagingDirectory, hidden_place, move_all, sync, write_safely
-from fpsboost.io.video.decode_options import View
-from fpsboost.layered import LayeredImage
-
-MAX_GAP = 1000
-"""Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
-
-MOVING = "moving.json"
-"""Says, in the hidden folder, which images are getting their names, and how many frames there are."""
 
 VIDEO_DIGITS = 6  # where the source has no numbers: 999999 frames are more than four hours at 60 per second
-
-
-class ImageSource(ClosesOnExit):
-    """Read a folder or a pattern of images, one at a time.
-
-    Parameters
-    ----------
-    path : str
-        A folder that holds one sequence, or a pattern. In a folder, files that are no images and hidden files are
-        ignored.
-    rate : Fraction
-        Frames per second; images do not say.
-    upright : bool
-        Turn images as their EXIF orientation says, for targets that cannot say it; frames then have no original.
-    fill_gaps : bool
-        Take the numbers for the clock, `rate` of them a second, so that images may be missing.
-    in_place : bool
-        Frames are to be made beside the images: those that a stopped run has begun to put there do not count.
-    passes : str
-        Layers of OpenEXR files that are read beside the picture; see `Passes.chosen`.
-    linear : bool
-        Say that the colours of OpenEXR are scene-linear, by images with layers, be it none.
-    view : {'none', 'srgb'}
-        View transform of OpenEXR.
-    limit : MemoryLimit, optional
-        What may be taken; what is available without it.
-
-    Attributes
-    ----------
-    images : NumberedImages
-        The images that are read.
-
-    Raises
-    ------
-    OptionError
-        The rate is not above 0, there are gaps to fill among names without numbers, or layers are named and the files
-        are no OpenEXR.
-    InputError
-        No images, several sequences, a gap, or an unreadable first image; while iterating, an unreadable image or one
-        that differs from the first in size, type or layers.
-    """
-
-    def __init__(
-        self,
-        path: str,
-        rate: Fraction,
-        *,
-        upright: bool = False,
-        fill_gaps: bool = False,
-        in_place: bool = False,
-        passes: str = BEAUTY,
-        linear: bool = False,
-        view: View = "none",
-        limit: MemoryLimit | None = None,
-    ) -> None:
-        if rate <= 0:
-            raise OptionError(f"The frame rate of images must be above 0, not {rate}.")
-        with explained(InputError, "read", path, "check that it exists and that you may read it"):
-            found = find_images(path)
-            if in_place:
-                found = _without_moved(found)
-        if fill_gaps:
-            _check_gaps(path, found)
-        else:
-            found.check_complete(
-                found.step, "add it, or convert with `fill_gaps`, which makes just those that are missing"
-            )
-        numbers = list(found.numbers)
-        self._places = [number - numbers[0] for number in numbers] if fill_gaps else range(len(found.files))
-        self._begins = Fraction(0)
-        self._first = 0
-        if found.files[0].suffix.lower() not in IMAGE_SUFFIXES:
-            raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
-        self._upright, self._linear, self._view, self._limit = upright, linear, view, limit or MemoryLimit()
-        data = content_of(found.files[0])
-        self._passes = _passes_of(found.files[0], data, passes)
-        if view != "none" and self._passes is None:
-            raise OptionError(
-                f"`view` is for OpenEXR, whose numbers are light, and {path} is another type; leave it out."
-            )
-        first = self._decoded(found.files[0], data)
-        self.images = NumberedImages(
-            found.files,
-            found.numbering,
-            numbers,
-            1 if fill_gaps else found.step,
-            numbers[0] if numbers else 1,
-            fills_gaps=fill_gaps,
-            needs_float=needs_float(found.files[0], data, as_array(first)),
-            layers=() if self._passes is None else self._passes.layers,
-        )
-        made = [name for layer in self.images.layers for name in layer.channels]
-        self._unread = [name for name in unread_channels(found.files[0], data) if name not in made]
-        self._pictures = [] if self._passes is None else self._passes.pictures
-        self._holds_more = holds_more_pictures(data)
-        height, width = first.shape[:2]
-        self._limit.check(path, width, height, self.images.planes)
-        self.info = ClipInfo(path, height, width, rate, 1 / rate, len(found.files), self._duration(rate))
-
-    def _duration(self, rate: Fraction) -> Fraction | None:
-        """Return the duration in seconds, where the number of images does not say it."""
-        return (self._places[-1] - self._places[0] + 1) / rate if self.images.fills_gaps else None
-
-    @property
-    def stream_info(self) -> StreamInfo:
-        """See `fpsboost.io.DescribedSource.stream_info`."""
-        return StreamInfo(images=self.images, files=self.images.files)
-
-    @property
-    def beginning(self) -> SourcePosition:
-        """Position of the first of these images in the whole sequence."""
-        return SourcePosition(self.images.skipped, self._begins)
-
-    @property
-    def remarks(self) -> list[str]:
-        """What is guessed and what is not read; what is wrong with images is an error."""
-        name, images, remarks = self.info.name, self.images, []
-        if images.step > 1:
-            remarks.append(
-                f"The numbers of {name} rise by {images.step}: taken for a sequence rendered with that step."
-            )
-        first, names = self.images.files[0].name, self._unread
-        if len(self._pictures) > 1:
-            remarks.append(
-                f"{first} and its like hold several pictures ({', '.join(self._pictures)}), the first of which leads."
-            )
-        if self._passes is not None and self._upright and self._view == "none":
-            remarks.append(
-                f"{first} and its like hold linear light, which was written as it is and looks dark on a display; "
-                "`view='srgb'` makes a preview."
-            )
-        if self._holds_more:
-            remarks.append(f"{first} and its like hold several pictures, the first of which was read.")
-        if names:
-            listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-            remarks.append(f"{first} and its like hold other channels ({listed}), which were left out.")
-        return remarks
-
-    def __iter__(self) -> Iterator[Frame]:
-        first = None
-        numbers = range(len(self.images.files))
-        for number in [*numbers[: min(self._first, 1)], *numbers[self._first :]]:  # the first one is the measure of all
-            path = self.images.files[number]
-            image = self._decoded(path, content_of(path))
-            if first is None:
-                first = image
-            if number < self._first:
-                continue
-            if image.shape != first.shape or image.dtype != first.dtype:
-                raise InputError(
-                    f"{path} ({describe(image)}) is unlike {self.images.files[0]} ({describe(first)}); "
-                    "make all images one size and type."
-                )
-            original = None if self._upright else ImageFile(path)
-            yield Frame(image, self._time_of(number), 1 / self.info.rate, original)
-
-    def frame_times(self) -> Sequence[Fraction]:
-        """See `fpsboost.io.RandomAccess.frame_times`."""
-        return [self._time_of(number) for number in range(len(self._places))]
-
-    def begin_at(self, number: int) -> None:
-        """See `fpsboost.io.RandomAccess.begin_at`; of the images before, only the first one is read.
-
-        Raises
-        ------
-        InputError
-            There is no such image.
-        """
-        if number >= len(self.images.files):
-            raise InputError(f"{self.info.name} has {len(self.images.files)} images, and none has the number {number}.")
-        self._first = number
-
-    def _time_of(self, number: int) -> Fraction:
-        return (self._places[number] - self._places[0]) / self.info.rate
-
-    def _decoded(self, path: Path, data: bytes) -> Image | LayeredImage:
-        if self._passes is not None and self._passes.layers:
-            return self._passes.decode(path, data, self._limit)
-        image = decode_image(path, data, self._limit)
-        if self._passes is not None and self._view == "srgb":
-            return displayed_colours(image)
-        if self._passes is not None and self._linear:
-            return LayeredImage(image, ())
-        return upright(image, metadata_of(path, data).orientation) if self._upright else image
-
-    def keep(self, first: int, last: int | None) -> None:
-        """See `fpsboost.io.trim.Sliceable.keep`; places count numbers where gaps are filled.
-
-        Raises
-        ------
-        InputError
-            There are no such images.
-        """
-        kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
-        if not kept:
-            reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"
-            raise InputError(f"{self.info.name} has {len(self.images.files)} images and {reason}; name an earlier one.")
-        part = slice(kept[0], kept[-1] + 1)
-        self._begins = self._places[kept[0]] / self.info.rate
-        self._places = self._places[part]
-        files, numbers = self.images.files[part], self.images.numbers[part]
-        self.images = replace(self.images, files=files, numbers=numbers, skipped=kept[0])
-        self.info = replace(self.info, frame_count=len(files), duration=self._duration(self.info.rate))
-
-    def close(self) -> None:
-        """Do nothing: no file stays open."""
-
-
-def _passes_of(path: Path, data: bytes, names: str) -> Passes | None:
-    """Return the layers that are read beside the picture of OpenEXR files; None for others."""
-    if extension_of(path.name) == ".exr":
-        return Passes.chosen(path, data, names)
-    if names not in (ALL, BEAUTY):
-        raise OptionError(f"`passes` names layers of OpenEXR files, and {path} is another type of file; leave it out.")
-    return None
-
-
-def _check_gaps(path: str, found: FileSequence) -> None:
-    """Raise an error unless the images have numbers, between which not too many are missing."""
-    if not found.numbers:
-        raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
-    for (file, number), (next_file, following) in pairwise(zip(found.files, found.numbers, strict=True)):
-        if following - number > MAX_GAP:
-            raise InputError(
-                f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` "
-                f"makes {MAX_GAP - 1} at most; choose one sequence, or number the images anew."
-            )
-
-
-def _without_moved(found: FileSequence) -> FileSequence:
-    """Return the images without those that an interrupted run in place has begun to move among them."""
-    if found.numbering is None:
-        return found
-    moving = hidden_place(found.numbering.folder, found.numbering.pattern) / MOVING
-    moved = set(json.loads(moving.read_bytes())["names"]) if moving.exists() else set()
-    kept = [each for each in zip(found.files, found.numbers, strict=True) if each[0].name not in moved]
-    return FileSequence([file for file, _ in kept], found.numbering, [number for _, number in kept])
 
 
 class ImageSink:
@@ -583,6 +318,91 @@ class ImageSink:
             self._replaced.rmdir()  # fails where it is not empty
         count = self._frames if self._moving.exists() else max(self._frames_there, self._frames if self._names else 0)
         self._unfinished.leave(error, count, self._frame_count, stays=self._replaced.exists())
+
+
+class ImagePartSink:
+    """Sink that writes the images of a part, with their final names, in a folder that appears when they are complete.
+
+    Parameters
+    ----------
+    output : Output
+        With a part. Its path is that of all images.
+
+    Raises
+    ------
+    OutputError
+        The images cannot be written; see also `fpsboost.io.part.PartFolder`.
+    """
+
+    holds_last_frame = False
+
+    def __init__(self, output: Output) -> None:
+        assert output.part is not None
+        images = output.stream.images
+        self._path = output.path
+        self._numbering = choose_numbering(output)
+        first, self._step, kept = first_number(images, output.factor)
+        self._next = first + output.part.first * self._step
+        self._remarks = numbering_remarks(images, output.factor, kept=kept)
+        extension = extension_of(self._numbering.path(1).name)
+        if extension not in IMAGE_SUFFIXES:
+            raise OutputError(
+                f"{output.path} names no type of image that can be written; use one of {', '.join(IMAGE_SUFFIXES)}."
+            )
+        check_size(output.path, extension, output.info)
+        self._folder = PartFolder(output)
+        self._encoder = ImageEncoder(output.path, images, anew=not kept)
+        self._names: list[str] = []
+        self._frames_there = 0
+
+    @property
+    def remarks(self) -> list[str]:
+        return [*self._folder.remarks, *self._remarks, *self._encoder.remarks]
+
+    @property
+    def completed_frames(self) -> int:
+        """Number of images that an earlier run has finished; see `fpsboost.io.Resumable`."""
+        return self._frames_there
+
+    def __enter__(self) -> Self:
+        with explained(OutputError, "write to", self._folder.name, "check the free space and the permissions"):
+            self._folder.open()
+            while self._numbering.path(self._next + self._frames_there * self._step).name in os.listdir(
+                self._folder.files
+            ):
+                self._frames_there += 1
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                with explained(OutputError, "write to", self._folder.name, "check the free space and the permissions"):
+                    for extra in set(os.listdir(self._folder.files)) - set(self._names):  # torn images
+                        (self._folder.files / extra).unlink()
+                    self._folder.publish()
+        except BaseException as failure:
+            self._folder.leave(failure, len(self._names))
+            raise
+        self._folder.leave(error, max(self._frames_there, len(self._names)))
+
+    def write(self, frame: Frame) -> None:
+        """Write the next image; its time does not matter.
+
+        Raises
+        ------
+        InputError, OutputError
+            An original cannot be read again, or the image cannot be written.
+        """
+        path = self._numbering.path(self._next)
+        self._next += self._step
+        self._encoder.check(path, frame.array)
+        if len(self._names) >= self._frames_there:
+            data = self._encoder.content(path, frame)
+            with explained(OutputError, "write", self._folder.name, "check the free space and the permissions"):
+                write_safely(self._folder.files / path.name, data)
+        self._names.append(path.name)
 
 
 def first_number(images: NumberedImages | None, factor: Fraction | None) -> tuple[int, int, bool]:

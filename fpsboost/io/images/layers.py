@@ -1,0 +1,401 @@
+"""Layers of OpenEXR files: which one is the picture, what each of the others is, and images read and written with them.
+
+A layer is what stands before the last dot of a channel's name, in a file of several parts with the name of the part
+before it: ``ViewLayer.DiffCol.R`` is the channel R of the layer ``ViewLayer.DiffCol``. Channels without a dot that are
+no colours are layers of their own, such as ``Z``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpsboost.errors import InputError
+from fpsboost.image import Image, as_array
+from fpsboost.io.images.exr import ExrHeader, Precision, encode_exr_like, read_channels, read_exr_header
+from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.layered import FrameImage, Layer, LayeredImage, LayerKind
+
+ALL, BEAUTY = "all", "beauty"
+"""Which passes are made, unless some are named."""
+
+PICTURES = ("combined", "beauty", "rgba", "rgb", "composite")
+"""Last words, in small letters, of the layer that is the picture where several have colours."""
+
+VECTORS = frozenset(
+    {
+        *("vector", "vectors", "motion", "motionvector", "motionvectors", "velocity", "vrayvelocity", "motvec"),
+        *("forward", "backward"),
+    }
+)
+"""Words of layers with motion vectors."""
+
+KINDS_BY_WORD: Mapping[str, LayerKind] = MappingProxyType(
+    {
+        **dict.fromkeys(("depth", "z", "zdepth", "vrayzdepth", "zbuffer", "denoisingdepth"), "depth"),
+        **dict.fromkeys(("normal", "normals", "n", "ns", "ng", "vraynormals", "vraybumpnormals"), "normals"),
+        **dict.fromkeys(("denoisingnormal", "shnormal", "geonormal", "bumpnormals", "worldnormal"), "normals"),
+        **dict.fromkeys(("indexob", "indexma", "objectindex", "materialindex", "id", "objectid", "objid"), "nearest"),
+        **dict.fromkeys(("materialid", "matid", "renderid", "nodeid", "instanceid", "partid", "primid"), "nearest"),
+        **dict.fromkeys(("shapeindex", "primindex", "uv", "uvs", "st"), "nearest"),
+        **dict.fromkeys(VECTORS, "nearest"),
+    }
+)
+"""What a layer is by the last word of its name, in small letters and without spaces, underscores and digits at its end:
+names of Blender, Arnold, V-Ray, Redshift, RenderMan and Mitsuba. Any other is linear."""
+
+CRYPTOMATTE = "crypto"
+"""Beginning of the last word of Cryptomatte's layers."""
+
+
+@dataclass(frozen=True)
+class LayerNames:
+    """A layer by its name.
+
+    Attributes
+    ----------
+    name : str
+        Empty for colours without a layer's name.
+    kind : LayerKind
+    channels : tuple of str
+        Full names, in the order of the file.
+    """
+
+    name: str
+    kind: LayerKind
+    channels: tuple[str, ...]
+
+    def is_called(self, name: str) -> bool:
+        """Return whether a user may mean this layer: by its name, also without that of its view layer or part."""
+        return name == self.name or self.name.endswith(f".{name}")
+
+    @property
+    def has_vectors(self) -> bool:
+        """Whether these are motion vectors."""
+        return _word_of(self.name) in VECTORS
+
+    def channel(self, letter: str) -> str | None:
+        """Return the channel whose name ends in a letter."""
+        return next((each for each in self.channels if _letter_of(each) == letter), None)
+
+
+@dataclass(frozen=True)
+class ExrContents:
+    """What a file holds.
+
+    Attributes
+    ----------
+    picture : list of str
+        Full names of its channels in the order B, G, R, A or Y, A; empty if there is no picture.
+    pictures : list of str
+        Names of all layers that may be meant by the picture; the first is taken.
+    layers : list of LayerNames
+        All others.
+    views : frozenset of str
+        Names of the eyes of a stereo camera, if the file has several.
+    """
+
+    picture: list[str]
+    pictures: list[str]
+    layers: list[LayerNames]
+    views: frozenset[str]
+
+
+def contents_of(header: ExrHeader) -> ExrContents:
+    """Return what a file holds.
+
+    The picture is the layer without a name, or the only one with colours, or that whose last word is one of `PICTURES`;
+    of several parts without such a word, the first.
+    """
+    layers = _layers_of(header)
+    found, picture = _find_picture(layers, has_parts=len(header.parts) > 1)
+    rest = [replace(each, channels=tuple(name for name in each.channels if name not in picture)) for each in layers]
+    return ExrContents(picture, found, [layer for layer in rest if layer.channels], _views(header))
+
+
+def kind_of(name: str, precisions: Sequence[Precision]) -> LayerKind:
+    """Return what a layer is, by its name and by how precise each of its channels is.
+
+    Examples
+    --------
+    >>> kind_of("ViewLayer.CryptoObject00", ["float"] * 4), kind_of("ViewLayer.Mist", ["half"])
+    ('nearest', 'linear')
+    """
+    word = _word_of(name)
+    if "uint" in precisions or word.startswith(CRYPTOMATTE):
+        return "nearest"
+    kind = KINDS_BY_WORD.get(word, "linear")
+    components = {"depth": 1, "normals": 3}.get(kind, len(precisions))
+    return kind if len(precisions) == components else "linear"
+
+
+def _layers_of(header: ExrHeader) -> list[LayerNames]:
+    """Return all layers in the order of the file."""
+    groups: dict[str, list[str]] = {}
+    for name in header.channels:
+        groups.setdefault(name.rpartition(".")[0], []).append(name)
+    found: dict[str, list[str]] = {}
+    for prefix, names in groups.items():
+        letters = {_letter_of(name) for name in names}
+        own = "RGBA" if {"R", "G", "B"} <= letters else "YA" if "Y" in letters and "X" not in letters else ""
+        if prefix and not own:
+            found.setdefault(prefix, []).extend(names)
+            continue
+        vectors = "" if own or not {"X", "Y"} <= letters else "XYZW"
+        for name in names:
+            layer = prefix if _letter_of(name) in own else vectors if _letter_of(name) in vectors else name
+            found.setdefault(layer, []).append(name)
+    precisions = header.channels
+    return [
+        LayerNames(name, kind_of(name, [precisions[each] for each in names]), tuple(names))
+        for name, names in found.items()
+    ]
+
+
+def _find_picture(layers: Sequence[LayerNames], *, has_parts: bool) -> tuple[list[str], list[str]]:
+    """Return the layers that may be the picture, and the channels of the first."""
+    for colours in ("BGR", "Y"):
+        whole = [layer for layer in layers if all(layer.channel(each) for each in colours)]
+        called = [layer for layer in whole if not layer.name]
+        called = called or [layer for layer in whole if _word_of(layer.name) in PICTURES]
+        called = called or (whole[:1] if has_parts or len(whole) == 1 else [])
+        if called:
+            found = [called[0].channel(each) for each in f"{colours}A"]
+            return [layer.name for layer in called], [name for name in found if name is not None]
+    channels = [name for layer in layers for name in layer.channels]
+    return ([layers[0].name], channels) if len(channels) == 1 else ([], [])
+
+
+def _views(header: ExrHeader) -> frozenset[str]:
+    """Return the names of the views, unless there is only one."""
+    views = {part.attributes["view"] for part in header.parts if "view" in part.attributes}
+    views.update(header.parts[0].attributes.get("multiView", ()))
+    return frozenset(views) if len(views) > 1 else frozenset()
+
+
+def _letter_of(channel: str) -> str:
+    return channel.rpartition(".")[2]
+
+
+def _word_of(layer: str) -> str:
+    """Return the last word of a layer's name as `KINDS_BY_WORD` has it."""
+    return re.sub(r"[\s_-]", "", layer.rpartition(".")[2]).lower().rstrip("0123456789")
+
+
+def find_layer(names: Collection[str], parts: str, preferred: str) -> str | None:
+    """Find the name prefix of the only layer that has all these channels.
+
+    Parameters
+    ----------
+    names : collection of str
+        Channels of a file.
+    parts : str
+        One letter for each channel of the layer, ``XYZW``.
+    preferred : str
+        The last word of the layer's name where several layers have these letters.
+
+    Returns
+    -------
+    str or None
+        "" for plain names; None where there is no such layer, or several.
+
+    Examples
+    --------
+    >>> find_layer(["Scene.Vector.X", "Scene.Vector.Y", "Scene.Depth.Z"], "XY", "Vector")
+    'Scene.Vector.'
+    """
+    prefixes = {name[:-1] for name in names if name.endswith(parts[0]) and (len(name) == 1 or name[-2] == ".")}
+    whole = sorted(prefix for prefix in prefixes if all(prefix + part in names for part in parts))
+    if "" in whole:
+        return ""
+    named = [prefix for prefix in whole if prefix.split(".")[-2] == preferred]
+    found = named or whole
+    return found[0] if len(found) == 1 else None
+
+
+def picture_channels(path: Path, header: ExrHeader) -> list[str]:
+    """Return the channels of the picture in an OpenEXR file, in the order B, G, R, A or Y, A.
+
+    Raises
+    ------
+    InputError
+        It holds no picture.
+    """
+    chosen = contents_of(header).picture
+    if not chosen:
+        raise InputError(
+            f"{path} has no colours among its channels ({', '.join(header.channels)}); save R, G and B, or Y, in one "
+            "layer."
+        )
+    return chosen
+
+
+def picture_of(channels: Mapping[str, NDArray[Any]]) -> Image:
+    """Return the channels of a picture as an image, (H, W, C) float32; gray with alpha becomes BGRA."""
+    planes = [plane.astype(np.float32) for plane in channels.values()]
+    if len(planes) == 2:
+        planes = [planes[0]] * 3 + planes[1:]
+    return np.stack(planes, axis=-1)
+
+
+def read_picture(path: Path, limit: MemoryLimit | None = None) -> Image:
+    """Read the picture of an OpenEXR file alone; see `fpsboost.io.images.files.read_image`."""
+    header = read_exr_header(path)
+    return picture_of(read_channels(path, header, picture_channels(path, header), limit))
+
+
+@dataclass(frozen=True)
+class Passes:
+    """The layers of a sequence that are read beside its picture.
+
+    Attributes
+    ----------
+    first : Path
+        The file that all others must be like.
+    layers : tuple of LayerNames
+    precisions : tuple of Precision
+        Of the layers' channels, one after the other.
+    are_all : bool
+        Whether no file may have more.
+    pictures : tuple of str
+        Names of all layers that may be meant by the picture; the first is taken.
+    left_out : tuple of str
+        Channels of neither the picture nor these layers.
+    needs_float : bool
+        Whether half would lose some of the picture's precision.
+    """
+
+    first: Path
+    layers: tuple[LayerNames, ...]
+    precisions: tuple[Precision, ...]
+    are_all: bool
+    pictures: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    needs_float: bool = False
+
+    @classmethod
+    def chosen(cls, path: Path, names: str) -> Self:
+        """Return the layers that a user has named.
+
+        Parameters
+        ----------
+        path : Path
+            An OpenEXR file, the first of its sequence.
+        names : str
+            ``all``, ``beauty``, or names of layers with commas between them, each with its view layer or without.
+
+        Raises
+        ------
+        InputError
+            There is no such layer, or the layers show the views of a stereo camera.
+        """
+        header = read_exr_header(path)
+        contents = contents_of(header)
+        layers = tuple(_named(path, contents, names))
+        if layers and contents.views:
+            raise InputError(
+                f"{path} holds several views ({', '.join(sorted(contents.views))}), which move differently; save each "
+                "as a file of its own, or give `passes='beauty'`."
+            )
+        taken = {*contents.picture, *(name for layer in layers for name in layer.channels)}
+        return cls(
+            path,
+            layers,
+            _precisions(header, layers),
+            names == ALL,
+            tuple(contents.pictures),
+            tuple(name for name in header.channels if name not in taken),
+            any(header.channels[name] != "half" for name in contents.picture),
+        )
+
+    def read(self, path: Path, limit: MemoryLimit | None) -> LayeredImage:
+        """Read the picture of a file and these layers.
+
+        Raises
+        ------
+        InputError
+            It cannot be read, or has other layers than the first file.
+        """
+        header = read_exr_header(path)
+        picture = picture_channels(path, header)
+        self._check_alike(path, header)
+        names = [*picture, *(name for layer in self.layers for name in layer.channels)]
+        planes = read_channels(path, header, names, limit)
+        layers = [
+            Layer(layer.name, layer.kind, {name: planes[name] for name in layer.channels}) for layer in self.layers
+        ]
+        return LayeredImage(picture_of({name: planes[name] for name in picture}), tuple(layers))
+
+    def _check_alike(self, path: Path, header: ExrHeader) -> None:
+        there = {layer.name: layer for layer in contents_of(header).layers}
+        missing = [layer.name for layer in self.layers if layer.name not in there]
+        other = [layer.name for layer in self.layers if there.get(layer.name, layer).channels != layer.channels]
+        more = [name for name in there if name not in {layer.name for layer in self.layers}] if self.are_all else []
+        advice = "render all frames with the same passes, or give `passes='beauty'`."
+        if missing:
+            raise InputError(f"{path} has no layer {missing[0]}, which {self.first} has; {advice}")
+        if other:
+            raise InputError(f"{path} has other channels in the layer {other[0]} than {self.first}; {advice}")
+        if more:
+            raise InputError(f"{path} has a layer {more[0]}, which {self.first} has not; {advice}")
+        found = _precisions(header, self.layers)
+        if found != self.precisions:
+            names = [name for layer in self.layers for name in layer.channels]
+            place = next(i for i, pair in enumerate(zip(found, self.precisions, strict=True)) if pair[0] != pair[1])
+            raise InputError(
+                f"{path} has {names[place]} as {found[place]}, and {self.first} as {self.precisions[place]}; {advice}"
+            )
+
+
+def encode_like(header: ExrHeader, image: FrameImage) -> bytes:
+    """Turn an image into the content of a file that says the same as another one; see `encode_exr_like`.
+
+    Parameters
+    ----------
+    header : ExrHeader
+        Of a file with such a picture and at least these layers.
+    image : (H, W, C) float32, or LayeredImage
+    """
+    colour = as_array(image)
+    channels = contents_of(header).picture
+    places = (0, 3) if len(channels) == 2 else range(len(channels))
+    planes: dict[str, NDArray[Any]] = {name: colour[..., i] for name, i in zip(channels, places, strict=True)}
+    if isinstance(image, LayeredImage):  # an array has no names of channels
+        planes |= image.planes()
+    return encode_exr_like(header, planes)
+
+
+def losses_like(header: ExrHeader) -> list[str]:
+    """Say what a file made like another one does not have, each as the end of a sentence about the other one."""
+    lost = []
+    if any(part.data != part.display for part in header.parts):
+        lost.append("have pixels elsewhere than in the display window, where those of the frames between are")
+    if any("tiles" in part.attributes and part.attributes["tiles"].mode.value for part in header.parts):
+        lost.append("hold smaller copies of their images, which the frames between do not")
+    return lost
+
+
+def _named(path: Path, contents: ExrContents, names: str) -> list[LayerNames]:
+    """Return the layers that are named, without the picture."""
+    if names in (ALL, BEAUTY):
+        return contents.layers if names == ALL else []
+    wanted = list[str]()
+    for name in (each.strip() for each in names.split(",")):
+        found = [layer.name for layer in contents.layers if layer.is_called(name)]
+        is_picture = any(picture in (name,) or picture.endswith(f".{name}") for picture in contents.pictures[:1])
+        if not found and not is_picture and name != BEAUTY:
+            known = ", ".join(layer.name for layer in contents.layers) or "none"
+            raise InputError(f"{path} has no layer {name!r} beside its picture; choose from those it has: {known}.")
+        wanted += found
+    return [layer for layer in contents.layers if layer.name in wanted]
+
+
+def _precisions(header: ExrHeader, layers: tuple[LayerNames, ...]) -> tuple[Precision, ...]:
+    return tuple(header.channels[name] for layer in layers for name in layer.channels)

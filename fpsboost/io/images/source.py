@@ -1,0 +1,372 @@
+"""Numbered images read one at a time, from a folder or by a pattern.
+
+Images whose numbers rise by a step of 2 or more were rendered with that step. Frames made between them get the numbers
+that are missing, where the factor divides the step; otherwise all are numbered anew, one by one, and that is said.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from fpsboost.colour import displayed_colours
+from fpsboost.errors import InputError, OptionError, explained
+from fpsboost.frame import ClipInfo, Frame
+from fpsboost.frame_cache import SourcePosition
+from fpsboost.image import Image, describe
+from fpsboost.io import ClosesOnExit
+from fpsboost.io.images.encoder import ImageFile
+from fpsboost.io.images.files import IMAGE_SUFFIXES, extension_of, read_image, storage_of, upright
+from fpsboost.io.images.layers import ALL, BEAUTY, Passes
+from fpsboost.io.images.metadata import metadata_of
+from fpsboost.io.images.sequence import (
+    FileSequence,
+    NumberedImages,
+    Numbering,
+    find_numbered,
+    find_placeholder,
+    list_files,
+    order_names,
+)
+from fpsboost.io.memory_limit import MemoryLimit
+from fpsboost.io.output import StreamInfo
+from fpsboost.io.staging import hidden_place
+from fpsboost.io.video.decode_options import View
+from fpsboost.io.video.encoding import VIDEO_SUFFIXES
+from fpsboost.layered import LayeredImage
+
+MAX_GAP = 1000
+"""Frames that are made between two images at most, as with the largest factor; names that are dates end here."""
+
+MOVING = "moving.json"
+"""Says, in the hidden folder, which images are getting their names, and how many frames there are."""
+
+SCENE_LINEAR = (".exr", ".hdr")
+"""Types of files whose numbers are light."""
+
+
+@dataclass(frozen=True)
+class ImageReading:
+    """How numbered images are read.
+
+    Parameters
+    ----------
+    upright : bool
+        Turn images as their EXIF orientation says, for targets that cannot say it; frames then have no original.
+    fill_gaps : bool
+        Take the numbers for the clock, so that images may be missing.
+    in_place : bool
+        Frames are to be made beside the images: those that a stopped run has begun to put there do not count.
+    passes : str
+        Layers of OpenEXR files that are read beside the picture; see `Passes.chosen`.
+    linear : bool
+        Say that the colours of OpenEXR and HDR are scene-linear, by images with layers, be it none.
+    view : {'none', 'srgb'}
+        View transform of OpenEXR and HDR.
+    """
+
+    upright: bool = False
+    fill_gaps: bool = False
+    in_place: bool = False
+    passes: str = BEAUTY
+    linear: bool = False
+    view: View = "none"
+
+
+class ImageSource(ClosesOnExit):
+    """Read a folder or a pattern of images, one at a time.
+
+    Parameters
+    ----------
+    path : str
+        A folder that holds one sequence, or a pattern. In a folder, files that are no images and hidden files are
+        ignored.
+    rate : Fraction
+        Frames per second; images do not say.
+    reading : ImageReading, optional
+    limit : MemoryLimit, optional
+        What may be taken; what is available without it.
+
+    Attributes
+    ----------
+    images : NumberedImages
+        The images that are read.
+
+    Raises
+    ------
+    OptionError
+        The rate is not above 0, there are gaps to fill among names without numbers, or layers are named and the files
+        are no OpenEXR.
+    InputError
+        No images, several sequences, a gap, or an unreadable first image; while iterating, an unreadable image or one
+        that differs from the first in size, type or layers.
+    """
+
+    def __init__(
+        self, path: str, rate: Fraction, reading: ImageReading | None = None, *, limit: MemoryLimit | None = None
+    ) -> None:
+        if rate <= 0:
+            raise OptionError(f"The frame rate of images must be above 0, not {rate}.")
+        self._reading, self._limit = reading or ImageReading(), limit or MemoryLimit()
+        with explained(InputError, "read", path, "check that it exists and that you may read it"):
+            found = find_images(path)
+            if self._reading.in_place:
+                found = _without_moved(found)
+        fills_gaps = self._reading.fill_gaps
+        if fills_gaps:
+            _check_gaps(path, found)
+        else:
+            found.check_complete(
+                found.step, "add it, or convert with `fill_gaps`, which makes just those that are missing"
+            )
+        numbers, first = list(found.numbers), found.files[0]
+        self._places = [number - numbers[0] for number in numbers] if fills_gaps else range(len(found.files))
+        self._begins = Fraction(0)
+        self._first = 0
+        if extension_of(first.name) not in IMAGE_SUFFIXES:
+            raise InputError(f"{path} is no type of image that can be read; use one of {', '.join(IMAGE_SUFFIXES)}.")
+        self._passes = _passes_of(first, self._reading.passes)
+        self._is_linear = extension_of(first.name) in SCENE_LINEAR
+        if self._reading.view != "none" and not self._is_linear:
+            raise OptionError(
+                f"`view` is for OpenEXR and HDR, whose numbers are light, and {path} is another type; leave it out."
+            )
+        image = self._read(first)
+        self.images = NumberedImages(
+            found.files,
+            found.numbering,
+            numbers,
+            1 if fills_gaps else found.step,
+            numbers[0] if numbers else 1,
+            fills_gaps=fills_gaps,
+            needs_float=image.dtype == np.float32 if self._passes is None else self._passes.needs_float,
+            layers=() if self._passes is None else self._passes.layers,
+        )
+        self._holds_more = storage_of(first).has_more
+        height, width = image.shape[:2]
+        self._limit.check(path, width, height, self.images.planes)
+        self.info = ClipInfo(path, height, width, rate, 1 / rate, len(found.files), self._duration(rate))
+
+    def _duration(self, rate: Fraction) -> Fraction | None:
+        """Return the duration in seconds, where the number of images does not say it."""
+        return (self._places[-1] - self._places[0] + 1) / rate if self.images.fills_gaps else None
+
+    @property
+    def stream_info(self) -> StreamInfo:
+        """See `fpsboost.io.DescribedSource.stream_info`."""
+        return StreamInfo(images=self.images, files=self.images.files)
+
+    @property
+    def beginning(self) -> SourcePosition:
+        """Position of the first of these images in the whole sequence."""
+        return SourcePosition(self.images.skipped, self._begins)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is guessed and what is not read; what is wrong with images is an error."""
+        name, images, remarks = self.info.name, self.images, []
+        if images.step > 1:
+            remarks.append(
+                f"The numbers of {name} rise by {images.step}: taken for a sequence rendered with that step."
+            )
+        first = self.images.files[0].name
+        pictures, names = ([], []) if self._passes is None else (self._passes.pictures, self._passes.left_out)
+        if len(pictures) > 1:
+            remarks.append(
+                f"{first} and its like hold several pictures ({', '.join(pictures)}), the first of which leads."
+            )
+        if self._is_linear and self._reading.upright and self._reading.view == "none":
+            remarks.append(
+                f"{first} and its like hold linear light, which was written as it is and looks dark on a display; "
+                "`view='srgb'` makes a preview."
+            )
+        if self._holds_more:
+            remarks.append(f"{first} and its like hold several pictures, the first of which was read.")
+        if names:
+            listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+            remarks.append(f"{first} and its like hold other channels ({listed}), which were left out.")
+        return remarks
+
+    def __iter__(self) -> Iterator[Frame]:
+        first = None
+        numbers = range(len(self.images.files))
+        for number in [*numbers[: min(self._first, 1)], *numbers[self._first :]]:  # the first one is the measure of all
+            path = self.images.files[number]
+            image = self._read(path)
+            if first is None:
+                first = image
+            if number < self._first:
+                continue
+            if image.shape != first.shape or image.dtype != first.dtype:
+                raise InputError(
+                    f"{path} ({describe(image)}) is unlike {self.images.files[0]} ({describe(first)}); "
+                    "make all images one size and type."
+                )
+            original = None if self._reading.upright else ImageFile(path)
+            yield Frame(image, self._time_of(number), 1 / self.info.rate, original)
+
+    def frame_times(self) -> Sequence[Fraction]:
+        """See `fpsboost.io.RandomAccess.frame_times`."""
+        return [self._time_of(number) for number in range(len(self._places))]
+
+    def begin_at(self, number: int) -> None:
+        """See `fpsboost.io.RandomAccess.begin_at`; of the images before, only the first one is read.
+
+        Raises
+        ------
+        InputError
+            There is no such image.
+        """
+        if number >= len(self.images.files):
+            raise InputError(f"{self.info.name} has {len(self.images.files)} images, and none has the number {number}.")
+        self._first = number
+
+    def _time_of(self, number: int) -> Fraction:
+        return (self._places[number] - self._places[0]) / self.info.rate
+
+    def _read(self, path: Path) -> Image | LayeredImage:
+        if self._passes is not None and self._passes.layers:
+            return self._passes.read(path, self._limit)
+        image = read_image(path, self._limit)
+        if self._is_linear and self._reading.view == "srgb":
+            return displayed_colours(image)
+        if self._is_linear and self._reading.linear:
+            return LayeredImage(image, ())
+        return upright(image, metadata_of(path).orientation) if self._reading.upright else image
+
+    def keep(self, first: int, last: int | None) -> None:
+        """See `fpsboost.io.trim.Sliceable.keep`; places count numbers where gaps are filled.
+
+        Raises
+        ------
+        InputError
+            There are no such images.
+        """
+        kept = [index for index, place in enumerate(self._places) if first <= place and (last is None or place < last)]
+        if not kept:
+            reason = "ends before `start`" if first > self._places[-1] else "has none between `start` and `end`"
+            raise InputError(f"{self.info.name} has {len(self.images.files)} images and {reason}; name an earlier one.")
+        part = slice(kept[0], kept[-1] + 1)
+        self._begins = self._places[kept[0]] / self.info.rate
+        self._places = self._places[part]
+        files, numbers = self.images.files[part], self.images.numbers[part]
+        self.images = replace(self.images, files=files, numbers=numbers, skipped=kept[0])
+        self.info = replace(self.info, frame_count=len(files), duration=self._duration(self.info.rate))
+
+    def close(self) -> None:
+        """Do nothing: no file stays open."""
+
+
+def _passes_of(path: Path, names: str) -> Passes | None:
+    """Return the layers that are read beside the picture of OpenEXR files; None for others."""
+    if extension_of(path.name) == ".exr":
+        return Passes.chosen(path, names)
+    if names not in (ALL, BEAUTY):
+        raise OptionError(f"`passes` names layers of OpenEXR files, and {path} is another type of file; leave it out.")
+    return None
+
+
+def _check_gaps(path: str, found: FileSequence) -> None:
+    """Raise an error unless the images have numbers, between which not too many are missing."""
+    if not found.numbers:
+        raise OptionError(f"`fill_gaps` goes by numbers, and the images of {path} have none; leave it out.")
+    for (file, number), (next_file, following) in pairwise(zip(found.files, found.numbers, strict=True)):
+        if following - number > MAX_GAP:
+            raise InputError(
+                f"{following - number - 1} images are missing between {file} and {next_file.name}, and `fill_gaps` "
+                f"makes {MAX_GAP - 1} at most; choose one sequence, or number the images anew."
+            )
+
+
+def _without_moved(found: FileSequence) -> FileSequence:
+    """Return the images without those that an interrupted run in place has begun to move among them."""
+    if found.numbering is None:
+        return found
+    moving = hidden_place(found.numbering.folder, found.numbering.pattern) / MOVING
+    moved = set(json.loads(moving.read_bytes())["names"]) if moving.exists() else set()
+    kept = [each for each in zip(found.files, found.numbers, strict=True) if each[0].name not in moved]
+    return FileSequence([file for file, _ in kept], found.numbering, [number for _, number in kept])
+
+
+def is_pattern(path: str) -> bool:
+    """Say whether a path stands for numbered images, by its last component alone.
+
+    ``%04d`` and two or more ``#`` do, unless the name ends like a video or with a slash. A lone ``%d`` or ``#`` does
+    where it ends like an image, so that ``take #2.mp4`` and ``100%done.mkv`` stay file names.
+
+    Examples
+    --------
+    >>> is_pattern("render/shot_%04d.png"), is_pattern("shot_####.png"), is_pattern("shot_####/0001.png")
+    (True, True, False)
+    """
+    name = Path(path).name
+    place = find_placeholder(name)
+    if place is None or path.endswith(("/", os.sep)):
+        return False
+    extension = extension_of(name)
+    return extension in IMAGE_SUFFIXES or (place[0] not in ("%d", "#") and extension not in VIDEO_SUFFIXES)
+
+
+def find_images(path: str) -> FileSequence:
+    """Find the images that a folder or a pattern stands for, some of which may be missing.
+
+    Raises
+    ------
+    InputError
+        As `scan_folder`; or the path is neither, or nothing is named like the pattern.
+    OSError
+        The folder cannot be read.
+    """
+    place = Path(path)
+    if place.is_dir():
+        return scan_folder(place)
+    if is_pattern(path):
+        return find_numbered(Numbering.parse(path))
+    if place.exists():
+        raise InputError(f"{path} is a single file; give a folder of images or a pattern like shot_####.png.")
+    raise InputError(f"{path} does not exist; check the path.")
+
+
+def find_numbers(path: str) -> range | None:
+    """Find the numbers of images where they rise by one step; None where there are none, or no images.
+
+    Raises
+    ------
+    InputError
+        As `find_images`.
+    OSError
+        The folder cannot be read.
+    """
+    if not Path(path).is_dir() and (Path(path).is_file() or not is_pattern(path)):
+        return None
+    found = find_images(path)
+    if not found.numbers or found.missing(found.step):
+        return None
+    return range(found.numbers[0], found.numbers[-1] + 1, found.step)
+
+
+def scan_folder(folder: Path) -> FileSequence:
+    """Find the one sequence in a folder; images without any number in their names go by the alphabet.
+
+    Returns
+    -------
+    FileSequence
+
+    Raises
+    ------
+    InputError
+        No images, several sequences, or numbers of different widths.
+    OSError
+        The folder cannot be read.
+    """
+    names = [name for name in list_files(folder) if extension_of(name) in IMAGE_SUFFIXES and not name.startswith(".")]
+    if not names:
+        raise InputError(f"{folder} holds no images ({', '.join(IMAGE_SUFFIXES)}); name a folder that does.")
+    return order_names(folder, names)
