@@ -260,12 +260,3 @@ def test_stretched_sound_ends_where_its_source_does(tmp_path, suffix):
         if suffix == ".mp4":
             length = stream.duration * stream.time_base
     assert length == 4
-
-
-def test_stretched_sound_in_the_format_that_is_asked_for(tmp_path):
-    """--audio-codec names the encoder of stretched sound, too."""
-    clip, target = write_sounds(tmp_path / "in.mkv"), tmp_path / "out.mkv"
-    remarks = slow(clip, target, encoding=Encoding(preset="ultrafast", audio_codec="flac")).remarks
-    assert remarks[0].endswith("stretched to 2 times its length and encoded anew as flac.")
-    sound, rate = heard(target)
-    assert len(sound) == 4 * rate

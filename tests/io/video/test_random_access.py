@@ -99,15 +99,6 @@ def test_frames_are_those_of_reading_from_the_start(tmp_path, name, times):
     check(lambda: VideoSource(clip), [0, 1, 7, 12, 16, -2, -1])
 
 
-@pytest.mark.parametrize("name", ["open groups.mp4", "hevc.mkv", "vp8.webm", "mpeg2.mov", "prores.mov"])
-def test_what_lies_before_is_not_decoded(tmp_path, name):
-    """Decoding begins at a key frame shortly before."""
-    clip = write_clip(tmp_path / name, times=range(60), **CODECS[name])
-    with VideoSource(clip) as source:
-        source.begin_at(55)
-        assert (source._reader.first, source._reader.dropped) == (55, 0)
-
-
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
 def test_a_key_frame_that_is_none_is_not_believed(tmp_path, suffix):
     """Pictures that are refreshed little by little are marked as key frames, and are not like those of reading all."""

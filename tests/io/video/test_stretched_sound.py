@@ -226,17 +226,6 @@ def test_a_pause_stays_a_pause(tmp_path, suffix):
     assert len(sound) / rate == pytest.approx(4, abs=1024 / rate)
 
 
-def test_other_layouts_are_said(tmp_path):
-    """Speakers that Opus has no name for become the nearest that it has."""
-    clip, target = write_sounds(tmp_path / "in.mkv", ["5.1(side)"], codec="ac3"), tmp_path / "out.webm"
-    assert slow(clip, target).remarks == [
-        f"{target} holds stream 1 (ac3 sound) of its source stretched to 2 times its length and encoded anew as "
-        "opus, its 5.1(side) as 5.1."
-    ]
-    with av.open(str(target)) as file:
-        assert file.streams.audio[0].codec_context.layout.name == "5.1"
-
-
 def test_channels_without_names(tmp_path):
     """Six channels, of which Matroska says no more here, are taken for 5.1."""
     clip, target = write_sounds(tmp_path / "in.mkv", ["5.1"]), tmp_path / "out.mp4"
@@ -328,15 +317,6 @@ def test_contradictions(tmp_path, fpsboost_):
     with pytest.raises(OptionError, match="`slow_motion_sound` must be one of drop, stretch, not 'loud'"):
         OutputRate(slow_motion=True, slow_motion_sound="loud")  # type: ignore[arg-type]
     assert not (tmp_path / "out.mp4").exists()
-
-
-def test_the_command_line(tmp_path, fpsboost_):
-    """The option reaches the file."""
-    write_clip(tmp_path / "in.mp4", times=range(25), sound="aac")
-    options = ("--slow-motion", "--slow-motion-sound", "stretch", "-m", "nearest", "--preset", "ultrafast")
-    assert fpsboost_("in.mp4", "out.mp4", *options).code == 0
-    sound, rate = heard(tmp_path / "out.mp4")
-    assert len(sound) / rate == pytest.approx(2, abs=1024 / rate)
 
 
 def test_sound_that_nobody_can_decode(tmp_path):
