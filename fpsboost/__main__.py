@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from types import FrameType
@@ -21,6 +22,7 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as nohup and a shell's & have it
         signal.signal(signal.SIGINT, leave)
     signal.signal(signal.SIGTERM, leave)
+    gc.disable()  # imports make many objects and few cycles; the command enables it again
     from fpsboost.cli import app  # noqa: PLC0415 (takes a while, and may be stopped meanwhile)
 
     app.main()

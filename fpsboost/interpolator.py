@@ -23,7 +23,7 @@ from fpsboost.analysis.scene_cuts import CutDetector, CutPolicy
 from fpsboost.errors import OptionError, SceneCutWarning, check_choice
 from fpsboost.frame_cache import FrameCache
 from fpsboost.image import SAMPLE_BITS, Image, as_array, view
-from fpsboost.kernels.compiling import compiled_aside
+from fpsboost.kernels.compiling import compiled_aside, uncollected
 from fpsboost.layered import FrameImage
 from fpsboost.motion import MotionEstimator
 from fpsboost.motion.field import MotionField, ZeroMotion
@@ -319,6 +319,7 @@ class Interpolator:
                 remarks += [remark for remark in vectors.remarks if remark not in remarks]
         return replace(self, **matched), remarks
 
+    @uncollected()
     def compile_for(self, image: FrameImage) -> None:
         """Compile the kernels for images of this type, or load them from the cache, by interpolating a tiny clip.
 

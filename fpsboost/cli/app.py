@@ -124,6 +124,7 @@ def convert(
             "--processes no longer exists: threads use all cores; for processes of Dask on this machine, give "
             "--cluster local."
         )
+    gc.disable()  # until kernels are compiled or loaded: importing and loading them makes many objects and few cycles
     # imported here so that --help and --version need not wait for OpenCV, numba and FFmpeg
     from fpsboost.cli.batch import convert_each, convert_in_place  # noqa: PLC0415
     from fpsboost.cluster.options import convert_where  # noqa: PLC0415
@@ -261,6 +262,8 @@ def _end_at_once() -> None:
 
 def main() -> None:
     """Run the command line and exit; called by `fpsboost.__main__`."""
+    gc.freeze()  # what is imported by now stays
+    gc.enable()
     limit_free_memory()  # before there is a second thread
     atexit.register(_end_at_once)
     is_ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as nohup and a shell's & have it

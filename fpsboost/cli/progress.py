@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 from contextlib import ExitStack
@@ -13,6 +14,7 @@ from rich.text import Text
 
 from fpsboost.cli.messages import console, literal, sentence
 from fpsboost.cli.options import MessageOptions, in_flags
+from fpsboost.kernels.compiling import told_of_compiling
 from fpsboost.timing.position import format_time
 from fpsboost.version import __version__
 
@@ -29,6 +31,12 @@ class FramesPerSecondColumn(ProgressColumn):
         """See `rich.progress.ProgressColumn.render`."""
         speed = task.finished_speed or task.speed
         return Text("" if speed is None else f"{speed:.1f} frames/s", style="progress.data.speed")
+
+
+def collect_from_here_on() -> None:
+    """Have Python look for cycles among objects again, but not among what was imported and compiled, as that stays."""
+    gc.freeze()
+    gc.enable()
 
 
 class Reporter:
@@ -64,8 +72,6 @@ class Reporter:
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
         """See `fpsboost.conversion.Observer.opened`."""
-        from fpsboost.kernels.compiling import told_of_compiling  # noqa: PLC0415 (--help need not wait for numba)
-
         self._info = info
         if self._verbose:
             count = "an unknown number of" if info.frame_count is None else info.frame_count
@@ -77,6 +83,7 @@ class Reporter:
 
     def ready(self) -> None:
         """See `fpsboost.conversion.Observer.ready`."""
+        collect_from_here_on()
         if self._task is not None:
             self._progress.start_task(self._task)
 
@@ -146,14 +153,13 @@ class JsonReporter:
 
     def opened(self, info: ClipInfo, expected_frames: int | None) -> None:
         """See `fpsboost.observer.Observer.opened`."""
-        from fpsboost.kernels.compiling import told_of_compiling  # noqa: PLC0415 (--help need not wait for numba)
-
         self._expected = expected_frames
         self._listening.enter_context(told_of_compiling(self._say_compiling))
         self._print("opened")
 
     def ready(self) -> None:
         """See `fpsboost.observer.Observer.ready`."""
+        collect_from_here_on()
         self._print("ready")
 
     def wrote(self, summary: Summary) -> None:

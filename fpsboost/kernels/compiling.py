@@ -56,6 +56,18 @@ def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
+def uncollected() -> Iterator[None]:
+    """Have Python look for no cycles among objects: importing and compiling make many objects and few cycles."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+@contextmanager
 def compiled_aside(task: Callable[[], None]) -> Iterator[None]:
     """Run a task in a second process while this one compiles, so that its kernels are in the cache afterwards.
 
@@ -71,21 +83,15 @@ def compiled_aside(task: Callable[[], None]) -> Iterator[None]:
 
     def start() -> None:
         nonlocal process
-        gc.disable()  # compiling makes many objects and few cycles
         with suppress(Exception):  # a part of the task that cannot be pickled may raise anything
             process = _start(pickle.dumps(sys.path) + pickle.dumps(task))
 
-    collects = gc.isenabled()
     try:
         with told_of_compiling(start):
             yield
         if process is not None:
-            if collects:
-                gc.collect()  # which takes as long afterwards, when nothing else is to be done meanwhile
             process.wait()
     finally:
-        if collects:
-            gc.enable()
         if process is not None:
             process.kill()
             process.wait()
